@@ -17,8 +17,8 @@ AGAIN := PYTHONPATH=tests $(BIN)/python -m support.again
 # Tests of which more examples find more.
 SOAK := tests/unit/edge_agent/protocol/test_robot_machine.py tests/unit/order_service/traffic/test_simulation.py \
 	tests/unit/order_service/test_traffic_simulation.py \
-	tests/unit/edge_agent/test_restart_safety.py tests/integration/edge_agent/ros/test_kills.py \
-	tests/integration/edge_agent/ros/test_session.py tests/faults/test_recovery.py
+	tests/unit/edge_agent/test_restart_safety.py tests/integration/edge_agent/nav2/test_kills.py \
+	tests/integration/edge_agent/nav2/test_session.py tests/faults/test_recovery.py
 # Readers of what comes from outside.
 FUZZED := tests/fuzz tests/unit/shared/plant/lif/test_damaged_files.py tests/unit/shared/plant/opentcs_xml/test_damaged_files.py
 STAMP := $(VENV)/.set-up

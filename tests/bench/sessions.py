@@ -13,7 +13,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from nena_edge_agent.ros.environment import prepare_environment
+from nena_edge_agent.nav2.session_control import prepare_environment
 
 CYCLES = 200
 WARM_UP = 10

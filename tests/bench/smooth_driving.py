@@ -14,7 +14,7 @@ from typing import Any
 import psutil
 from nav_msgs.msg import Odometry
 
-from nena_edge_agent.ros.settings import Navigation
+from nena_edge_agent.nav2.settings import Navigation
 from support.broker import Broker
 from support.nav2_agent import Bench, ready
 from support.ros import BEST_EFFORT, RosPeer, own_domain_id

@@ -14,8 +14,8 @@ from rclpy.qos import qos_profile_system_default
 from nena_edge_agent.driver.map_port import MapDriverEvent, MapGoal, MapPose
 from nena_edge_agent.driver.map_port import MapPoseReport as PoseTold
 from nena_edge_agent.driver.port import Arrived, DriveFailed, GoalReport, GoalTable, Halted, NavigationReport
-from nena_edge_agent.ros.driver import Nav2Driver
-from nena_edge_agent.ros.settings import GoalSettings, Navigation, RosSettings
+from nena_edge_agent.nav2.driver import Nav2Driver
+from nena_edge_agent.nav2.settings import GoalSettings, Navigation, RosSettings
 from nena_robot_simulator.messages import pose_message, stamp_of
 from nena_robot_simulator.motion import Pose as Place
 from nena_shared.clock import SystemClock

@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import JsonValue
 
-from nena_edge_agent.actions.ports import Fields, Publisher, RosError, ServiceClient, TopicQos
+from nena_edge_agent.actions.plugin import Fields, Publisher, RosError, ServiceClient, TopicQos
 
 
 class ScriptedRos:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import dist
 from typing import Any
 
-from nena_edge_agent.ros.settings import Navigation
+from nena_edge_agent.nav2.settings import Navigation
 from support.edge_agent import FleetControl, ended
 from support.robot_core import order, position
 from support.ros import Inbox

@@ -20,16 +20,15 @@ from nena_conversations.broker import FreshHeaders, paced
 from nena_conversations.recording import RecordingError, read_file
 from nena_deploy.identities import SiteTopics
 from nena_deploy.site import Site, SiteError
-from nena_edge_agent.actions import zone_set_download
-from nena_edge_agent.actions.background import WorkFailedError
-from nena_edge_agent.actions.zone_set_download import ZoneSetDownload
+from nena_edge_agent.actions import builtin
+from nena_edge_agent.actions.builtin import ZoneSetDownload
+from nena_edge_agent.actions.plugin import WorkFailedError
 from nena_edge_agent.doctor.broker import map_ids
 from nena_edge_agent.download import DownloadSettings
 from nena_edge_agent.journal import Journal, UnreadableJournalError
-from nena_edge_agent.maps.folder_store import FolderMapStore
-from nena_edge_agent.ros.address import RosAddress
-from nena_edge_agent.ros.session_store import SessionStore
-from nena_edge_agent.ros.settings import RosSettings
+from nena_edge_agent.map_store import FolderMapStore
+from nena_edge_agent.nav2.session_control import SessionStore
+from nena_edge_agent.nav2.settings import RosAddress, RosSettings
 from nena_shared.fleet_api.transport_order import Problem
 from nena_shared.settings import ConfigurationError
 from nena_shared.vda5050.state import Map, MapStatus
@@ -162,7 +161,7 @@ def zone_set_by_link(_place: Place) -> Reader:
         async def fetched(*_: object) -> bytes:
             return data
 
-        with patch.object(zone_set_download, "download", fetched):
+        with patch.object(builtin, "download", fetched):
             return asyncio.run(plugin._work(wanted))
 
     return Reader(read, (ZONES, json.dumps(json.loads(ZONES)["zoneSet"]).encode()), (WorkFailedError,))

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from nena_edge_agent.actions.countdown import Countdown
-from nena_edge_agent.actions.plugin import Report, RunningAction
+from nena_edge_agent.actions.plugin import Countdown, Report, RunningAction
 from nena_edge_agent.protocol.declaration import ActionDeclaration
 from nena_edge_agent.protocol.events import ActionReport
 from nena_shared.vda5050.action import Action, ActionStatus

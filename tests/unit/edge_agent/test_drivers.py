@@ -4,13 +4,13 @@ import sys
 
 import pytest
 
+from nena_edge_agent.actions.ros_session import SessionSwitch
 from nena_edge_agent.driver.port import Pose, PoseReport
 from nena_edge_agent.drivers import driver_maker
 from nena_edge_agent.loopback.control import SimulationControl
 from nena_edge_agent.loopback.settings import LoopbackSettings
+from nena_edge_agent.nav2.settings import RosSettings
 from nena_edge_agent.protocol.events import Event
-from nena_edge_agent.ros.session_actions import SessionSwitch
-from nena_edge_agent.ros.settings import RosSettings
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import SystemClock
 from nena_shared.program import StartError
@@ -24,7 +24,7 @@ SWITCH = SessionSwitch(RosSettings(), None)
 async def test_the_loopback_driver_needs_no_ros_and_begins_where_the_robot_was(
     monkeypatch: pytest.MonkeyPatch, last_place: Pose | None, x: float
 ) -> None:
-    monkeypatch.setitem(sys.modules, "nena_edge_agent.ros.driver", None)
+    monkeypatch.setitem(sys.modules, "nena_edge_agent.nav2.driver", None)
     settings = EdgeAgentSettings(driver="loopback", loopback=LoopbackSettings(x=3.0))
     events: list[Event] = []
 
@@ -36,7 +36,7 @@ async def test_the_loopback_driver_needs_no_ros_and_begins_where_the_robot_was(
 
 
 def test_without_ros_the_nav2_driver_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "nena_edge_agent.ros.driver", None)
+    monkeypatch.setitem(sys.modules, "nena_edge_agent.nav2.driver", None)
 
     with pytest.raises(StartError, match=r"nena-edge-agent\[ros\]"):
         driver_maker(EdgeAgentSettings(driver="nav2"), 0, SystemClock(), SimulationControl(), SWITCH)

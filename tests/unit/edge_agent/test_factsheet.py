@@ -10,12 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nena_edge_agent.__main__ import make_registry
-from nena_edge_agent.actions.dry_ports import DryDrive
+from nena_edge_agent.actions.builtin import TimedOperation, Wait
+from nena_edge_agent.actions.check_plugin import DryDrive
 from nena_edge_agent.actions.plugin import PluginContext
 from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.actions.settings import OperationSettings
-from nena_edge_agent.actions.timed_operation import TimedOperation
-from nena_edge_agent.actions.wait import Wait
 from nena_edge_agent.factsheet import braking_distance, make_capabilities, make_factsheet
 from nena_edge_agent.loopback.control import SimulationControl
 from nena_edge_agent.protocol.capabilities import RULES, Capabilities

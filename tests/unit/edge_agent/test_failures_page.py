@@ -13,7 +13,7 @@ from nena_shared.vda5050.error import ErrorType
 
 ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs/failures.md").read_text(encoding="utf-8")
-TESTS = ROOT / "tests/integration/edge_agent/ros"
+TESTS = ROOT / "tests/integration/edge_agent/nav2"
 ERRORS = (
     ErrorType.NODE_UNREACHABLE,
     ErrorType.LOCALIZATION_ERROR,

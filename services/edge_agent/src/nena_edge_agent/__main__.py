@@ -7,27 +7,22 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
-from nena_edge_agent.actions.installed import installed
-from nena_edge_agent.actions.log_report import LogReport
-from nena_edge_agent.actions.map_transforms import MapTransforms
+from nena_edge_agent.actions.builtin import LogReport, MapTransforms, Wait, ZoneSetDownload
+from nena_edge_agent.actions.maps import map_actions
 from nena_edge_agent.actions.plugin import ActionPlugin, PluginContext
 from nena_edge_agent.actions.ready_made import operations_beside, ready_made
-from nena_edge_agent.actions.registry import ActionRegistry
+from nena_edge_agent.actions.registry import ActionRegistry, installed
 from nena_edge_agent.actions.robot_ports import RobotPorts
-from nena_edge_agent.actions.wait import Wait
-from nena_edge_agent.actions.zone_set_download import ZoneSetDownload
+from nena_edge_agent.actions.ros_port import PluginRos
+from nena_edge_agent.actions.ros_session import SessionSwitch, session_actions, session_switch
 from nena_edge_agent.agent import Equipment, RobotAgent
 from nena_edge_agent.drivers import driver_maker
 from nena_edge_agent.fleet import run_fleet
 from nena_edge_agent.journal import sole_user
 from nena_edge_agent.loopback.actions import ChargingWatch, simulated_actions
 from nena_edge_agent.loopback.control import ControlApi, SimulationControl
-from nena_edge_agent.maps.actions import map_actions
-from nena_edge_agent.maps.selection import map_store
-from nena_edge_agent.maps.store import MapStore
-from nena_edge_agent.ros.map_watch import MapWatch
-from nena_edge_agent.ros.plugin_port import PluginRos
-from nena_edge_agent.ros.session_actions import SessionSwitch, session_actions, session_switch
+from nena_edge_agent.map_store import MapStore, map_store
+from nena_edge_agent.nav2.map_image import MapWatch
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import Clock, SystemClock
 from nena_shared.log import get_logger

@@ -13,7 +13,7 @@ from typing import ParamSpec
 from structlog.contextvars import bind_contextvars
 
 from nena_edge_agent.actions.registry import ActionRegistry
-from nena_edge_agent.actions.runner import ActionRunner
+from nena_edge_agent.actions.run import ActionRunner
 from nena_edge_agent.driver.port import DriveFailed, DriveFailure, DriveGoal, Driver, Pose
 from nena_edge_agent.factsheet import make_capabilities
 from nena_edge_agent.journal import Journal, Recorder, check_frame, read_journal
@@ -127,7 +127,7 @@ class RobotAgent:
         self._driver = equipment.make_driver(self._mailbox.put, self._core.last_position)
         if own_goals := self._core.own_goals:
             self._driver.reclaim(own_goals)
-        self._runner = ActionRunner(registry, self._mailbox.put, settings.actions.patience)
+        self._runner = ActionRunner(registry, self._mailbox.put, settings.actions.timeouts)
         self._states = StateSchedule(
             minimum=settings.interval.state_minimum, maximum=settings.interval.state_maximum
         )

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from nena_edge_agent.actions.ros_session import SessionSwitch
 from nena_edge_agent.agent import DriverMaker
 from nena_edge_agent.driver.map_port import MapDriver, MapEmit
 from nena_edge_agent.driver.plant_frame import PlantFrame, PlantFrameDriver
 from nena_edge_agent.driver.port import Driver, Emit, Pose
 from nena_edge_agent.loopback.control import SimulationControl
 from nena_edge_agent.loopback.driver import LoopbackDriver
+from nena_edge_agent.nav2.session_control import NodeGuest
 from nena_edge_agent.protocol.events import Event
-from nena_edge_agent.ros.guest import NodeGuest
-from nena_edge_agent.ros.session_actions import SessionSwitch
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import Clock
 from nena_shared.program import StartError
@@ -58,7 +58,7 @@ def _nav2(
     settings: EdgeAgentSettings, clock: Clock, switch: SessionSwitch, guests: Sequence[NodeGuest]
 ) -> DriverMaker:
     try:
-        from nena_edge_agent.ros.driver import Nav2Driver  # noqa: PLC0415 - the loopback needs no ROS
+        from nena_edge_agent.nav2.driver import Nav2Driver  # noqa: PLC0415 - the loopback needs no ROS
     except ImportError as error:
         message = (
             f"ROS 2 for Python is missing ({error.name}); install nena-edge-agent[ros], or source the "

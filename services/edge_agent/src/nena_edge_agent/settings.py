@@ -7,16 +7,30 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from nena_edge_agent.actions.log_report import LogReportSettings
+from nena_edge_agent.actions.builtin import LogReportSettings
 from nena_edge_agent.actions.settings import ActionSettings, AnyOperation, default_operations
 from nena_edge_agent.download import DownloadSettings
 from nena_edge_agent.loopback.settings import LoopbackSettings
-from nena_edge_agent.maps.settings import MapSettings
+from nena_edge_agent.nav2.settings import Navigation, RosSettings
 from nena_edge_agent.protocol.capabilities import TOLERABLE, DriveStrategy, ExternalGoals, LinkLossPolicy
-from nena_edge_agent.ros.settings import Navigation, RosSettings
 from nena_shared.plant.geometry import parse_transform
 from nena_shared.settings import ServiceSettings, SettingsGroup, TopicPrefix
 from nena_shared.vda5050.versions import CODECS, UnknownVersionError, codec_for
+
+
+class MapSettings(SettingsGroup):
+    """Where the robot's maps are kept."""
+
+    store: str = Field(
+        "fixed",
+        min_length=1,
+        description="fixed: the one map of the settings; folder: what fleet control brings, in a folder; "
+        "else the name of a plug-in of the entry points nena.maps.",
+    )
+    folder: Path = Field(
+        Path("~/.local/state/nena/maps"), description="Folder of the maps, with one folder per robot in it."
+    )
+    maximum: int = Field(20, ge=1, le=1000, description="How many maps the folder holds.")
 
 
 def _topic_level(level: str) -> str:

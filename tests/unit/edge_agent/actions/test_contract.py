@@ -5,17 +5,28 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import pytest
+from pydantic import JsonValue
 
 from nena_edge_agent.actions.check_plugin import findings_of
-from nena_edge_agent.actions.contract import CHECKS, Check, Finding, Verdict, ends
-from nena_edge_agent.actions.plugin import ActionPlugin
-from nena_edge_agent.actions.run import Patience
-from nena_edge_agent.actions.trial import Subject
-from nena_edge_agent.protocol.declaration import ActionDeclaration
+from nena_edge_agent.actions.contract import (
+    CHECKS,
+    BrokenError,
+    Check,
+    Finding,
+    Subject,
+    Verdict,
+    called,
+    ends,
+    sample,
+)
+from nena_edge_agent.actions.plugin import ActionPlugin, ActionTimeouts
+from nena_edge_agent.protocol.declaration import ActionDeclaration, Parameter
+from nena_shared.vda5050.action import BlockingType
+from nena_shared.vda5050.factsheet import ActionScope, ValueDataType
 from support.bad_plugins import BAD, NODE, Good, Hangs, NeverEnds, made
 
-PATIENCE = Patience(begin=0.3, obey=0.3)
-PATIENT = Patience(begin=30.0, obey=30.0)
+SHORT = ActionTimeouts(begin=0.3, obey=0.3)
+LONG = ActionTimeouts(begin=30.0, obey=30.0)
 SEEN_AT_THE_END = ("Nothing left", "Does not block")
 
 
@@ -24,9 +35,9 @@ def findings(
     *,
     seconds: float = 30.0,
     checks: Sequence[Check] = CHECKS,
-    patience: Patience = PATIENCE,
+    timeouts: ActionTimeouts = SHORT,
 ) -> dict[str, Finding]:
-    subject = Subject(plugin, patience=patience, seconds=seconds)
+    subject = Subject(plugin, timeouts=timeouts, seconds=seconds)
     return {each.check: each for each in findings_of(subject, checks)}
 
 
@@ -35,7 +46,7 @@ def named(name: str) -> Check:
 
 
 def test_a_good_plug_in_keeps_it() -> None:
-    found = findings(Good(), patience=PATIENT)
+    found = findings(Good(), timeouts=LONG)
 
     assert {each.verdict for each in found.values()} == {Verdict.OK}, found
 
@@ -67,3 +78,43 @@ def test_what_gives_no_occasion_is_not_called_good() -> None:
     assert found["Start to end"].verdict is Verdict.NOT_SEEN
     assert "fails after 60 s" in found["Start to end"].text
     assert found["Pause and resume"].verdict is Verdict.NOT_SEEN
+
+
+@pytest.mark.parametrize("data_type", list(ValueDataType))
+def test_a_sample_is_one_that_the_parameter_takes(data_type: ValueDataType) -> None:
+    parameter = Parameter("key", data_type)
+
+    assert parameter.problem(sample(parameter)) is None
+
+
+@pytest.mark.parametrize(
+    ("parameter", "expected"),
+    [
+        (Parameter("key", ValueDataType.NUMBER, minimum=2.5), 2.5),
+        (Parameter("key", ValueDataType.INTEGER, minimum=2.5), 3),
+        (Parameter("key", ValueDataType.NUMBER, maximum=0.5), 0.5),
+        (Parameter("key", ValueDataType.NUMBER, maximum=-1), -1.0),
+        (Parameter("key", ValueDataType.NUMBER, maximum=0), 0.0),
+        (Parameter("key", ValueDataType.STRING, choices=("b", "a")), "b"),
+    ],
+)
+def test_a_sample_keeps_to_what_is_allowed(parameter: Parameter, expected: JsonValue) -> None:
+    assert sample(parameter) == expected
+    assert parameter.problem(expected) is None
+
+
+def test_an_action_has_what_it_needs_and_what_was_given() -> None:
+    needed, optional = Parameter("a", ValueDataType.BOOL), Parameter("b", ValueDataType.BOOL, required=False)
+    subject = Subject(made(declaration=ActionDeclaration("x", NODE, (needed, optional))), {"c": 1})
+
+    first, second = subject.action(), subject.action()
+    assert {each.key: each.value for each in first.action_parameters} == {"a": True, "c": 1}
+    assert first.action_id != second.action_id
+    assert first.blocking_type is BlockingType.HARD
+    instant = Subject(made(declaration=ActionDeclaration("x", (ActionScope.INSTANT,))))
+    assert instant.action().blocking_type is BlockingType.NONE
+
+
+def test_what_is_raised_is_named_with_the_call() -> None:
+    with pytest.raises(BrokenError, match="pause raised ZeroDivisionError"):
+        called("pause", lambda: 1 // 0)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from nena_edge_agent.actions.log_report import LogReport, LogReportSettings
+from nena_edge_agent.actions.builtin import LogReport, LogReportSettings
 from nena_edge_agent.protocol.events import ActionReport
 from nena_shared import log
 from nena_shared.settings import LogSettings

@@ -6,13 +6,12 @@ from typing import Any
 
 import pytest
 
+from nena_edge_agent.actions.builtin import Wait
 from nena_edge_agent.actions.check_plugin import findings_of
-from nena_edge_agent.actions.contract import Verdict
-from nena_edge_agent.actions.installed import Installed
+from nena_edge_agent.actions.contract import Subject, Verdict
+from nena_edge_agent.actions.plugin import ActionTimeouts
 from nena_edge_agent.actions.ready_made import operations_beside
-from nena_edge_agent.actions.run import Patience
-from nena_edge_agent.actions.trial import Subject
-from nena_edge_agent.actions.wait import Wait
+from nena_edge_agent.actions.registry import Installed
 from nena_edge_agent.protocol.declaration import LoadChange
 from nena_edge_agent.protocol.events import ActionReport
 from nena_edge_agent.settings import EdgeAgentSettings
@@ -116,14 +115,14 @@ def test_each_of_them_keeps_the_contract(operation: dict[str, Any], parameters: 
     ros.services["clamp"] = {"success": True, "message": ""}
     (plugin,) = plugins_of(operation, ros=ros)
 
-    findings = findings_of(Subject(plugin, parameters, Patience(begin=10.0, obey=10.0), 0.5))
+    findings = findings_of(Subject(plugin, parameters, ActionTimeouts(begin=10.0, obey=10.0), 0.5))
 
     assert [each for each in findings if each.verdict is Verdict.BROKEN] == []
     assert len([each for each in findings if each.verdict is Verdict.OK]) >= 6
 
 
 def test_wait_keeps_the_contract() -> None:
-    findings = findings_of(Subject(Wait(), {"duration": 0.3}, Patience(begin=10.0, obey=10.0), 30.0))
+    findings = findings_of(Subject(Wait(), {"duration": 0.3}, ActionTimeouts(begin=10.0, obey=10.0), 30.0))
 
     assert {each.verdict for each in findings} == {Verdict.OK}
 

@@ -1,13 +1,31 @@
+"""Plug-ins by entry points; real distributions are in the integration tests."""
+
 from __future__ import annotations
+
+from collections.abc import Callable
+from importlib.metadata import EntryPoint
+from typing import Any
 
 import pytest
 
-from nena_edge_agent.actions.installed import Installed
-from nena_edge_agent.actions.registry import ActionRegistry
-from nena_edge_agent.actions.wait import Wait
+from nena_edge_agent.actions import registry as module
+from nena_edge_agent.actions.builtin import Wait
+from nena_edge_agent.actions.check_plugin import DryDrive
+from nena_edge_agent.actions.plugin import PluginContext, PluginUnavailableError
+from nena_edge_agent.actions.registry import (
+    GROUP,
+    ActionRegistry,
+    Installed,
+    PluginBrokenError,
+    installed,
+    make,
+)
+from nena_edge_agent.actions.settings import ActionSettings
 from nena_edge_agent.protocol.declaration import ActionDeclaration
+from nena_shared.settings import ConfigurationError
 from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.factsheet import ActionScope
+from nena_shared.vda5050.topics import RobotKey
 from support.bad_plugins import NODE, Good, made
 from support.robot_core import action
 
@@ -44,3 +62,110 @@ def test_a_check_says_what_is_wrong(given: str | None, expected: str | None) -> 
     registry = ActionRegistry([made(declaration=ActionDeclaration("weigh", NODE, check=lambda _: given))])
 
     assert registry.declarations["weigh"].problem(action("a", "HARD", "weigh"), ActionScope.NODE) == expected
+
+
+CONTEXT = PluginContext(RobotKey("ACME", "0001"), DryDrive())
+MADE_WITH: list[PluginContext] = []
+
+
+def one(context: PluginContext) -> Good:
+    MADE_WITH.append(context)
+    return Good()
+
+
+def two(_: PluginContext) -> list[Any]:
+    return [Good(), Wait()]
+
+
+def none(_: PluginContext) -> object:
+    return object()
+
+
+def fails(_: PluginContext) -> Good:
+    message = "no hydraulics"
+    raise OSError(message)
+
+
+def unavailable(_: PluginContext) -> Good:
+    message = "it needs ROS"
+    raise PluginUnavailableError(message)
+
+
+NOT_A_FACTORY = 7
+HERE = __name__
+
+
+@pytest.fixture
+def there(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """Have entry points of this module be installed."""
+
+    class Found(EntryPoint):
+        def load(self) -> Any:
+            if self.value == "missing":
+                message = "No module named 'acme'"
+                raise ImportError(message)
+            return globals()[self.value]
+
+    def install(*names: str) -> None:
+        points = {each: Found(name=each, value=each, group=GROUP) for each in names}
+        monkeypatch.setattr(module, "_entry_points", lambda: points)
+
+    return install
+
+
+def test_all_that_are_installed_are_used(there: Callable[..., None]) -> None:
+    there("one", "two")
+
+    found = installed(CONTEXT, ActionSettings())
+
+    assert [each.declaration.action_type for each in found.plugins] == ["good", "good", "wait"]
+    assert found.problems == ()
+
+
+def test_settings_name_those_that_are_wanted_and_tell_them_their_options(there: Callable[..., None]) -> None:
+    there("one", "two")
+    settings = ActionSettings(plugins=("one",), options={"one": {"speed": 2}})
+
+    assert len(installed(CONTEXT, settings).plugins) == 1
+    assert MADE_WITH[-1].options == {"speed": 2}
+
+
+@pytest.mark.parametrize("settings", [{"plugins": ("thre",)}, {"options": {"thre": {}}}])
+def test_one_that_is_not_installed_is_a_mistake_in_the_settings(
+    there: Callable[..., None], settings: dict[str, Any]
+) -> None:
+    there("one")
+
+    with pytest.raises(ConfigurationError, match=r"there is no plug-in 'thre'.*installed: one"):
+        installed(CONTEXT, ActionSettings(**settings))
+
+
+@pytest.mark.parametrize(
+    ("name", "problem"),
+    [
+        ("missing", "plug-in 'missing' cannot be loaded: ImportError: No module named 'acme'"),
+        ("fails", "plug-in 'fails' failed as it was made: OSError: no hydraulics"),
+        ("unavailable", "plug-in 'unavailable' does not work on this robot: it needs ROS"),
+        ("none", "plug-in 'none' gives <object object"),
+        ("NOT_A_FACTORY", "plug-in 'NOT_A_FACTORY' names 7, which makes no plug-ins"),
+    ],
+)
+def test_a_broken_one_costs_its_own_actions_only(there: Callable[..., None], name: str, problem: str) -> None:
+    there(name, "one")
+
+    found = installed(CONTEXT, ActionSettings())
+
+    assert found.action_types == {"good"}
+    assert found.problems[0].startswith(problem)
+    with pytest.raises(PluginBrokenError):
+        make(name, CONTEXT)
+
+
+def test_who_wants_none_need_not_look(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "_entry_points", lambda: pytest.fail("it looked"))
+
+    assert installed(CONTEXT, ActionSettings(plugins=())) == Installed()
+
+
+def test_nothing_is_nothing() -> None:
+    assert Installed().action_types == frozenset()

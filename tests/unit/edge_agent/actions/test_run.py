@@ -4,27 +4,40 @@ from __future__ import annotations
 
 import asyncio
 import threading
+import time
 from collections.abc import Callable
 from typing import Any, cast
 
 import pytest
 
-from nena_edge_agent.actions.ended import ENDED
-from nena_edge_agent.actions.plugin import Report, RunningAction
-from nena_edge_agent.actions.run import LONGEST_RESULT, PROGRESS_INTERVAL, Patience, Run
+from nena_edge_agent.actions.builtin import Wait
+from nena_edge_agent.actions.plugin import ENDED, ActionTimeouts, Report, RunningAction
+from nena_edge_agent.actions.registry import ActionRegistry
+from nena_edge_agent.actions.run import (
+    LONGEST_RESULT,
+    LOOK_EVERY,
+    LOOKS,
+    PROGRESS_INTERVAL,
+    ActionRunner,
+    Run,
+    Watchdog,
+    flaw_of,
+)
 from nena_edge_agent.protocol.declaration import ActionDeclaration
-from nena_edge_agent.protocol.events import ActionReport
+from nena_edge_agent.protocol.events import ActionReport, CancelAction, PauseAction, ResumeAction, StartAction
+from nena_shared.settings import ConfigurationError
 from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.factsheet import ActionScope
 from nena_shared.vda5050.state import Load
+from support.pausing import time_passes
 from support.robot_core import action
 from support.waiting import until
 
 A = action("a", "HARD", "trial")
 RUNNING = ActionReport("a", ActionStatus.RUNNING)
 FINISHED = ActionReport("a", ActionStatus.FINISHED)
-QUICK = Patience(begin=0.05, obey=0.05)
-PATIENT = Patience(begin=30.0, obey=30.0)
+QUICK = ActionTimeouts(begin=0.05, obey=0.05)
+LONG = ActionTimeouts(begin=30.0, obey=30.0)
 
 
 class Puppet:
@@ -56,10 +69,10 @@ class Puppet:
 class Trial:
     """One run, and what the core hears of it."""
 
-    def __init__(self, plugin: Puppet, patience: Patience = PATIENT) -> None:
+    def __init__(self, plugin: Puppet, timeouts: ActionTimeouts = LONG) -> None:
         self.plugin = plugin
         self.told: list[ActionReport] = []
-        self.run = Run(A, plugin, self.told.append, patience)
+        self.run = Run(A, plugin, self.told.append, timeouts)
         self.run.start(())
 
     @property
@@ -227,3 +240,169 @@ async def test_what_is_abandoned_says_no_more() -> None:
 
     assert trial.statuses == ["RUNNING"]
     assert trial.plugin.asked == ["cancel"]
+
+
+class Broken:
+    """A plug-in that raises wherever it is told to."""
+
+    declaration = ActionDeclaration("broken", (ActionScope.NODE,))
+
+    def __init__(self, at: str) -> None:
+        self._at = at
+
+    def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
+        self._step("start")
+        report(ActionReport(action.action_id, ActionStatus.RUNNING))
+        return self
+
+    def pause(self) -> None:
+        self._step("pause")
+
+    def resume(self) -> None:
+        self._step("resume")
+
+    def cancel(self) -> None:
+        self._step("cancel")
+
+    def _step(self, name: str) -> None:
+        if name == self._at:
+            message = f"no {name} today"
+            raise RuntimeError(message)
+
+
+def runner(*plugins: Broken | Wait) -> tuple[ActionRunner, list[ActionReport]]:
+    reports: list[ActionReport] = []
+    return ActionRunner(ActionRegistry(plugins), reports.append), reports
+
+
+async def test_an_action_is_begun_held_resumed_and_given_up() -> None:
+    run, reports = runner(Wait())
+
+    run.start(StartAction(action("a", "HARD", "wait", duration=3600), ()))
+    run.pause(PauseAction("a"))
+    run.resume(ResumeAction("a"))
+    run.cancel(CancelAction("a"))
+
+    assert [report.status.value for report in reports] == ["RUNNING", "PAUSED", "RUNNING", "FAILED"]
+
+
+async def test_a_wait_ends_by_itself() -> None:
+    run, reports = runner(Wait())
+
+    run.start(StartAction(action("a", "HARD", "wait", duration=0), ()))
+
+    await until(lambda: [each for each in reports if each.status is ActionStatus.FINISHED])
+
+
+@pytest.mark.parametrize("at", ["start", "pause", "resume", "cancel"])
+async def test_what_a_plug_in_does_wrong_fails_its_action_and_nothing_else(at: str) -> None:
+    run, reports = runner(Broken(at))
+    run.start(StartAction(action("a", "HARD", "broken"), ()))
+    for effect in (PauseAction("a"), ResumeAction("a"), CancelAction("a")):
+        match effect:
+            case PauseAction():
+                run.pause(effect)
+            case ResumeAction():
+                run.resume(effect)
+            case CancelAction():
+                run.cancel(effect)
+
+    failed = [report for report in reports if report.status is ActionStatus.FAILED]
+    assert f"no {at} today" in str(failed[0].result)
+
+
+def test_an_action_that_nobody_does_fails() -> None:
+    run, reports = runner()
+
+    run.start(StartAction(action("a", "HARD", "gone"), ()))
+
+    assert (reports[0].status, reports[0].action_id) == (ActionStatus.FAILED, "a")
+
+
+def test_a_cancel_of_what_does_not_run_is_answered() -> None:
+    run, reports = runner()
+
+    run.cancel(CancelAction("a"))
+
+    assert reports == [ActionReport("a", ActionStatus.FAILED, "the action was not running")]
+
+
+async def test_when_the_agent_ends_nothing_is_reported() -> None:
+    run, reports = runner(Wait())
+    run.start(StartAction(action("a", "HARD", "wait", duration=3600), ()))
+
+    run.close()
+
+    assert [report.status.value for report in reports] == ["RUNNING"]
+
+
+async def test_a_late_report_of_a_first_try_does_not_end_the_second() -> None:
+    late: list[Report] = []
+
+    class Slow(Broken):
+        def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:
+            late.append(report)
+            return super().start(action, loads, report)
+
+    run, reports = runner(Slow("nowhere"))
+    again = StartAction(action("a", "HARD", "broken"), ())
+    run.start(again)
+    late[0](ActionReport("a", ActionStatus.FAILED, "no power"))
+    run.start(again)
+    late[0](ActionReport("a", ActionStatus.FINISHED))
+
+    assert [report.status.value for report in reports] == ["RUNNING", "FAILED", "RUNNING"]
+    late[1](ActionReport("a", ActionStatus.FINISHED))
+    assert reports[-1].status is ActionStatus.FINISHED
+
+
+def test_two_plug_ins_for_one_action_are_a_mistake_in_the_settings() -> None:
+    with pytest.raises(ConfigurationError, match="twice"):
+        ActionRegistry([Wait(), Wait()])
+
+
+def test_the_actions_of_the_core_are_its_own() -> None:
+    plugin = Broken("nowhere")
+    plugin.declaration = ActionDeclaration("cancelOrder", (ActionScope.NODE,))
+
+    with pytest.raises(ConfigurationError, match="cancelOrder"):
+        ActionRegistry([plugin])
+
+
+@pytest.mark.parametrize(
+    "report",
+    [
+        ActionReport("a", ActionStatus.INITIALIZING),
+        ActionReport("a", ActionStatus.RUNNING, "at 40 %"),
+        ActionReport("a", ActionStatus.FINISHED, "done", loads=(), charging=False),
+        ActionReport("a", ActionStatus.FINISHED, loads=(Load(load_id="box"),)),
+    ],
+)
+def test_a_sound_report_has_no_flaw(report: ActionReport) -> None:
+    assert flaw_of(report, "a") is None
+
+
+def test_a_flaw_is_named_in_short() -> None:
+    assert len(flaw_of("x" * 10_000, "a") or "") < 200
+
+
+async def test_a_loop_that_waits_is_not_blocked() -> None:
+    dog = Watchdog()
+    for _ in range(LOOKS * 4):
+        await time_passes(LOOK_EVERY / 2)
+    dog.stop()
+
+    assert dog.blocked == ""
+
+
+@pytest.mark.filterwarnings("ignore")
+async def test_a_loop_that_is_blocked_is_seen_with_the_place() -> None:
+    dog = Watchdog()
+    await until(lambda: dog._rounds > 1)
+    end = time.monotonic() + 30.0
+    while not dog.blocked and time.monotonic() < end:
+        pass
+    dog.stop()
+
+    assert "test_a_loop_that_is_blocked_is_seen_with_the_place" in dog.blocked
+    assert not dog.hangs.is_set()

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from nena_edge_agent.actions.zone_set_download import ZoneSetDownload
+from nena_edge_agent.actions.builtin import ZoneSetDownload
 from nena_edge_agent.download import DownloadSettings
 from nena_edge_agent.protocol.events import ActionReport
 from nena_shared.vda5050.action import ActionStatus

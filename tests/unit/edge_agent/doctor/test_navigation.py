@@ -8,11 +8,18 @@ from dataclasses import replace
 import pytest
 
 from nena_edge_agent.doctor.finding import Finding, Link, Verdict
-from nena_edge_agent.doctor.navigation import ROS_LINKS, judge_map, judge_robot
-from nena_edge_agent.doctor.ros_view import Grid, RosView
-from nena_edge_agent.ros.pose import PoseReading
-from nena_edge_agent.ros.presence import Lifecycle
-from nena_edge_agent.ros.settings import RosSettings
+from nena_edge_agent.doctor.navigation import (
+    ROS_LINKS,
+    Grid,
+    RosView,
+    judge_clock,
+    judge_map,
+    judge_robot,
+    kernel_keeps_time,
+)
+from nena_edge_agent.nav2.poses import PoseReading
+from nena_edge_agent.nav2.presence import Lifecycle
+from nena_edge_agent.nav2.settings import RosSettings
 
 SETTINGS = RosSettings(namespace="r1", domain_id=42)
 POSE = PoseReading(1.0, 2.0, 0.5, "map", 0, 0.04, 0.01, 0.01)
@@ -108,3 +115,29 @@ def test_the_map(view: RosView | None, plant_maps: set[str], verdict: Verdict, t
 
     assert finding.verdict is verdict
     assert text in finding.text
+
+
+@pytest.mark.parametrize(
+    ("kept", "offset", "verdict"),
+    [
+        (True, 0.01, Verdict.OK),
+        (True, None, Verdict.OK),
+        (None, -1.9, Verdict.OK),
+        (False, 0.0, Verdict.DOUBTFUL),
+        (False, None, Verdict.DOUBTFUL),
+        (True, 2.1, Verdict.MISSING),
+        (False, -1_795_000_000.0, Verdict.MISSING),
+    ],
+)
+def test_stamps_that_are_off_weigh_more_than_what_the_kernel_knows(
+    *, kept: bool | None, offset: float | None, verdict: Verdict
+) -> None:
+    assert judge_clock(kept=kept, ros_offset=offset).verdict is verdict
+
+
+def test_simulated_time_is_thought_of() -> None:
+    assert "use_sim_time" in judge_clock(kept=True, ros_offset=-1_795_000_000.0).remedy
+
+
+def test_the_kernel_answers() -> None:
+    assert kernel_keeps_time() in (True, False)

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
+from nena_edge_agent.actions.builtin import TimedOperation
 from nena_edge_agent.actions.settings import OperationSettings
-from nena_edge_agent.actions.timed_operation import TimedOperation
 from nena_edge_agent.loopback.actions import ChargingWatch, simulated_actions
 from nena_edge_agent.protocol.events import ActionReport
 from nena_shared.vda5050.action import ActionStatus

@@ -4,7 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from nena_edge_agent.driver.port import BlockedReport, NavigationReport, Pose, PoseReport, SessionReport
+from nena_edge_agent.driver.port import (
+    BlockedReport,
+    NavigationReport,
+    Pose,
+    PoseReport,
+    SessionReport,
+    SessionState,
+)
 from nena_edge_agent.protocol.conditions import ACTION_PLUGIN_UNUSABLE, ROBOT_BLOCKED
 from nena_edge_agent.protocol.declaration import ActionDeclaration
 from nena_edge_agent.protocol.events import (
@@ -19,7 +26,6 @@ from nena_edge_agent.protocol.events import (
     SafetyReport,
     StartAction,
 )
-from nena_edge_agent.ros.session_state import SessionState
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType
 from nena_shared.vda5050.factsheet import ActionScope
 from nena_shared.vda5050.own_actions import ROS_SESSION, START_ROS_SESSION, STOP_ROS_SESSION

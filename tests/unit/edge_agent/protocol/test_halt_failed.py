@@ -71,12 +71,8 @@ def test_a_drive_without_its_navigation_is_stopped_and_told_as_driving_until_the
 
 def test_driving_and_velocity_follow_the_odometry() -> None:
     idle = Bench()
-    assert not idle.state.driving
-    idle.do(VelocityReport(0.3, 0.0))
-    assert idle.state.driving
-    assert idle.state.velocity is not None
-    assert idle.state.velocity.vx == 0.3
-    idle.do(VelocityReport(0.0, 0.005))
-    assert not idle.state.driving
-    idle.do(VelocityReport(None, None))
-    assert idle.state.velocity is None
+    told = []
+    for velocity in (VelocityReport(0.3, 0.0), VelocityReport(0.0, 0.005), VelocityReport(None, None)):
+        idle.do(velocity)
+        told.append((idle.state.driving, idle.state.velocity and idle.state.velocity.vx))
+    assert told == [(True, 0.3), (False, 0.0), (False, None)]

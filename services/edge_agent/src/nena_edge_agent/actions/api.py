@@ -1,23 +1,22 @@
 """All that an author of action plug-ins needs, in one import; it changes by announcement only."""
 
-from nena_edge_agent.actions.background import BackgroundAction, WorkFailedError
 from nena_edge_agent.actions.plugin import (
     ActionPlugin,
-    PluginContext,
-    PluginFactory,
-    PluginUnavailableError,
-    Report,
-    RunningAction,
-)
-from nena_edge_agent.actions.ports import (
+    BackgroundAction,
     DriveError,
     DrivePort,
     Fields,
+    PluginContext,
+    PluginFactory,
+    PluginUnavailableError,
     Publisher,
+    Report,
     RosError,
     RosPort,
+    RunningAction,
     ServiceClient,
     TopicQos,
+    WorkFailedError,
 )
 from nena_edge_agent.driver.port import Pose
 from nena_edge_agent.protocol.declaration import ActionDeclaration, LoadChange, Parameter

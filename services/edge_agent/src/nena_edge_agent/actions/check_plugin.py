@@ -6,25 +6,142 @@ import argparse
 import asyncio
 import sys
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from pydantic import JsonValue
 from pydantic_core import from_json
 
-from nena_edge_agent.actions.contract import CHECKS, Check, Finding, Verdict, examine
-from nena_edge_agent.actions.dry_ports import DryDrive, DryRos
-from nena_edge_agent.actions.installed import PluginBrokenError, make, names_installed
-from nena_edge_agent.actions.plugin import ActionPlugin, PluginContext
+from nena_edge_agent.actions.builtin import Wait
+from nena_edge_agent.actions.contract import CHECKS, Check, Finding, Subject, Verdict, examine
+from nena_edge_agent.actions.messages import (
+    FieldError,
+    Record,
+    UnknownTypeError,
+    conformed,
+    message_type,
+    read,
+    service_type,
+)
+from nena_edge_agent.actions.plugin import (
+    ActionPlugin,
+    Fields,
+    PluginContext,
+    Publisher,
+    RosError,
+    ServiceClient,
+    TopicQos,
+)
 from nena_edge_agent.actions.ready_made import ready_made
-from nena_edge_agent.actions.trial import Subject
-from nena_edge_agent.actions.wait import Wait
-from nena_edge_agent.actions.watchdog import Watchdog
+from nena_edge_agent.actions.registry import PluginBrokenError, make, names_installed
+from nena_edge_agent.actions.run import Watchdog
+from nena_edge_agent.driver.port import Pose
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared import log
 from nena_shared.program import EXIT_FAILED, EXIT_MISCONFIGURED
 from nena_shared.settings import ConfigurationError, LogSettings, load
 from nena_shared.vda5050.topics import RobotKey
+
+DRIVE_TIME = 0.2
+"""Seconds of every drive."""
+
+
+class DryRos:
+    """Takes every message that fits its type, and says nothing; services answer that they have succeeded."""
+
+    def publisher(self, topic: str, type_name: str) -> Publisher:
+        """Give a publisher to whom one listens.
+
+        Raises:
+            RosError: there is no such type here.
+
+        """
+        try:
+            return _DryPublisher(topic, message_type(type_name))
+        except UnknownTypeError as error:
+            raise RosError(str(error)) from error
+
+    def subscribe(
+        self,
+        topic: str,  # noqa: ARG002 - the port's names
+        type_name: str,
+        handle: Callable[[Fields], None],  # noqa: ARG002
+        *,
+        qos: TopicQos = TopicQos.RELIABLE,  # noqa: ARG002
+    ) -> None:
+        """Look at the type; no message will come.
+
+        Raises:
+            RosError: there is no such type here.
+
+        """
+        try:
+            message_type(type_name)
+        except UnknownTypeError as error:
+            raise RosError(str(error)) from error
+
+    def client(self, service: str, type_name: str) -> ServiceClient:
+        """Give a client whose service does nothing.
+
+        Raises:
+            RosError: there is no such type here.
+
+        """
+        try:
+            return _DryClient(service, *service_type(type_name))
+        except UnknownTypeError as error:
+            raise RosError(str(error)) from error
+
+
+class DryDrive:
+    """Arrives after a moment, wherever it is to go."""
+
+    def __init__(self) -> None:
+        self.pose: Pose | None = Pose(0.0, 0.0, 0.0, "map")
+
+    async def drive(
+        self,
+        pose: Pose,
+        *,
+        deviation_xy: float,  # noqa: ARG002 - the port's names
+        deviation_theta: float | None = None,  # noqa: ARG002
+        maximum_speed: float | None = None,  # noqa: ARG002
+    ) -> None:
+        """Be there."""
+        await asyncio.sleep(DRIVE_TIME)
+        self.pose = pose
+
+
+class _DryPublisher:
+    listeners = 1
+
+    def __init__(self, topic: str, shape: Record) -> None:
+        self._topic = topic
+        self._shape = shape
+
+    def publish(self, fields: Mapping[str, JsonValue]) -> None:
+        _conform(fields, self._shape, self._topic)
+
+
+class _DryClient:
+    def __init__(self, service: str, request: Record, response: Record) -> None:
+        self._service = service
+        self._request = request
+        self._response = response
+
+    async def call(self, fields: Mapping[str, JsonValue], *, seconds: float) -> Fields:  # noqa: ARG002
+        _conform(fields, self._request, self._service)
+        await asyncio.sleep(0)
+        response = read(self._response.make())
+        return response | {"success": True} if "success" in response else response
+
+
+def _conform(fields: Mapping[str, JsonValue], shape: Record, path: str) -> None:
+    try:
+        conformed(dict(fields), shape, path)
+    except FieldError as error:
+        raise RosError(str(error)) from error
+
 
 COMMAND = "check-plugin"
 PROGRAM = f"nena-edge-agent {COMMAND}"
@@ -51,7 +168,7 @@ def main(argv: Sequence[str]) -> int:
         return EXIT_FAILED
     broken = False
     for plugin in plugins:
-        subject = Subject(plugin, own.parameters, settings.actions.patience, own.patience)
+        subject = Subject(plugin, own.parameters, settings.actions.timeouts, own.patience)
         findings = findings_of(subject)
         sys.stdout.write(report(plugin.declaration.action_type, findings))
         broken = broken or any(each.verdict is Verdict.BROKEN for each in findings)

@@ -5,9 +5,14 @@ from __future__ import annotations
 import asyncio
 from math import cos, sin
 
-from nena_edge_agent.actions.background import BackgroundAction, WorkFailedError
-from nena_edge_agent.actions.plugin import Report, RunningAction
-from nena_edge_agent.actions.ports import DriveError, DrivePort
+from nena_edge_agent.actions.plugin import (
+    BackgroundAction,
+    DriveError,
+    DrivePort,
+    Report,
+    RunningAction,
+    WorkFailedError,
+)
 from nena_edge_agent.actions.settings import DockOperationSettings
 from nena_edge_agent.driver.port import Pose
 from nena_edge_agent.protocol.declaration import ActionDeclaration, Parameter

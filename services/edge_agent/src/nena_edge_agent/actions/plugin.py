@@ -2,18 +2,150 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+import asyncio
+from collections.abc import Callable, Coroutine, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from enum import StrEnum
+from typing import Any, Protocol
 
 from pydantic import JsonValue
 
-from nena_edge_agent.actions.ports import DrivePort, RosPort
+from nena_edge_agent.driver.port import Pose
 from nena_edge_agent.protocol.declaration import ActionDeclaration
 from nena_edge_agent.protocol.events import ActionReport
-from nena_shared.vda5050.action import Action
+from nena_shared.log import get_logger
+from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.state import Load
 from nena_shared.vda5050.topics import RobotKey
+
+
+@dataclass(frozen=True, slots=True)
+class ActionTimeouts:
+    """Seconds that a plug-in has to say that it has begun, and to hold or to give up when told to."""
+
+    begin: float = 10.0
+    obey: float = 10.0
+
+
+Fields = Mapping[str, Any]
+"""A message as plain data: numbers, texts, lists, and tables for messages within it."""
+
+
+class RosError(Exception):
+    """ROS did not do what it was asked; the text says why."""
+
+
+class DriveError(Exception):
+    """A drive of an action did not get there; the text says why."""
+
+
+class TopicQos(StrEnum):
+    """How a topic is listened to."""
+
+    RELIABLE = "reliable"
+    """Every message of a publisher that is reliable; nothing of one that is not."""
+    BEST_EFFORT = "best_effort"
+    """Fits every publisher, as batteries and other sensors often are; a message may be lost."""
+    LATCHED = "latched"
+    """Also the last message from before, of a publisher that keeps it."""
+
+
+class Publisher(Protocol):
+    """Sends messages of one type on one topic."""
+
+    @property
+    def listeners(self) -> int:
+        """How many subscriptions there are."""
+        ...
+
+    def publish(self, fields: Mapping[str, JsonValue]) -> None:
+        """Send a message; fields that are not given have the type's defaults.
+
+        Raises:
+            RosError: there is no ROS session now, or the fields do not fit the type.
+
+        """
+        ...
+
+
+class ServiceClient(Protocol):
+    """Calls one service."""
+
+    async def call(self, fields: Mapping[str, JsonValue], *, seconds: float) -> Fields:
+        """Call it and give the response.
+
+        Raises:
+            RosError: there is no ROS session now, nobody offers the service, or nobody answers within
+                ``seconds``, or the fields do not fit the type.
+
+        """
+        ...
+
+
+class RosPort(Protocol):
+    """ROS in the robot's namespace and domain. What is asked for stays, through every new ROS session."""
+
+    def publisher(self, topic: str, type_name: str) -> Publisher:
+        """Give what publishes on ``topic``, reliably.
+
+        Raises:
+            RosError: there is no such type here.
+
+        """
+        ...
+
+    def subscribe(
+        self,
+        topic: str,
+        type_name: str,
+        handle: Callable[[Fields], None],
+        *,
+        qos: TopicQos = TopicQos.RELIABLE,
+    ) -> None:
+        """Have ``handle`` called with each message, in the event loop.
+
+        Raises:
+            RosError: there is no such type here.
+
+        """
+        ...
+
+    def client(self, service: str, type_name: str) -> ServiceClient:
+        """Give what calls ``service``.
+
+        Raises:
+            RosError: there is no such type here.
+
+        """
+        ...
+
+
+class DrivePort(Protocol):
+    """Short drives of an action, while the order holds the robot where it is."""
+
+    @property
+    def pose(self) -> Pose | None:
+        """Where the robot is, in the plant's frame; None where that cannot be trusted."""
+        ...
+
+    async def drive(
+        self,
+        pose: Pose,
+        *,
+        deviation_xy: float,
+        deviation_theta: float | None = None,
+        maximum_speed: float | None = None,
+    ) -> None:
+        """Drive to ``pose`` (m, rad, m/s); cancelled, it stops the robot first.
+
+        Only for actions of nodes that are HARD or SOFT: with others the order drives too.
+
+        Raises:
+            DriveError: it did not get there.
+
+        """
+        ...
+
 
 Report = Callable[[ActionReport], None]
 """Tells the core of a new status, or of progress by RUNNING with a result; at any time, from any thread."""
@@ -71,3 +203,123 @@ class PluginContext:
 
 PluginFactory = Callable[[PluginContext], ActionPlugin | Iterable[ActionPlugin]]
 """What an entry point of the group ``nena.actions`` names: makes one plug-in, or several."""
+
+
+log = get_logger(__name__)
+
+
+Work = Callable[[], Coroutine[None, None, ActionReport]]
+
+
+class WorkFailedError(Exception):
+    """The work of an action was not done; the text says why. ``report``, if given, tells of it."""
+
+    def __init__(self, message: str, report: ActionReport | None = None) -> None:
+        super().__init__(message)
+        self.report = report
+
+
+class BackgroundAction:
+    """Runs ``work``, which gives the report of its end or raises :class:`WorkFailedError`."""
+
+    def __init__(self, action_id: str, work: Work, report: Report) -> None:
+        self._action_id = action_id
+        self._report = report
+        report(ActionReport(action_id, ActionStatus.RUNNING))
+        self._task = asyncio.create_task(self._run(work), name=f"action {action_id}")
+        self._task.add_done_callback(self._over)
+
+    @property
+    def ended(self) -> bool:
+        """Whether nothing more comes of it."""
+        return self._task.done()
+
+    def pause(self) -> None:
+        """Do nothing: such actions declare that they cannot be held."""
+
+    def resume(self) -> None:
+        """Do nothing."""
+
+    def cancel(self) -> None:
+        """Give up; the work may put things right before it ends."""
+        self._task.cancel()
+
+    async def _run(self, work: Work) -> None:
+        try:
+            self._report(await work())
+        except WorkFailedError as error:
+            if error.report:
+                self._report(error.report)
+            else:
+                self._fail(str(error))
+        except Exception as error:
+            log.exception("an action failed", action=self._action_id)
+            self._fail(f"the plug-in failed: {error}")
+
+    def _over(self, task: asyncio.Task[None]) -> None:
+        if task.cancelled():
+            self._fail("cancelled")
+
+    def _fail(self, reason: str) -> None:
+        self._report(ActionReport(self._action_id, ActionStatus.FAILED, reason))
+
+
+class Countdown:
+    """An action that is done after ``seconds``; calls ``done`` then, which reports the end."""
+
+    def __init__(self, action_id: str, seconds: float, report: Report, done: Callable[[], None]) -> None:
+        self._action_id = action_id
+        self._left = seconds
+        self._report = report
+        self._done = done
+        self._timer: asyncio.TimerHandle | None = None
+        self._ended = False
+
+    def start(self) -> None:
+        """Let the time run."""
+        self._timer = asyncio.get_running_loop().call_later(self._left, self._over)
+        self._report(ActionReport(self._action_id, ActionStatus.RUNNING))
+
+    def pause(self) -> None:
+        """Hold the time."""
+        if self._timer is not None:
+            self._left = max(0.0, self._timer.when() - asyncio.get_running_loop().time())
+            self._stop()
+            self._report(ActionReport(self._action_id, ActionStatus.PAUSED))
+
+    def resume(self) -> None:
+        """Let the time run on."""
+        if self._timer is None and not self._ended:
+            self.start()
+
+    def cancel(self) -> None:
+        """End before the time is over."""
+        if not self._ended:
+            self._ended = True
+            self._stop()
+            self._report(ActionReport(self._action_id, ActionStatus.FAILED, "cancelled"))
+
+    def _over(self) -> None:
+        self._ended, self._timer = True, None
+        self._done()
+
+    def _stop(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+
+class Ended:
+    """Nothing can be done to it any more."""
+
+    def pause(self) -> None:
+        """Do nothing."""
+
+    def resume(self) -> None:
+        """Do nothing."""
+
+    def cancel(self) -> None:
+        """Do nothing."""
+
+
+ENDED = Ended()

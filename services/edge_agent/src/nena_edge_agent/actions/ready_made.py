@@ -5,16 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from nena_edge_agent.actions.answer import Answer
-from nena_edge_agent.actions.call import Call
-from nena_edge_agent.actions.command import Command
+from nena_edge_agent.actions.builtin import Rehearsed, TimedOperation, Unavailable
 from nena_edge_agent.actions.docking import Docking
-from nena_edge_agent.actions.installed import Installed
-from nena_edge_agent.actions.message_shape import Record
-from nena_edge_agent.actions.message_types import UnknownTypeError, message_type, service_type
-from nena_edge_agent.actions.plugin import ActionPlugin, PluginContext
-from nena_edge_agent.actions.ports import RosPort
-from nena_edge_agent.actions.ros_operation import RosOperation, Steps
+from nena_edge_agent.actions.messages import Record, UnknownTypeError, message_type, service_type
+from nena_edge_agent.actions.plugin import ActionPlugin, PluginContext, RosPort
+from nena_edge_agent.actions.registry import Installed
+from nena_edge_agent.actions.ros_operations import ActionValues, Answer, Call, Command, RosOperation, Steps
 from nena_edge_agent.actions.settings import (
     ActionSettings,
     AnswerSettings,
@@ -31,9 +27,6 @@ from nena_edge_agent.actions.settings import (
     TopicOperationSettings,
     TurnSignalSettings,
 )
-from nena_edge_agent.actions.timed_operation import TimedOperation
-from nena_edge_agent.actions.values import ActionValues
-from nena_edge_agent.actions.without_ros import Rehearsed, Unavailable
 from nena_edge_agent.protocol.declaration import ActionDeclaration
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.settings import ConfigurationError

@@ -2,17 +2,138 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, cast
 
-from nena_edge_agent.actions.installed import NOTHING, Installed
-from nena_edge_agent.actions.plugin import ActionPlugin
+from nena_edge_agent.actions.plugin import (
+    ActionPlugin,
+    PluginContext,
+    PluginFactory,
+    PluginUnavailableError,
+)
+from nena_edge_agent.actions.settings import ActionSettings
 from nena_edge_agent.protocol.declaration import PREDEFINED, ActionDeclaration
 from nena_shared.log import get_logger
 from nena_shared.settings import ConfigurationError
 from nena_shared.vda5050.action import Action
 
 log = get_logger(__name__)
+
+GROUP = "nena.actions"
+
+
+class PluginBrokenError(Exception):
+    """A plug-in is installed and gives no actions; the text says why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Installed:
+    """The plug-ins that work, and what is wrong with those that do not, a sentence for each."""
+
+    plugins: tuple[ActionPlugin, ...] = ()
+    problems: tuple[str, ...] = ()
+
+    @property
+    def action_types(self) -> frozenset[str]:
+        """What the plug-ins do."""
+        return frozenset(each.declaration.action_type for each in self.plugins)
+
+
+NOTHING = Installed()
+
+
+def installed(context: PluginContext, settings: ActionSettings) -> Installed:
+    """Make the actions of every plug-in that the settings want; a broken one costs its own actions only.
+
+    Raises:
+        ConfigurationError: a plug-in that the settings name is not installed.
+
+    """
+    names = _wanted(settings)
+    plugins: list[ActionPlugin] = []
+    problems: list[str] = []
+    for name in names:
+        try:
+            plugins += make(name, replace(context, options=settings.options.get(name, {})))
+        except PluginBrokenError as error:
+            log.warning("an action plug-in cannot be used", plugin=name, reason=str(error))
+            problems.append(str(error))
+    return Installed(tuple(plugins), tuple(problems))
+
+
+def make(name: str, context: PluginContext) -> tuple[ActionPlugin, ...]:
+    """Make the actions of one plug-in.
+
+    Raises:
+        PluginBrokenError: it cannot be loaded, fails, does not work here, or gives no plug-ins.
+
+    """
+    factory = _load(name)
+    try:
+        made = factory(context)
+        found = tuple(made) if isinstance(made, Iterable) else (made,)
+    except PluginUnavailableError as error:
+        message = f"plug-in '{name}' does not work on this robot: {error}"
+        raise PluginBrokenError(message) from error
+    except Exception as error:
+        log.exception("an action plug-in failed as it was made", plugin=name)
+        message = f"plug-in '{name}' failed as it was made: {_words(error)}"
+        raise PluginBrokenError(message) from error
+    for plugin in found:
+        if not _is_plugin(plugin):
+            message = f"plug-in '{name}' gives {plugin!r}, which has no declaration or no start"
+            raise PluginBrokenError(message)
+    return found
+
+
+def _is_plugin(made: object) -> bool:
+    """Look whether what foreign code gives is what it should be."""
+    declared = isinstance(getattr(made, "declaration", None), ActionDeclaration)
+    return declared and callable(getattr(made, "start", None))
+
+
+def names_installed() -> tuple[str, ...]:
+    """Give the names of all plug-ins."""
+    return tuple(_entry_points())
+
+
+def _wanted(settings: ActionSettings) -> Iterator[str]:
+    if settings.plugins == () and not settings.options:
+        return  # who wants none need not wait for a look at all that is installed
+    there = _entry_points()
+    named = tuple(there) if settings.plugins is None else settings.plugins
+    missing = [name for name in (*named, *settings.options) if name not in there]
+    if missing:
+        known = ", ".join(there) or "none"
+        text = f"there is no plug-in '{missing[0]}' of the entry points {GROUP}; installed: {known}"
+        raise ConfigurationError([f"actions.{'plugins' if missing[0] in named else 'options'}: {text}"])
+    yield from named
+
+
+def _load(name: str) -> PluginFactory:
+    try:
+        factory: Any = _entry_points()[name].load()
+    except Exception as error:
+        log.exception("an action plug-in cannot be loaded", plugin=name)
+        message = f"plug-in '{name}' cannot be loaded: {_words(error)}"
+        raise PluginBrokenError(message) from error
+    if not callable(factory):
+        message = f"plug-in '{name}' names {factory!r}, which makes no plug-ins"
+        raise PluginBrokenError(message)
+    return cast("PluginFactory", factory)
+
+
+@lru_cache(maxsize=1)
+def _entry_points() -> dict[str, EntryPoint]:
+    """Look once: a fleet of robots asks for each of them."""
+    return {each.name: each for each in sorted(entry_points(group=GROUP), key=lambda each: each.name)}
+
+
+def _words(error: Exception) -> str:
+    return f"{type(error).__name__}: {error}"
 
 
 class ActionRegistry:

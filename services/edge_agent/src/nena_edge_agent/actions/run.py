@@ -3,17 +3,134 @@
 from __future__ import annotations
 
 import asyncio
+import sys
 import threading
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+import traceback
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from math import inf
+from pathlib import Path
+from typing import Any, Final
 
-from nena_edge_agent.actions.flaw import flaw_of
-from nena_edge_agent.actions.plugin import ActionPlugin, Report, RunningAction
-from nena_edge_agent.protocol.events import ActionReport
+from nena_edge_agent.actions.plugin import ActionPlugin, ActionTimeouts, Report, RunningAction
+from nena_edge_agent.actions.registry import ActionRegistry
+from nena_edge_agent.protocol.events import ActionReport, CancelAction, PauseAction, ResumeAction, StartAction
 from nena_shared.log import get_logger
 from nena_shared.vda5050.action import Action, ActionStatus
-from nena_shared.vda5050.state import Load
+from nena_shared.vda5050.error import ErrorEntry
+from nena_shared.vda5050.state import Load, Map
+from nena_shared.vda5050.zone_set import ZoneSet
+
+REPORTED: Final = frozenset(
+    {
+        ActionStatus.INITIALIZING,
+        ActionStatus.RUNNING,
+        ActionStatus.PAUSED,
+        ActionStatus.FINISHED,
+        ActionStatus.FAILED,
+    }
+)
+"""What a plug-in may say; the rest is the core's."""
+
+
+def _all_of(kind: type) -> Callable[[Any], bool]:
+    return lambda value: isinstance(value, tuple) and all(isinstance(each, kind) for each in value)
+
+
+def _one(kind: type) -> Callable[[Any], bool]:
+    return lambda value: isinstance(value, kind)
+
+
+_SOUND: Final[Mapping[str, tuple[Callable[[Any], bool], str]]] = {
+    "result": (_one(str), "a text"),
+    "loads": (_all_of(Load), "a tuple of Load"),
+    "charging": (_one(bool), "True or False"),
+    "maps": (_all_of(Map), "a tuple of Map"),
+    "zone_set": (_one(ZoneSet), "a ZoneSet"),
+    "error": (_one(ErrorEntry), "an ErrorEntry"),
+}
+"""How to know a sound value of each field that may be given, and what it is called."""
+
+
+def flaw_of(report: object, action_id: str) -> str | None:
+    """Say what is wrong with a report of the action ``action_id``, in the words that follow "reported"."""
+    if not isinstance(report, ActionReport):
+        return f"{_named(report)}, which is no ActionReport"
+    if report.action_id != action_id:
+        return f"something of the action {report.action_id!r}, which is another one"
+    if report.status not in REPORTED:
+        return f"the status {report.status!r}, which is not a plug-in's to report"
+    for name, (sound, what) in _SOUND.items():
+        value = getattr(report, name)
+        if value is not None and not sound(value):
+            return f"{name} {_named(value)}, which is not {what}"
+    return None
+
+
+def _named(value: object) -> str:
+    return repr(value)[:100]
+
+
+LOOK_EVERY: Final = 0.05
+"""Seconds between two looks."""
+LOOKS: Final = 4
+"""Looks at a loop that does not come round, until it counts as blocked. Looks and not seconds: on a machine
+that is busy they are late as well."""
+LONGEST: Final = 100
+"""Looks, until a loop counts as one that will never come round."""
+WAITING: Final = frozenset({"select", "poll", "epoll", "_run_once"})
+"""Functions in which a loop waits, or is between two steps."""
+
+
+class Watchdog:
+    """Watches the loop in whose thread it is begun; ``blocked`` is where that stood still, empty: nowhere."""
+
+    def __init__(self) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._thread = threading.get_ident()
+        self._rounds = 0
+        self._stop = threading.Event()
+        self.blocked = ""
+        self.hangs = threading.Event()
+        """Set when the loop will not come round any more."""
+        self._beat()
+        threading.Thread(target=self._watch, name="watchdog", daemon=True).start()
+
+    def stop(self) -> None:
+        """Look no more."""
+        self._stop.set()
+
+    def _beat(self) -> None:
+        self._rounds += 1
+        self._loop.call_later(LOOK_EVERY / 2, self._beat)
+
+    def _watch(self) -> None:
+        seen, looks = 0, 0
+        while not self._stop.wait(LOOK_EVERY):
+            stuck = self._rounds == seen and not self._idle()
+            looks, seen = (looks + 1 if stuck else 0), self._rounds
+            if looks == LOOKS:
+                self.blocked = self.blocked or self._place()
+            if looks == LONGEST:
+                self.hangs.set()
+
+    def _idle(self) -> bool:
+        frame = sys._current_frames().get(self._thread)  # noqa: SLF001 - the documented way to see another thread
+        return frame is None or frame.f_code.co_name in WAITING
+
+    def _place(self) -> str:
+        """Give the last line of the stack that is neither the loop's nor the library's."""
+        frame = sys._current_frames().get(self._thread)  # noqa: SLF001
+        stack = traceback.extract_stack(frame) if frame else []
+        library = str(Path(threading.__file__).parent)
+        own = [
+            each
+            for each in stack
+            if not each.filename.startswith(library) or "site-packages" in each.filename
+        ]
+        last = (own or stack)[-1] if stack else None
+        return f"{last.filename}:{last.lineno} in {last.name}" if last else "an unknown place"
+
 
 log = get_logger(__name__)
 
@@ -23,14 +140,6 @@ LONGEST_RESULT = 1000
 """Characters of a result; the rest is cut off, for it comes with every state."""
 
 
-@dataclass(frozen=True, slots=True)
-class Patience:
-    """Seconds that a plug-in has to say that it has begun, and to hold or to give up when told to."""
-
-    begin: float = 10.0
-    obey: float = 10.0
-
-
 class Run:
     """Guards the core from a plug-in: whatever it does wrong fails this action, with a reason, and no other.
 
@@ -38,11 +147,11 @@ class Run:
     none behind the end of the action.
     """
 
-    def __init__(self, action: Action, plugin: ActionPlugin, told: Report, patience: Patience) -> None:
+    def __init__(self, action: Action, plugin: ActionPlugin, told: Report, timeouts: ActionTimeouts) -> None:
         self._action = action
         self._plugin = plugin
         self._told = told
-        self._patience = patience
+        self._timeouts = timeouts
         self._loop = asyncio.get_running_loop()
         self._thread = threading.get_ident()
         self._log = log.bind(action=action.action_id, action_type=action.action_type)
@@ -56,16 +165,16 @@ class Run:
 
     def start(self, loads: tuple[Load, ...]) -> None:
         """Have the plug-in begin."""
-        text = f"the plug-in did not say within {self._patience.begin:g} s that it has begun"
-        self._expect(self._patience.begin, lambda: self._fail(text))
+        text = f"the plug-in did not say within {self._timeouts.begin:g} s that it has begun"
+        self._expect(self._timeouts.begin, lambda: self._fail(text))
         self._guarded(lambda: self._begin(loads))
 
     def pause(self) -> None:
         """Have it hold; one that does not goes on, and its result says so."""
         if self._running is None:
             return
-        text = f"the plug-in was told to hold, and did not within {self._patience.obey:g} s"
-        self._expect(self._patience.obey, lambda: self._tell(self._report_of(self._status, text)))
+        text = f"the plug-in was told to hold, and did not within {self._timeouts.obey:g} s"
+        self._expect(self._timeouts.obey, lambda: self._tell(self._report_of(self._status, text)))
         self._guarded(self._running.pause)
 
     def resume(self) -> None:
@@ -79,9 +188,9 @@ class Run:
             self._fail("cancelled")
             return
         text = (
-            f"the plug-in was told to give up, and did not within {self._patience.obey:g} s; see what it does"
+            f"the plug-in was told to give up, and did not within {self._timeouts.obey:g} s; see what it does"
         )
-        self._expect(self._patience.obey, lambda: self._fail(text))
+        self._expect(self._timeouts.obey, lambda: self._fail(text))
         self._guarded(self._running.cancel)
 
     def abandon(self) -> None:
@@ -238,3 +347,59 @@ class _Stopwatch:
             self._left = max(0.0, self._timer.when() - self._loop.time())
             self._timer.cancel()
             self._timer = None
+
+
+class ActionRunner:
+    """Begins, holds and gives up actions, as the core asks."""
+
+    def __init__(
+        self, registry: ActionRegistry, report: Report, timeouts: ActionTimeouts | None = None
+    ) -> None:
+        self._registry = registry
+        self._report = report
+        self._timeouts = timeouts or ActionTimeouts()
+        self._runs: dict[str, Run] = {}
+
+    def start(self, effect: StartAction) -> None:
+        """Begin an action; an earlier run under its id, of which nothing more is wanted, is given up."""
+        action = effect.action
+        plugin = self._registry.plugin(action.action_type)
+        if plugin is None:
+            self._fail(action.action_id, f"nothing does '{action.action_type}' on this robot any more")
+            return
+        if before := self._runs.pop(action.action_id, None):
+            before.abandon()
+        run = Run(action, plugin, self._told, self._timeouts)
+        self._runs[action.action_id] = run
+        run.start(effect.loads)
+
+    def pause(self, effect: PauseAction) -> None:
+        """Hold an action."""
+        if run := self._runs.get(effect.action_id):
+            run.pause()
+
+    def resume(self, effect: ResumeAction) -> None:
+        """Let a held action go on."""
+        if run := self._runs.get(effect.action_id):
+            run.resume()
+
+    def cancel(self, effect: CancelAction) -> None:
+        """Give up an action; one that nobody runs has failed already."""
+        if run := self._runs.get(effect.action_id):
+            run.cancel()
+        else:
+            self._fail(effect.action_id, "the action was not running")
+
+    def close(self) -> None:
+        """Give up all that runs, without a report: the agent ends, and the journal knows what ran."""
+        runs, self._runs = self._runs, {}
+        for run in runs.values():
+            run.abandon()
+
+    def _told(self, report: ActionReport) -> None:
+        if report.status.ended:
+            self._runs.pop(report.action_id, None)
+        self._report(report)
+
+    def _fail(self, action_id: str, reason: str) -> None:
+        self._report(ActionReport(action_id, ActionStatus.FAILED, reason))

@@ -6,10 +6,9 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Discriminator, Field, JsonValue, Tag, model_validator
 
-from nena_edge_agent.actions.ports import TopicQos
-from nena_edge_agent.actions.run import Patience
+from nena_edge_agent.actions.plugin import ActionTimeouts, TopicQos
+from nena_edge_agent.nav2.settings import RosName
 from nena_edge_agent.protocol.declaration import ALL_BLOCKING_TYPES, LoadChange, Parameter
-from nena_edge_agent.ros.settings import RosName
 from nena_shared.settings import SettingsGroup
 from nena_shared.vda5050.action import BlockingType
 from nena_shared.vda5050.factsheet import ActionScope, ValueDataType
@@ -313,9 +312,9 @@ class ActionSettings(SettingsGroup):
     )
 
     @property
-    def patience(self) -> Patience:
+    def timeouts(self) -> ActionTimeouts:
         """How long a plug-in may take to answer."""
-        return Patience(begin=self.begin_timeout, obey=self.obey_timeout)
+        return ActionTimeouts(begin=self.begin_timeout, obey=self.obey_timeout)
 
 
 def default_operations() -> tuple[AnyOperation, ...]:

@@ -2,14 +2,89 @@
 
 from __future__ import annotations
 
+import ctypes
 import math
 from collections.abc import Collection
+from dataclasses import dataclass
 
 from nena_edge_agent.doctor.finding import Finding, Link, Verdict, missing, ok, unknown
-from nena_edge_agent.doctor.ros_view import RosView
-from nena_edge_agent.ros.pose import PoseReading, localized
-from nena_edge_agent.ros.presence import Lifecycle
-from nena_edge_agent.ros.settings import RosSettings
+from nena_edge_agent.nav2.poses import PoseReading, localized
+from nena_edge_agent.nav2.presence import Lifecycle
+from nena_edge_agent.nav2.settings import RosSettings
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """An occupancy grid: its frame, its lower left corner in m, its size in m."""
+
+    frame: str
+    x: float
+    y: float
+    width: float
+    height: float
+
+    def holds(self, x: float, y: float) -> bool:
+        """Whether a place, in m, is on it; the grid is taken as not turned."""
+        return 0 <= x - self.x <= self.width and 0 <= y - self.y <= self.height
+
+
+@dataclass(frozen=True, slots=True)
+class RosView:
+    """What a node in the settings' domain and namespace sees within some seconds."""
+
+    nodes: tuple[str, ...] = ()
+    """Names of nodes that are neither ours nor hidden."""
+    busy_domains: tuple[int, ...] = ()
+    """Other domains in which there are nodes, of those that were looked at."""
+    servers: int = 0
+    """Publishers of the action's status in the namespace."""
+    elsewhere: tuple[str, ...] = ()
+    """Other namespaces in which the action's status is published."""
+    goal_listeners: int = 0
+    lifecycle: Lifecycle = Lifecycle.ABSENT
+    pose: PoseReading | None = None
+    grid: Grid | None = None
+    clock_offset: float | None = None
+    """Seconds that the newest odometry was stamped ahead of this program's clock; None: none came."""
+
+
+MOST_OFF = 2.0
+"""Seconds between this program's clock and the stamps of ROS that count as the same time."""
+
+UNSYNCHRONISED = 5
+"""What adjtimex(2) returns (TIME_ERROR) while nothing keeps the clock right."""
+
+_TIMEX_SIZE = 512
+"""Bytes, more than any Linux has in a timex; all zero asks and sets nothing."""
+
+
+def kernel_keeps_time() -> bool | None:
+    """Ask the kernel whether something (NTP, PTP) keeps the clock right; None where it cannot tell."""
+    try:
+        answer: int = ctypes.CDLL(None).adjtimex(ctypes.create_string_buffer(_TIMEX_SIZE))
+    except (OSError, AttributeError):
+        return None
+    return None if answer < 0 else answer != UNSYNCHRONISED
+
+
+def judge_clock(*, kept: bool | None, ros_offset: float | None) -> Finding:
+    """Judge by what the kernel says and by how far ROS's stamps are ahead, in seconds."""
+    if ros_offset is not None and abs(ros_offset) > MOST_OFF:
+        return missing(
+            Link.CLOCK,
+            f"the robot's ROS messages are stamped {ros_offset:+.1f} s off this computer's clock",
+            "synchronise both by NTP or PTP; on a real robot, use_sim_time must be false in every node",
+        )
+    if kept is False:
+        return Finding(
+            Link.CLOCK,
+            Verdict.DOUBTFUL,
+            "nothing keeps this computer's clock right, as far as the kernel knows",
+            "have chrony or systemd-timesyncd keep it, by the same source as fleet control",
+        )
+    seen = "as ROS's stamps" if ros_offset is not None else "no stamp of ROS to compare it with"
+    return ok(Link.CLOCK, f"{'synchronised' if kept else 'runs'}; {seen}")
+
 
 ROS_LINKS = (Link.DOMAIN, Link.NAMESPACE, Link.NAVIGATION, Link.LOCALISATION)
 NODES_SHOWN = 3

@@ -6,15 +6,19 @@ import asyncio
 import sys
 from collections.abc import Sequence
 
+from nena_edge_agent.actions.ros_session import session_switch
 from nena_edge_agent.doctor.broker import examine_broker
 from nena_edge_agent.doctor.finding import Finding, Link, Verdict, missing, report, unknown
-from nena_edge_agent.doctor.navigation import ROS_LINKS, judge_map, judge_robot
-from nena_edge_agent.doctor.robot_clock import judge_clock, kernel_keeps_time
-from nena_edge_agent.doctor.ros_view import RosView
-from nena_edge_agent.ros.environment import prepare_environment
-from nena_edge_agent.ros.session_actions import session_switch
-from nena_edge_agent.ros.session_state import SessionError
-from nena_edge_agent.ros.settings import RosSettings
+from nena_edge_agent.doctor.navigation import (
+    ROS_LINKS,
+    RosView,
+    judge_clock,
+    judge_map,
+    judge_robot,
+    kernel_keeps_time,
+)
+from nena_edge_agent.nav2.session_control import SessionError, prepare_environment
+from nena_edge_agent.nav2.settings import RosSettings
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared import log
 from nena_shared.program import EXIT_FAILED, EXIT_MISCONFIGURED

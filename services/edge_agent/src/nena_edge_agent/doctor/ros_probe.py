@@ -13,13 +13,13 @@ from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from nav_msgs.msg import OccupancyGrid, Odometry
 from std_srvs.srv import Empty, Trigger
 
-from nena_edge_agent.doctor.ros_view import Grid, RosView
-from nena_edge_agent.ros import readings
-from nena_edge_agent.ros.nav2_node import LATCHED, RELIABLE, SENSOR
-from nena_edge_agent.ros.pose import PoseReading
-from nena_edge_agent.ros.presence import Lifecycle
-from nena_edge_agent.ros.session import RosSession
-from nena_edge_agent.ros.settings import RosSettings
+from nena_edge_agent.doctor.navigation import Grid, RosView
+from nena_edge_agent.nav2 import messages
+from nena_edge_agent.nav2.node import LATCHED, RELIABLE, SENSOR
+from nena_edge_agent.nav2.poses import PoseReading
+from nena_edge_agent.nav2.presence import Lifecycle
+from nena_edge_agent.nav2.session import RosSession
+from nena_edge_agent.nav2.settings import RosSettings
 
 LOOK_FOR = 5.0
 """Seconds until what was not seen counts as missing; discovery takes up to three."""
@@ -152,7 +152,7 @@ class _Probe:
                 PoseWithCovarianceStamped,
                 names.pose,
                 qos,
-                read=readings.pose_reading,
+                read=messages.pose_reading,
                 handle=self._pose_came,
             )
         # Robots of a fleet often share one map, outside of their namespaces.
@@ -186,7 +186,7 @@ def _grid(message: Any) -> Grid:  # noqa: ANN401 - rclpy carries no types
 def _offset(message: Any) -> float:  # noqa: ANN401
     """Give how many seconds a nav_msgs/Odometry was stamped ahead of now."""
     stamp = message.header.stamp
-    return float(stamp.sec + stamp.nanosec / readings.NANOSECONDS - time.time())
+    return float(stamp.sec + stamp.nanosec / messages.NANOSECONDS - time.time())
 
 
 async def _until(condition: Callable[[], bool], seconds: float) -> bool:

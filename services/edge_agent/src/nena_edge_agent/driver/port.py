@@ -14,7 +14,16 @@ from enum import StrEnum
 from math import dist
 from typing import Generic, Protocol, TypeVar
 
-from nena_edge_agent.ros.session_state import SessionState
+
+class SessionState(StrEnum):
+    """Life of a session."""
+
+    NOT_ACTIVE = "NOT_ACTIVE"
+    INITIATING = "INITIATING"
+    ACTIVE = "ACTIVE"
+    TERMINATING = "TERMINATING"
+    FAILED = "FAILED"
+
 
 STANDING = 0.01
 """m/s, or rad/s, below which a robot counts as standing."""

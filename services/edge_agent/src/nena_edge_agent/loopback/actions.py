@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from nena_edge_agent.actions.countdown import Countdown
-from nena_edge_agent.actions.plugin import ActionPlugin, Report, RunningAction
+from nena_edge_agent.actions.plugin import ActionPlugin, Countdown, Report, RunningAction
 from nena_edge_agent.protocol.declaration import ActionDeclaration, Parameter
 from nena_edge_agent.protocol.events import ActionReport
 from nena_shared.vda5050.action import Action, ActionStatus

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from nena_edge_agent.driver.port import PoseReport, SessionReport
+from nena_edge_agent.driver.port import PoseReport, SessionReport, SessionState
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.robot_state import INSTANT_ACTIONS_SHOWN, NOT_REPORTED, RobotState
-from nena_edge_agent.ros.session_state import SessionState
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference, ErrorType, error
 from nena_shared.vda5050.own_actions import CONFIGURE_ROS_SESSION, ROS_SESSION, STOP_ROS_SESSION
 from nena_shared.vda5050.state import InfoLevel, Information

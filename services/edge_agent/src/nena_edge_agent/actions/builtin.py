@@ -1,0 +1,273 @@
+"""wait: stand, or drive on, for a time that the order gives."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Mapping
+from dataclasses import replace
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field
+
+from nena_edge_agent.actions.plugin import (
+    ENDED,
+    BackgroundAction,
+    Countdown,
+    Report,
+    RunningAction,
+    WorkFailedError,
+)
+from nena_edge_agent.actions.settings import OperationSettings
+from nena_edge_agent.download import DownloadError, DownloadSettings, download
+from nena_edge_agent.protocol.declaration import DOWNLOAD_ZONE_SET, ActionDeclaration, Parameter
+from nena_edge_agent.protocol.events import ActionReport
+from nena_shared.log import recent_lines
+from nena_shared.settings import SettingsGroup
+from nena_shared.vda5050.action import Action, ActionStatus
+from nena_shared.vda5050.codec import Codec
+from nena_shared.vda5050.factsheet import ActionScope, ValueDataType
+from nena_shared.vda5050.malformed import MalformedMessageError
+from nena_shared.vda5050.own_actions import SHOW_MAP_TRANSFORMS
+from nena_shared.vda5050.state import Load
+from nena_shared.vda5050.zone_set import ZoneSet, ZoneSetTransfer
+
+LONGEST = 86_400.0
+"""Seconds."""
+
+
+class Wait:
+    """Ends after the ``duration`` of its action, in s."""
+
+    declaration = ActionDeclaration(
+        "wait",
+        scopes=(ActionScope.NODE, ActionScope.EDGE, ActionScope.INSTANT),
+        parameters=(Parameter("duration", ValueDataType.NUMBER, description="s, 0 to 86400"),),
+        pause_allowed=True,
+        cancel_allowed=True,
+        restartable=True,
+        description="Waits.",
+    )
+
+    def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
+        """Begin to wait."""
+        value = action.parameter("duration")
+        seconds = float(value) if isinstance(value, int | float) else 0.0
+
+        def done() -> None:
+            report(ActionReport(action.action_id, ActionStatus.FINISHED))
+
+        countdown = Countdown(action.action_id, min(max(seconds, 0.0), LONGEST), report, done)
+        countdown.start()
+        return countdown
+
+
+class TimedOperation:
+    """Does nothing for the set time; then the load is taken or given."""
+
+    def __init__(self, settings: OperationSettings) -> None:
+        self._settings = settings
+        self.declaration = ActionDeclaration(
+            settings.action_type,
+            parameters=tuple(each.declared for each in settings.parameters),
+            scopes=settings.scopes,
+            blocking_types=settings.blocking_types,
+            pause_allowed=settings.interruptible,
+            cancel_allowed=settings.interruptible,
+            restartable=True,
+            load=settings.load_change,
+            description=settings.description or f"Takes {settings.seconds:g} s.",
+        )
+
+    def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
+        """Begin."""
+
+        def done() -> None:
+            report(ActionReport(action.action_id, ActionStatus.FINISHED, charging=self._settings.charging))
+
+        countdown = Countdown(action.action_id, self._settings.seconds, report, done)
+        countdown.start()
+        return countdown
+
+
+class LogReportSettings(SettingsGroup):
+    """Log reports on request of fleet control."""
+
+    folder: Path = Field(Path("~/.local/state/nena/log_reports"), description="Folder of the reports.")
+    keep: int = Field(20, ge=1, le=1000, description="How many reports are kept; the oldest one goes.")
+
+
+class LogReport:
+    """Writes the newest lines of the log; the file's name is the action's result."""
+
+    declaration = ActionDeclaration(
+        "logReport",
+        scopes=(ActionScope.INSTANT,),
+        parameters=(Parameter("reason", ValueDataType.STRING, description="for people"),),
+        restartable=True,
+        description="Stores what the agent has logged of late, and names the file.",
+    )
+
+    def __init__(self, settings: LogReportSettings) -> None:
+        self._settings = settings
+
+    def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
+        """Begin to write."""
+        return BackgroundAction(action.action_id, partial(self._work, action), report)
+
+    async def _work(self, action: Action) -> ActionReport:
+        reason = str(action.parameter("reason"))
+        name = f"{datetime.now(UTC):%Y%m%dT%H%M%S.%fZ}.log"
+        try:
+            await asyncio.to_thread(self._write, name, [f"log report: {reason}", *recent_lines()])
+        except (OSError, RuntimeError) as error:
+            message = f"the log report was not written: {error}"
+            raise WorkFailedError(message) from error
+        return ActionReport(action.action_id, ActionStatus.FINISHED, name)
+
+    def _write(self, name: str, lines: list[str]) -> None:
+        folder = self._settings.folder.expanduser()
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text("\n".join(lines) + "\n", encoding="utf-8")
+        for old in sorted(folder.glob("*.log"))[: -self._settings.keep]:
+            old.unlink(missing_ok=True)
+
+
+class MapTransforms:
+    """Tells the transforms of the settings, as they stand there."""
+
+    declaration = ActionDeclaration(
+        SHOW_MAP_TRANSFORMS,
+        scopes=(ActionScope.INSTANT,),
+        restartable=True,
+        description="Tells how the plant lies on the maps of the robot, which transforms poses itself.",
+    )
+
+    def __init__(self, texts: Mapping[str, str]) -> None:
+        """Take the transforms by map id."""
+        self._result = "; ".join(f"{map_id}: {text}" for map_id, text in sorted(texts.items()))
+
+    def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
+        """Tell at once."""
+        report(ActionReport(action.action_id, ActionStatus.FINISHED, self._result))
+        return ENDED
+
+
+ZONE_SET_LINK = "zoneSetDownloadLink"
+ZONE_SET_HASH = "zoneSetHash"
+ENVELOPE = "zoneSet"
+
+
+class ZoneSetDownload:
+    """Fetches a zone set: the standard's zoneSet object as JSON, alone or in a whole message."""
+
+    declaration = ActionDeclaration(
+        DOWNLOAD_ZONE_SET,
+        scopes=(ActionScope.INSTANT,),
+        parameters=(
+            Parameter("zoneSetId", ValueDataType.STRING),
+            Parameter(ZONE_SET_LINK, ValueDataType.STRING, description="http or https"),
+            Parameter(
+                ZONE_SET_HASH, ValueDataType.STRING, required=False, description="SHA-256, hexadecimal"
+            ),
+        ),
+        restartable=True,
+        description="Fetches a zone set.",
+    )
+
+    def __init__(self, codec: Codec, settings: DownloadSettings) -> None:
+        self._codec = codec
+        self._settings = settings
+
+    def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
+        """Begin to fetch; the core takes what was fetched, or fails the action."""
+        return BackgroundAction(action.action_id, partial(self._work, action), report)
+
+    async def _work(self, action: Action) -> ActionReport:
+        digest = action.parameter(ZONE_SET_HASH)
+        link = str(action.parameter(ZONE_SET_LINK))
+        try:
+            content = await download(link, None if digest is None else str(digest), self._settings)
+            zone_set = self._read(content)
+        except (DownloadError, MalformedMessageError, ValueError) as error:
+            raise WorkFailedError(str(error)) from error
+        if zone_set.zone_set_id != action.parameter("zoneSetId"):
+            message = f"{link} holds the zone set '{zone_set.zone_set_id}'"
+            raise WorkFailedError(message)
+        return ActionReport(action.action_id, ActionStatus.FINISHED, zone_set=zone_set)
+
+    def _read(self, content: bytes) -> ZoneSet:
+        """Read it as if it had come as a message, whatever the header says.
+
+        Raises:
+            ValueError: it is no JSON.
+            MalformedMessageError: it is no zone set.
+
+        """
+        found = _parsed(content)
+        inner = found.get(ENVELOPE, found) if isinstance(found, dict) else found
+        header = {
+            "headerId": 0,
+            "timestamp": datetime.now(UTC).isoformat(),
+            "version": self._codec.version,
+            "manufacturer": "",
+            "serialNumber": "",
+        }
+        message = json.dumps(header | {ENVELOPE: inner}).encode()
+        return self._codec.decode(ZoneSetTransfer, message).zone_set
+
+
+def _parsed(content: bytes) -> Any:  # noqa: ANN401 - anything that JSON holds
+    """Read JSON in any of its encodings.
+
+    Raises:
+        ValueError: it is none.
+
+    """
+    try:
+        return json.loads(content)
+    except RecursionError as error:
+        message = "objects or arrays are nested too deep"
+        raise ValueError(message) from error
+
+
+NO_ROS = 'it uses ROS, which this robot does not have; actions.without_ros = "rehearse" would rehearse it'
+
+
+class Unavailable:
+    """Knows the action, so that its refusal can say why."""
+
+    def __init__(self, declaration: ActionDeclaration, reason: str = NO_ROS) -> None:
+        self.declaration = replace(declaration, unavailable=reason)
+
+    def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
+        """Fail: one of before a change of the settings."""
+        report(ActionReport(action.action_id, ActionStatus.FAILED, self.declaration.unavailable))
+        return ENDED
+
+
+class Rehearsed:
+    """Takes ``seconds`` in place of what it would do."""
+
+    def __init__(self, declaration: ActionDeclaration, seconds: float, *, charging: bool | None) -> None:
+        self.declaration = replace(
+            declaration, pause_allowed=True, cancel_allowed=True, restartable=True, timeout=None
+        )
+        self._seconds = seconds
+        self._charging = charging
+
+    def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
+        """Begin; one that lasts does so until it is given up."""
+
+        def done() -> None:
+            report(
+                ActionReport(action.action_id, ActionStatus.FINISHED, "rehearsed", charging=self._charging)
+            )
+
+        lasting = self.declaration.open_ended
+        countdown = Countdown(action.action_id, float("inf") if lasting else self._seconds, report, done)
+        countdown.start()
+        return countdown

@@ -1,0 +1,114 @@
+"""downloadMap, enableMap and deleteMap (section 6.2.3)."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable, Iterable
+from functools import partial
+
+from nena_edge_agent.actions.plugin import (
+    ActionPlugin,
+    BackgroundAction,
+    Report,
+    RunningAction,
+    WorkFailedError,
+)
+from nena_edge_agent.download import DownloadError, DownloadSettings, download
+from nena_edge_agent.map_store import DuplicateMapError, MapRefusedError, MapStore, find
+from nena_edge_agent.protocol.declaration import (
+    DELETE_MAP,
+    DOWNLOAD_MAP,
+    ENABLE_MAP,
+    ActionDeclaration,
+    Parameter,
+)
+from nena_edge_agent.protocol.events import ActionReport
+from nena_shared.vda5050.action import Action, ActionStatus
+from nena_shared.vda5050.error import ErrorType, error
+from nena_shared.vda5050.factsheet import ActionScope, ValueDataType
+from nena_shared.vda5050.state import Load
+
+MAP_LINK = "mapDownloadLink"
+MAP_HASH = "mapHash"
+_WHICH = (Parameter("mapId", ValueDataType.STRING), Parameter("mapVersion", ValueDataType.STRING))
+
+Change = Callable[[str, str, Action], Awaitable[None]]
+"""Changes the store by an action, for a mapId and mapVersion."""
+
+
+def map_actions(store: MapStore, settings: DownloadSettings) -> Iterable[ActionPlugin]:
+    """Give the three actions on one robot's ``store``; they change it one after the other."""
+    turn = asyncio.Lock()
+
+    async def fetch(map_id: str, map_version: str, action: Action) -> None:
+        if find(store.maps, map_id, map_version):
+            raise DuplicateMapError(map_id, map_version)
+        digest = action.parameter(MAP_HASH)
+        link = str(action.parameter(MAP_LINK))
+        content = await download(link, None if digest is None else str(digest), settings)
+        async with turn:
+            await store.install(map_id, map_version, content)
+
+    async def enable(map_id: str, map_version: str, _: Action) -> None:
+        async with turn:
+            await store.enable(map_id, map_version)
+
+    async def delete(map_id: str, map_version: str, _: Action) -> None:
+        async with turn:
+            await store.delete(map_id, map_version)
+
+    instant, on_nodes = (ActionScope.INSTANT,), (ActionScope.INSTANT, ActionScope.NODE)
+    link = Parameter(MAP_LINK, ValueDataType.STRING, description="http or https")
+    digest = Parameter(MAP_HASH, ValueDataType.STRING, required=False, description="SHA-256, hexadecimal")
+    return (
+        _MapAction(store, fetch, _declared(DOWNLOAD_MAP, instant, "Fetches a map.", link, digest)),
+        _MapAction(store, enable, _declared(ENABLE_MAP, on_nodes, "Has a map be used.")),
+        _MapAction(store, delete, _declared(DELETE_MAP, instant, "Forgets a map that is not enabled.")),
+    )
+
+
+def _declared(
+    action_type: str, scopes: tuple[ActionScope, ...], description: str, *more: Parameter
+) -> ActionDeclaration:
+    return ActionDeclaration(
+        action_type,
+        scopes=scopes,
+        parameters=(*_WHICH, *more),
+        restartable=True,
+        description=description,
+    )
+
+
+class _MapAction:
+    """One of the three."""
+
+    def __init__(self, store: MapStore, change: Change, declaration: ActionDeclaration) -> None:
+        self._store = store
+        self._change = change
+        self.declaration = declaration
+
+    def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
+        """Begin the change; its end tells the maps that there are then."""
+        return BackgroundAction(action.action_id, partial(self._work, action), report)
+
+    async def _work(self, action: Action) -> ActionReport:
+        map_id, version = str(action.parameter("mapId")), str(action.parameter("mapVersion"))
+        try:
+            await self._change(map_id, version, action)
+        except DuplicateMapError as problem:
+            raise WorkFailedError(str(problem), _duplicate(action, map_id, version, problem)) from problem
+        except (MapRefusedError, DownloadError) as problem:
+            raise WorkFailedError(str(problem)) from problem
+        return ActionReport(action.action_id, ActionStatus.FINISHED, maps=self._store.maps)
+
+
+def _duplicate(action: Action, map_id: str, version: str, problem: DuplicateMapError) -> ActionReport:
+    entry = error(
+        ErrorType.DUPLICATE_MAP,
+        str(problem),
+        hint="enable it, or bring the map under another version",
+        action_id=action.action_id,
+        map_id=map_id,
+        map_version=version,
+    )
+    return ActionReport(action.action_id, ActionStatus.FAILED, str(problem), error=entry)

@@ -1,0 +1,414 @@
+"""Fields of a message with the parameters of an action in them, as settings give them.
+
+The whole rule: ``{name}`` stands for a value. A text that is nothing but ``{name}`` becomes the value itself,
+whatever its type; in a longer text the value is written out. ``{{`` and ``}}`` are braces. There is nothing
+to call, to look into or to format, so that no order can do more than fill in its values.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import lru_cache
+from importlib import import_module
+from typing import Any, Final
+
+from pydantic import JsonValue
+
+from nena_edge_agent.nav2.session_control import prepare_environment
+from nena_shared.vda5050.factsheet import ValueDataType
+
+_PART: Final = re.compile(r"\{\{|\}\}|\{(?P<name>[A-Za-z_][A-Za-z0-9_]*)\}|(?P<lone>[{}])")
+_WHOLE: Final = re.compile(r"\{([A-Za-z_][A-Za-z0-9_]*)\}")
+
+
+def whole(text: str) -> str | None:
+    """Give the name that the text is nothing but, None if there is more to it."""
+    found = _WHOLE.fullmatch(text)
+    return found.group(1) if found else None
+
+
+def template_problems(template: JsonValue, names: Collection[str], path: str) -> Iterator[str]:
+    """Say what is wrong with a template whose values have ``names``, each with its place under ``path``."""
+    match template:
+        case str():
+            yield from (f"{path}: {each}" for each in _text_problems(template, names))
+        case dict():
+            for key, value in template.items():
+                yield from template_problems(value, names, f"{path}.{key}")
+        case list():
+            for number, value in enumerate(template):
+                yield from template_problems(value, names, f"{path}.{number}")
+
+
+def filled(template: JsonValue, values: Mapping[str, JsonValue]) -> JsonValue:
+    """Put ``values`` in; one that was not given (None) leaves its field out, in a longer text it is empty."""
+    match template:
+        case str():
+            name = whole(template)
+            return values.get(name) if name else _PART.sub(lambda found: _written(found, values), template)
+        case dict():
+            parts = {key: filled(value, values) for key, value in template.items()}
+            return {key: value for key, value in parts.items() if value is not None}
+        case list():
+            items = (filled(each, values) for each in template)
+            return [each for each in items if each is not None]
+        case _:
+            return template
+
+
+def _text_problems(text: str, names: Collection[str]) -> Iterator[str]:
+    for found in _PART.finditer(text):
+        name = found.group("name")
+        if found.group("lone"):
+            brace = found.group()
+            yield f"a lone '{brace}' in '{text}'; write {{name}} for a value, '{brace * 2}' for a brace"
+        elif name and name not in names:
+            yield f"there is no parameter '{name}'; there are {', '.join(sorted(names))}"
+
+
+def _written(found: re.Match[str], values: Mapping[str, JsonValue]) -> str:
+    name = found.group("name")
+    if not name:
+        return found.group()[0]
+    value = values.get(name)
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return "" if value is None else str(value)
+
+
+class FieldError(Exception):
+    """A value does not fit the field of a message; the text names both."""
+
+
+class ScalarKind(StrEnum):
+    """What a single value is."""
+
+    TRUTH = "true or false"
+    INTEGER = "an integer"
+    NUMBER = "a number"
+    TEXT = "a text"
+
+
+@dataclass(frozen=True, slots=True)
+class Scalar:
+    """One value; ``low`` and ``high`` of an integer, ``longest`` of a text, None: no limit.
+
+    ``octet``: an integer that ROS wants as a byte.
+    """
+
+    kind: ScalarKind
+    low: int = 0
+    high: int = 0
+    longest: int | None = None
+    octet: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Listing:
+    """Many values of one shape; ``exactly`` so many, or ``most``, None: no limit."""
+
+    item: Shape
+    exactly: int | None = None
+    most: int | None = None
+
+    def holds(self, count: int) -> bool:
+        """Tell whether there may be so many values."""
+        return self.exactly in (None, count) and (self.most is None or count <= self.most)
+
+    @property
+    def words(self) -> str:
+        """What it is, for people."""
+        if self.exactly is not None:
+            return f"an array of {self.exactly} values"
+        return "an array" if self.most is None else f"an array of {self.most} values at most"
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """A message: its fields by name. ``make`` gives an empty one."""
+
+    type_name: str
+    fields: Mapping[str, Shape]
+    make: Callable[[], Any]
+
+
+Shape = Scalar | Listing | Record
+
+_FITTING: Final[Mapping[ScalarKind, frozenset[ValueDataType]]] = {
+    ScalarKind.TRUTH: frozenset({ValueDataType.BOOL}),
+    ScalarKind.INTEGER: frozenset({ValueDataType.INTEGER}),
+    ScalarKind.NUMBER: frozenset({ValueDataType.INTEGER, ValueDataType.NUMBER}),
+    ScalarKind.TEXT: frozenset({ValueDataType.STRING}),
+}
+"""Which types of parameters may be put whole into which values."""
+
+
+def problems(
+    template: JsonValue, shape: Shape, types: Mapping[str, ValueDataType], path: str
+) -> Iterator[str]:
+    """Say what cannot be, whatever the values of the parameters, whose ``types`` are given by name."""
+    match template, shape:
+        case str(), Scalar() if name := whole(template):
+            if types.get(name) not in _FITTING[shape.kind] and name in types:
+                yield f"{path}: takes {shape.kind.value}, and the parameter '{name}' is of type {types[name]}"
+        case str(), Scalar(kind=ScalarKind.TEXT):
+            return
+        case dict(), Record():
+            for key, value in template.items():
+                yield from _field_problems(key, value, shape, types, path)
+        case list(), Listing():
+            yield from _item_problems(template, shape, types, path)
+        case str(), Listing() if whole(template):
+            return  # an array as a whole; its items are looked at when it is there
+        case _:
+            try:
+                conformed(template, shape, path)
+            except FieldError as error:
+                yield str(error)
+
+
+def conformed(value: JsonValue, shape: Shape, path: str) -> Any:  # noqa: ANN401 - a value of any field
+    """Make ``value`` what a field takes.
+
+    Raises:
+        FieldError: it is something else.
+
+    """
+    match shape:
+        case Scalar():
+            return _scalar(value, shape, path)
+        case Listing():
+            return _listing(value, shape, path)
+        case Record():
+            return _record(value, shape, path)
+
+
+def message(values: Mapping[str, Any], record: Record) -> Any:  # noqa: ANN401 - rclpy carries no types
+    """Make a message of what :func:`conformed` has given."""
+    made = record.make()
+    for name, value in values.items():
+        setattr(made, name, _sent(value, record.fields[name]))
+    return made
+
+
+def _sent(value: Any, shape: Shape) -> Any:  # noqa: ANN401
+    match shape:
+        case Record():
+            return message(value, shape)
+        case Listing():
+            return [_sent(each, shape.item) for each in value]
+        case Scalar(octet=True):
+            return bytes((value,))
+        case _:
+            return value
+
+
+def _field_problems(
+    key: str, value: JsonValue, record: Record, types: Mapping[str, ValueDataType], path: str
+) -> Iterator[str]:
+    shape = record.fields.get(key)
+    if shape is None:
+        yield f"{path}.{key}: {record.type_name} has no such field, only {_listed(record)}"
+    else:
+        yield from problems(value, shape, types, f"{path}.{key}")
+
+
+def _item_problems(
+    items: list[JsonValue], listing: Listing, types: Mapping[str, ValueDataType], path: str
+) -> Iterator[str]:
+    if not listing.holds(len(items)):
+        yield f"{path}: {items!r} is not {listing.words}"
+    for number, value in enumerate(items):
+        yield from problems(value, listing.item, types, f"{path}.{number}")
+
+
+def _scalar(value: JsonValue, scalar: Scalar, path: str) -> Any:  # noqa: ANN401
+    match scalar.kind, value:
+        case ScalarKind.TRUTH, bool():
+            return value
+        case ((ScalarKind.INTEGER | ScalarKind.NUMBER), bool()):
+            pass
+        case ScalarKind.INTEGER, int() if scalar.low <= value <= scalar.high:
+            return value
+        case ScalarKind.NUMBER, int() | float() if math.isfinite(value):
+            return float(value)
+        case ScalarKind.TEXT, str() if scalar.longest is None or len(value) <= scalar.longest:
+            return value
+    text = f"{path}: {value!r} is not {scalar.kind.value}{_limits(scalar)}"
+    raise FieldError(text)
+
+
+def _limits(scalar: Scalar) -> str:
+    if scalar.kind is ScalarKind.INTEGER:
+        return f" from {scalar.low} to {scalar.high}"
+    return "" if scalar.longest is None else f" of {scalar.longest} characters at most"
+
+
+def _listing(value: JsonValue, listing: Listing, path: str) -> list[Any]:
+    if not isinstance(value, list) or not listing.holds(len(value)):
+        text = f"{path}: {value!r} is not {listing.words}"
+        raise FieldError(text)
+    return [conformed(each, listing.item, f"{path}.{number}") for number, each in enumerate(value)]
+
+
+def _record(value: JsonValue, record: Record, path: str) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        text = f"{path}: {value!r} is not a table of the fields {_listed(record)}"
+        raise FieldError(text)
+    if unknown := next((key for key in value if key not in record.fields), None):
+        text = f"{path}.{unknown}: {record.type_name} has no such field, only {_listed(record)}"
+        raise FieldError(text)
+    return {key: conformed(each, record.fields[key], f"{path}.{key}") for key, each in value.items()}
+
+
+def _listed(record: Record) -> str:
+    return ", ".join(record.fields) or "none"
+
+
+_NAME: Final = re.compile(r"([a-z][a-z0-9_]*)/(msg|srv)/([A-Z][A-Za-z0-9]*)")
+_SEQUENCE: Final = re.compile(r"sequence<(?P<item>.+?)(?:, (?P<most>\d+))?>")
+_ARRAY: Final = re.compile(r"(?P<item>.+)\[(?P<exactly>\d+)\]")
+_TEXT: Final = re.compile(r"w?string(?:<=?(?P<longest>\d+)>?)?")
+PADDING: Final = "structure_needs_at_least_one_member"
+"""The field that some distributions show in a message without fields."""
+
+
+class UnknownTypeError(Exception):
+    """There is no such message or service type here; the text says so, and what to do."""
+
+
+@lru_cache(maxsize=200)
+def message_type(name: str) -> Record:
+    """Give the shape of a message type, such as ``geometry_msgs/msg/PoseStamped``.
+
+    Raises:
+        UnknownTypeError: it is not installed, or no name of a message type.
+
+    """
+    return _record_of(_load(name, "msg"), name)
+
+
+@lru_cache(maxsize=200)
+def service_type(name: str) -> tuple[Record, Record]:
+    """Give the shapes of the request and the response of a service type, such as ``std_srvs/srv/Trigger``.
+
+    Raises:
+        UnknownTypeError: it is not installed, or no name of a service type.
+
+    """
+    kind = _load(name, "srv")
+    return _record_of(kind.Request, f"{name} request"), _record_of(kind.Response, f"{name} response")
+
+
+def class_of(name: str) -> Any:  # noqa: ANN401 - rclpy carries no types
+    """Give the class of a message or service type.
+
+    Raises:
+        UnknownTypeError: it is not installed, or no name of a type.
+
+    """
+    return _load(name, "srv" if "/srv/" in name else "msg")
+
+
+def read(message: Any) -> dict[str, Any]:  # noqa: ANN401
+    """Give the fields of a message that has come, as plain data."""
+    return {name: _plain(getattr(message, name)) for name in message.get_fields_and_field_types()}
+
+
+def _plain(value: Any) -> Any:  # noqa: ANN401
+    if hasattr(value, "get_fields_and_field_types"):
+        return read(value)
+    if isinstance(value, bytes):
+        return value[0] if len(value) == 1 else list(value)
+    if isinstance(value, str | bool | int | float):
+        return value
+    return [_plain(each) for each in value.tolist()] if hasattr(value, "tolist") else [*map(_plain, value)]
+
+
+def _load(name: str, kind: str) -> Any:  # noqa: ANN401
+    found = _NAME.fullmatch(name)
+    if found is None or found.group(2) != kind:
+        example = "std_msgs/msg/String" if kind == "msg" else "std_srvs/srv/Trigger"
+        text = f"'{name}' is no name of a type such as {example}"
+        raise UnknownTypeError(text)
+    prepare_environment()
+    try:
+        return getattr(import_module(f"{found.group(1)}.{kind}"), found.group(3))
+    except (ImportError, AttributeError) as error:
+        text = f"there is no type '{name}' here ({error}); source the workspace that has it before the start"
+        raise UnknownTypeError(text) from error
+
+
+def _record_of(kind: Any, name: str) -> Record:  # noqa: ANN401
+    fields: Mapping[str, str] = kind.get_fields_and_field_types()
+    shapes = {field: _shape(each) for field, each in fields.items() if field != PADDING}
+    return Record(name, shapes, kind)
+
+
+def _shape(name: str) -> Shape:
+    if found := _SEQUENCE.fullmatch(name):
+        most = found.group("most")
+        return Listing(_shape(found.group("item")), most=int(most) if most else None)
+    if found := _ARRAY.fullmatch(name):
+        return Listing(_shape(found.group("item")), exactly=int(found.group("exactly")))
+    scalar = _SCALARS.get(name) or _text(name)
+    if scalar:
+        return scalar
+    package, _, kind = name.partition("/")
+    return message_type(f"{package}/msg/{kind}")
+
+
+def _text(name: str) -> Scalar | None:
+    found = _TEXT.fullmatch(name)
+    longest = found.group("longest") if found else None
+    return Scalar(ScalarKind.TEXT, longest=int(longest) if longest else None) if found else None
+
+
+def _integer(bits: int, *, signed: bool) -> Scalar:
+    if signed:
+        return Scalar(ScalarKind.INTEGER, low=-(2 ** (bits - 1)), high=2 ** (bits - 1) - 1)
+    return Scalar(ScalarKind.INTEGER, low=0, high=2**bits - 1)
+
+
+_SCALARS: Final[Mapping[str, Scalar]] = {
+    "boolean": Scalar(ScalarKind.TRUTH),
+    "octet": Scalar(ScalarKind.INTEGER, low=0, high=255, octet=True),
+    "char": _integer(8, signed=False),
+    **{name: Scalar(ScalarKind.NUMBER) for name in ("float", "double", "long double")},
+    **{f"int{bits}": _integer(bits, signed=True) for bits in (8, 16, 32, 64)},
+    **{f"uint{bits}": _integer(bits, signed=False) for bits in (8, 16, 32, 64)},
+}
+
+
+CLOSE = 1e-6
+"""Relative difference of two numbers that count as the same: a float32 is not quite what was written."""
+
+
+def matches(value: Any, wanted: JsonValue) -> bool:  # noqa: ANN401 - a value of any field
+    """Tell whether ``value`` is as ``wanted``: of tables the named fields, of an array any one of its items.
+
+    Where the value is an array itself, it is compared as a whole.
+    """
+    if isinstance(wanted, dict):
+        return isinstance(value, Mapping) and all(
+            key in value and matches(value[key], each) for key, each in wanted.items()
+        )
+    if isinstance(wanted, list) and not isinstance(value, list):
+        return any(matches(value, each) for each in wanted)
+    if isinstance(value, list):
+        return isinstance(wanted, list) and len(value) == len(wanted) and all(map(matches, value, wanted))
+    if isinstance(value, float) and isinstance(wanted, int | float):
+        return math.isclose(value, wanted, rel_tol=CLOSE)
+    return type(value) is type(wanted) and bool(value == wanted)
+
+
+def value_at(message: Mapping[str, Any], path: str) -> Any:  # noqa: ANN401
+    """Give the value at a path such as ``status.text``, None if there is none."""
+    value: Any = message
+    for key in path.split("."):
+        value = value.get(key) if isinstance(value, Mapping) else None
+    return value

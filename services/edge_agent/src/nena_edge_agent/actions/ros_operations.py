@@ -1,0 +1,515 @@
+"""Operations of the settings that call the robot's services and publish on its topics.
+
+Reads top to bottom: which values of an order go into messages, how an answer is read, service calls, commands
+by topic, and the plug-in that runs them.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+
+from pydantic import JsonValue
+
+from nena_edge_agent.actions.messages import (
+    FieldError,
+    Listing,
+    Record,
+    Shape,
+    conformed,
+    filled,
+    matches,
+    problems,
+    template_problems,
+    value_at,
+)
+from nena_edge_agent.actions.plugin import (
+    BackgroundAction,
+    Fields,
+    Publisher,
+    Report,
+    RosError,
+    RosPort,
+    RunningAction,
+    ServiceClient,
+    TopicQos,
+    WorkFailedError,
+)
+from nena_edge_agent.actions.settings import (
+    AnswerSettings,
+    CallSettings,
+    CommandSettings,
+    FieldValues,
+    OperationBase,
+    ParameterSettings,
+)
+from nena_edge_agent.protocol.declaration import ActionDeclaration, LoadChange, Parameter
+from nena_edge_agent.protocol.events import ActionReport
+from nena_shared.log import get_logger
+from nena_shared.settings import ConfigurationError
+from nena_shared.vda5050.action import Action, ActionStatus
+from nena_shared.vda5050.factsheet import ValueDataType
+from nena_shared.vda5050.state import Load
+
+ACTION_ID = "actionId"
+OF_LOADS = tuple(
+    ParameterSettings(key=key, required=False, description=f"the {what} of the load, for the state")
+    for key, what in (("loadId", "id"), ("loadType", "type"))
+)
+"""What an action that takes a load may be told of it."""
+
+
+class ActionValues:
+    """The values of one type of action, by name."""
+
+    def __init__(self, settings: OperationBase) -> None:
+        """Take the parameters of the settings, and those of a load that is taken."""
+        own = {each.key for each in settings.parameters}
+        more = OF_LOADS if settings.load_change is LoadChange.TAKE else ()
+        self._parameters = (*settings.parameters, *(each for each in more if each.key not in own))
+
+    @property
+    def declared(self) -> tuple[Parameter, ...]:
+        """The parameters as the core knows them."""
+        return tuple(each.declared for each in self._parameters)
+
+    @property
+    def names(self) -> frozenset[str]:
+        """All names of values."""
+        return frozenset({ACTION_ID, *(each.key for each in self._parameters)})
+
+    @property
+    def types(self) -> Mapping[str, ValueDataType]:
+        """The types of those that are put into messages as they come."""
+        plain = {each.key: each.type for each in self._parameters if not each.values}
+        return {**plain, ACTION_ID: ValueDataType.STRING}
+
+    @property
+    def mapped(self) -> Iterable[tuple[str, JsonValue]]:
+        """Every value that stands in messages in place of a choice, with its name."""
+        return ((each.key, value) for each in self._parameters for value in each.values.values())
+
+    def of(self, action: Action) -> dict[str, JsonValue]:
+        """Give the values of ``action``."""
+        values: dict[str, JsonValue] = {ACTION_ID: action.action_id}
+        for each in self._parameters:
+            value = action.parameter(each.key)
+            values[each.key] = each.values.get(str(value), value)
+        return values
+
+
+class MessageTemplate:
+    """Fields for a message of one type, with values of an action in them.
+
+    Raises:
+        ConfigurationError: no message can be made of them, with the place in the settings under ``path``.
+
+    """
+
+    def __init__(
+        self,
+        fields: FieldValues,
+        shape: Record,
+        values: ActionValues,
+        path: str,
+        *,
+        any_of: bool = False,
+    ) -> None:
+        """Check ``fields``; ``any_of``: an array in place of one value names all that will do."""
+        self._fields = fields
+        self._shape = shape
+        self._path = path
+        self._any_of = any_of
+        found = list(template_problems(fields, values.names, path))
+        if not found:
+            known = list(_alternatives(fields, shape)) if any_of else [fields]
+            found += [line for each in known for line in problems(each, shape, values.types, path)]
+            found += [line for each in known for line in self._mapped_problems(each, shape, values)]
+        if found:
+            raise ConfigurationError(list(dict.fromkeys(found)))
+
+    def filled(self, values: Mapping[str, JsonValue]) -> FieldValues:
+        """Put ``values`` in.
+
+        Raises:
+            FieldError: one of them does not fit its field.
+
+        """
+        fields = filled(self._fields, values)
+        if not isinstance(fields, dict):
+            raise FieldError(self._path)
+        for each in _alternatives(fields, self._shape) if self._any_of else [fields]:
+            conformed(each, self._shape, self._path)
+        return fields
+
+    def _mapped_problems(self, fields: JsonValue, shape: Record, values: ActionValues) -> Iterable[str]:
+        for name, value in values.mapped:
+            yield from problems(filled(fields, {name: value}), shape, {}, self._path)
+
+
+def _alternatives(fields: JsonValue, shape: Shape) -> Iterator[JsonValue]:
+    """Give each value alone, within the tables around it, where an array in place of one value names many."""
+    if isinstance(fields, dict) and isinstance(shape, Record):
+        for key, value in fields.items():
+            inner = shape.fields.get(key)
+            yield from ({key: each} for each in ((value,) if inner is None else _alternatives(value, inner)))
+    elif isinstance(fields, list) and not isinstance(shape, Listing):
+        for value in fields:
+            yield from _alternatives(value, shape)
+    else:
+        yield fields
+
+
+Progress = Callable[[str], None]
+
+
+class Answer:
+    """Listens to a topic, and ends the waiting of those whose answer has come.
+
+    Raises:
+        ConfigurationError: no message of the type will ever do.
+        RosError: there is no such type.
+
+    """
+
+    def __init__(
+        self, settings: AnswerSettings, port: RosPort, shape: Record, values: ActionValues, path: str
+    ) -> None:
+        def template(fields: FieldValues | None, name: str) -> MessageTemplate | None:
+            if fields is None:
+                return None
+            return MessageTemplate(fields, shape, values, f"{path}.{name}", any_of=True)
+
+        self._settings = settings
+        self._match = MessageTemplate(settings.match, shape, values, f"{path}.match", any_of=True)
+        self._failed = template(settings.failed, "failed")
+        self._progress = template(settings.progress, "progress")
+        self._waiting: dict[int, Callable[[Fields], None]] = {}
+        self._last: Fields | None = None
+        port.subscribe(settings.topic, settings.type, self._heard, qos=settings.qos)
+
+    @property
+    def words(self) -> str:
+        """What is waited for, for people."""
+        return f"waits for {self._settings.topic}"
+
+    def check(self, values: Mapping[str, JsonValue]) -> None:
+        """See whether a message can ever do.
+
+        Raises:
+            FieldError: a value does not fit its field.
+
+        """
+        for each in (self._match, self._failed, self._progress):
+            if each:
+                each.filled(values)
+
+    def expect(self, values: Mapping[str, JsonValue], progress: Progress) -> asyncio.Future[str | None]:
+        """Give what the answer will end: with the result, or a WorkFailedError.
+
+        Of what came before, the last message counts where the topic is latched, and else none.
+        """
+        answered: asyncio.Future[str | None] = asyncio.get_running_loop().create_future()
+        match = self._match.filled(values)
+        failed = self._failed.filled(values) if self._failed else None
+        going_on = self._progress.filled(values) if self._progress else None
+
+        def look(message: Fields) -> None:
+            if answered.done():
+                return
+            text = self._result(message)
+            if failed is not None and matches(message, failed):
+                reason = text or f"{self._settings.topic} says that it has failed"
+                answered.set_exception(WorkFailedError(reason))
+            elif matches(message, match):
+                answered.set_result(text)
+            elif going_on is not None and matches(message, going_on):
+                progress(text or self.words)
+
+        self._waiting[id(answered)] = look
+        answered.add_done_callback(lambda _: self._waiting.pop(id(answered), None))
+        if self._last is not None and self._settings.qos is TopicQos.LATCHED:
+            look(self._last)
+        return answered
+
+    def _result(self, message: Fields) -> str | None:
+        value = value_at(message, self._settings.result) if self._settings.result else None
+        return None if value in (None, "") else str(value)
+
+    def _heard(self, message: Fields) -> None:
+        self._last = message
+        for look in list(self._waiting.values()):
+            look(message)
+
+
+SUCCESS = "success"
+MESSAGE = "message"
+
+
+class Call:
+    """Calls what the settings say, with the values of an action, and judges the response.
+
+    ``shapes`` are those of the request and the response.
+
+    Raises:
+        ConfigurationError: no request of the type can be made of them, or no response will ever do.
+
+    """
+
+    def __init__(
+        self,
+        settings: CallSettings,
+        client: ServiceClient,
+        shapes: tuple[Record, Record],
+        values: ActionValues,
+        path: str,
+    ) -> None:
+        request, response = shapes
+        has = response.fields
+        usual: FieldValues = {SUCCESS: True} if SUCCESS in has else {}
+        expected = usual if settings.expect is None else settings.expect
+        self._settings = settings
+        self._client = client
+        self._request = MessageTemplate(settings.fields, request, values, f"{path}.fields")
+        self._expected = MessageTemplate(expected, response, values, f"{path}.expect", any_of=True)
+        self._result = settings.result if settings.result is not None else MESSAGE if MESSAGE in has else ""
+
+    def check(self, values: Mapping[str, JsonValue]) -> None:
+        """See whether the request can be made.
+
+        Raises:
+            FieldError: a value does not fit its field.
+
+        """
+        self._request.filled(values)
+        self._expected.filled(values)
+
+    async def do(self, values: Mapping[str, JsonValue]) -> str | None:
+        """Call it, and give the result.
+
+        Raises:
+            WorkFailedError: the response says that it has failed.
+            RosError: there is none.
+            FieldError: a value does not fit its field.
+
+        """
+        response = await self._client.call(
+            self._request.filled(values), seconds=self._settings.response_timeout
+        )
+        result = value_at(response, self._result) if self._result else None
+        text = None if result in (None, "") else str(result)
+        if not matches(response, self._expected.filled(values)):
+            message = text or f"{self._settings.service} says that it has failed"
+            raise WorkFailedError(message)
+        return text
+
+
+LOOK_EVERY = 0.05
+"""Seconds between two looks for a listener."""
+
+
+class Command:
+    """Publishes what the settings say, with the values of an action.
+
+    Raises:
+        ConfigurationError: no message of the type can be made of them.
+
+    """
+
+    def __init__(
+        self,
+        settings: CommandSettings,
+        publisher: Publisher,
+        shape: Record,
+        values: ActionValues,
+        path: str,
+    ) -> None:
+        self._settings = settings
+        self._publisher = publisher
+
+        def template(fields: FieldValues | None, name: str) -> MessageTemplate | None:
+            return None if fields is None else MessageTemplate(fields, shape, values, f"{path}.{name}")
+
+        self._begin = MessageTemplate(settings.fields, shape, values, f"{path}.fields")
+        self._pause = template(settings.on_pause, "on_pause")
+        self._resume = template(settings.on_resume, "on_resume")
+        self._cancel = template(settings.on_cancel, "on_cancel")
+
+    def check(self, values: Mapping[str, JsonValue]) -> None:
+        """See whether every message can be made.
+
+        Raises:
+            FieldError: a value does not fit its field.
+
+        """
+        for each in (self._begin, self._pause, self._resume, self._cancel):
+            if each:
+                each.filled(values)
+
+    async def heard(self) -> None:
+        """Wait until somebody listens.
+
+        Raises:
+            WorkFailedError: nobody does.
+
+        """
+        timeout = self._settings.listener_timeout
+        for _ in range(int(timeout / LOOK_EVERY)):
+            if self._publisher.listeners:
+                return
+            await asyncio.sleep(LOOK_EVERY)
+        if timeout and not self._publisher.listeners:
+            message = f"nobody listens to {self._settings.topic}"
+            raise WorkFailedError(message)
+
+    def begin(self, values: Mapping[str, JsonValue]) -> None:
+        """Have it begin.
+
+        Raises:
+            RosError: there is no ROS session.
+            FieldError: a value does not fit its field.
+
+        """
+        self._publisher.publish(self._begin.filled(values))
+
+    def pause(self, values: Mapping[str, JsonValue]) -> None:
+        """Have it hold; raises as :meth:`begin`."""
+        self._send(self._pause, values)
+
+    def resume(self, values: Mapping[str, JsonValue]) -> None:
+        """Have it go on; raises as :meth:`begin`."""
+        self._send(self._resume, values)
+
+    def cancel(self, values: Mapping[str, JsonValue]) -> None:
+        """Have it give up; raises as :meth:`begin`."""
+        self._send(self._cancel, values)
+
+    def _send(self, template: MessageTemplate | None, values: Mapping[str, JsonValue]) -> None:
+        if template is not None:
+            self._publisher.publish(template.filled(values))
+
+
+log = get_logger(__name__)
+
+Values = Mapping[str, JsonValue]
+
+
+@dataclass(frozen=True, slots=True)
+class Steps:
+    """What is done, in this order. ``lasting``: it then lasts until it is given up."""
+
+    command: Command | None = None
+    call: Call | None = None
+    answer: Answer | None = None
+    lasting: bool = False
+
+    def problem(self, values: Values) -> str | None:
+        """Say which value of an action does not fit; None if all do."""
+        try:
+            for step in (self.command, self.call, self.answer):
+                if step:
+                    step.check(values)
+        except FieldError as error:
+            return str(error)
+        return None
+
+
+class RosOperation:
+    """Does its steps, and has finished when the last one has."""
+
+    def __init__(
+        self,
+        declaration: ActionDeclaration,
+        steps: Steps,
+        values: ActionValues,
+        *,
+        charging: bool | None,
+    ) -> None:
+        self.declaration = declaration
+        self._steps = steps
+        self._values = values
+        self._charging = charging
+
+    def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
+        """Begin."""
+        values = self._values.of(action)
+        return _Running(action.action_id, self._steps, values, report, charging=self._charging)
+
+
+class _Running(BackgroundAction):
+    """One run of the steps, which messages can hold where the command has such."""
+
+    def __init__(
+        self, action_id: str, steps: Steps, values: Values, report: Report, *, charging: bool | None
+    ) -> None:
+        self._steps = steps
+        self._values = values
+        self._charging = charging
+        self._commanded = False
+        self._free = asyncio.Event()
+        self._free.set()
+        super().__init__(action_id, self._work, report)
+
+    def pause(self) -> None:
+        """Send what holds it; what was not sent yet is held back."""
+        if self._steps.command and not self.ended:
+            self._free.clear()
+            if self._commanded:
+                self._steps.command.pause(self._values)
+            self._report(ActionReport(self._action_id, ActionStatus.PAUSED))
+
+    def resume(self) -> None:
+        """Send what has it go on."""
+        if self._steps.command and not self.ended:
+            self._free.set()
+            if self._commanded:
+                self._steps.command.resume(self._values)
+            self._report(ActionReport(self._action_id, ActionStatus.RUNNING))
+
+    async def _work(self) -> ActionReport:
+        try:
+            if self._steps.command:
+                await self._steps.command.heard()
+            result = await self._do()
+        except (RosError, FieldError) as error:
+            raise WorkFailedError(str(error)) from error
+        return ActionReport(self._action_id, ActionStatus.FINISHED, result, charging=self._charging)
+
+    async def _do(self) -> str | None:
+        """Do the steps; the answer is listened to from before the first, so that none is missed."""
+        steps, result = self._steps, None
+        answered = steps.answer.expect(self._values, self._progress) if steps.answer else None
+        try:
+            if steps.command:
+                await self._command(steps.command)
+            if steps.call:
+                result = await steps.call.do(self._values)
+            if steps.answer and answered:
+                self._progress(steps.answer.words)
+                result = await answered
+            if steps.lasting:
+                await asyncio.get_running_loop().create_future()
+        except asyncio.CancelledError:
+            self._take_back()
+            raise
+        finally:
+            if answered:
+                answered.cancel()
+        return result
+
+    async def _command(self, command: Command) -> None:
+        await self._free.wait()
+        command.begin(self._values)
+        self._commanded = True
+
+    def _progress(self, text: str) -> None:
+        if self._free.is_set():
+            self._report(ActionReport(self._action_id, ActionStatus.RUNNING, text))
+
+    def _take_back(self) -> None:
+        if self._steps.command and self._commanded:
+            try:
+                self._steps.command.cancel(self._values)
+            except (RosError, FieldError) as error:
+                log.warning("an action could not be taken back", reason=str(error))

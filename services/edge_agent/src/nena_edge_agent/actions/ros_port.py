@@ -1,0 +1,244 @@
+"""ROS for action plug-ins, on the agent's own node: plain data by the names of types.
+
+What is asked for is kept, and made anew on each node that a new session brings.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+
+from pydantic import JsonValue
+
+from nena_edge_agent.actions.messages import (
+    FieldError,
+    Record,
+    UnknownTypeError,
+    class_of,
+    conformed,
+    message,
+    message_type,
+    read,
+    service_type,
+)
+from nena_edge_agent.actions.plugin import Fields, Publisher, RosError, ServiceClient, TopicQos
+from nena_edge_agent.driver.port import SessionState
+from nena_shared.log import get_logger
+
+if TYPE_CHECKING:
+    from nena_edge_agent.nav2.session import RosSession
+
+
+log = get_logger(__name__)
+
+MESSAGES_WAITING = 100
+"""Messages of a topic that may wait for the loop; above that the oldest is dropped."""
+FOUND_WITHIN = 5.0
+"""Seconds for a service to be found."""
+LOOK_EVERY = 0.05
+"""Seconds between two looks for it."""
+
+
+THERE = (SessionState.INITIATING, SessionState.ACTIVE)
+"""States of a session that has a node."""
+
+
+class _Endpoint(Protocol):
+    def open(self, session: RosSession, node: Any) -> None:  # noqa: ANN401 - rclpy carries no types
+        """Be on this node from now on."""
+        ...
+
+
+E = TypeVar("E", bound=_Endpoint)
+T = TypeVar("T")
+
+
+class PluginRos:
+    """The port of one robot, and the guest of its nodes."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._endpoints: list[_Endpoint] = []
+        self._subscriptions: dict[tuple[str, str, TopicQos], _Subscription] = {}
+        self._session: RosSession | None = None
+        self._node: Any = None
+
+    def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401
+        """Put everything on a new node."""
+        with self._lock:
+            self._session, self._node = session, node
+            for endpoint in self._endpoints:
+                endpoint.open(session, node)
+
+    def session(self) -> RosSession:
+        """Give the session.
+
+        Raises:
+            RosError: there is none now.
+
+        """
+        if self._session is None or self._session.state is not SessionState.ACTIVE:
+            message = "the robot's ROS session is not active"
+            raise RosError(message)
+        return self._session
+
+    def publisher(self, topic: str, type_name: str) -> Publisher:
+        """Give what publishes on ``topic``.
+
+        Raises:
+            RosError: there is no such type here.
+
+        """
+        return self._add(_Publisher(self, topic, type_name))
+
+    def subscribe(
+        self,
+        topic: str,
+        type_name: str,
+        handle: Callable[[Fields], None],
+        *,
+        qos: TopicQos = TopicQos.RELIABLE,
+    ) -> None:
+        """Have ``handle`` called with each message, in the event loop.
+
+        All who listen to a topic hear a message at the same time: an answer to one action must not come
+        late to the next one.
+
+        Raises:
+            RosError: there is no such type here.
+
+        """
+        key = (topic, type_name, qos)
+        if key not in self._subscriptions:
+            self._subscriptions[key] = self._add(_Subscription(topic, type_name, qos))
+        self._subscriptions[key].join(handle)
+
+    def client(self, service: str, type_name: str) -> ServiceClient:
+        """Give what calls ``service``.
+
+        Raises:
+            RosError: there is no such type here.
+
+        """
+        return self._add(_Client(self, service, type_name))
+
+    def _add(self, endpoint: E) -> E:
+        with self._lock:
+            self._endpoints.append(endpoint)
+            if self._session is not None and self._session.state in THERE:
+                endpoint.open(self._session, self._node)
+        return endpoint
+
+
+class _Publisher:
+    def __init__(self, port: PluginRos, topic: str, type_name: str) -> None:
+        self._port = port
+        self._topic = topic
+        self._shape = _known(message_type, type_name)
+        self._publisher: Any = None
+
+    def open(self, _: RosSession, node: Any) -> None:  # noqa: ANN401
+        from nena_edge_agent.nav2.node import RELIABLE  # noqa: PLC0415 - needs rclpy
+
+        self._publisher = node.create_publisher(self._shape.make, self._topic, RELIABLE)
+
+    @property
+    def listeners(self) -> int:
+        try:
+            self._port.session()
+        except RosError:
+            return 0
+        return int(self._publisher.get_subscription_count())
+
+    def publish(self, fields: Mapping[str, JsonValue]) -> None:
+        made = _message(fields, self._shape, self._topic)
+        self._port.session()
+        self._publisher.publish(made)
+
+
+class _Subscription:
+    def __init__(self, topic: str, type_name: str, qos: TopicQos) -> None:
+        self._topic = topic
+        self._kind = _known(class_of, type_name)
+        self._qos = qos
+        self._handlers: list[Callable[[Fields], None]] = []
+        self._last: Fields | None = None
+
+    def join(self, handle: Callable[[Fields], None]) -> None:
+        """Have one more hear it; of a latched topic also what was said last."""
+        self._handlers.append(handle)
+        if self._last is not None and self._qos is TopicQos.LATCHED:
+            self._tell(handle, self._last)
+
+    def open(self, session: RosSession, node: Any) -> None:  # noqa: ANN401
+        from nena_edge_agent.nav2.node import LATCHED, RELIABLE, SENSOR  # noqa: PLC0415 - needs rclpy
+
+        profiles = {
+            TopicQos.RELIABLE: RELIABLE,
+            TopicQos.BEST_EFFORT: SENSOR,
+            TopicQos.LATCHED: LATCHED,
+        }
+        session.subscribe(
+            node,
+            self._kind,
+            self._topic,
+            profiles[self._qos],
+            read=read,
+            handle=self._heard,
+            limit=MESSAGES_WAITING,
+        )
+
+    def _heard(self, fields: Fields) -> None:
+        self._last = fields
+        for handle in self._handlers:
+            self._tell(handle, fields)
+
+    def _tell(self, handle: Callable[[Fields], None], fields: Fields) -> None:
+        try:
+            handle(fields)
+        except Exception:
+            log.exception("an action plug-in failed at a message", topic=self._topic)
+
+
+class _Client:
+    def __init__(self, port: PluginRos, service: str, type_name: str) -> None:
+        self._port = port
+        self._service = service
+        self._kind = _known(class_of, type_name)
+        self._request, _ = _known(service_type, type_name)
+        self._client: Any = None
+
+    def open(self, _: RosSession, node: Any) -> None:  # noqa: ANN401
+        self._client = node.create_client(self._kind, self._service)
+
+    async def call(self, fields: Mapping[str, JsonValue], *, seconds: float) -> Fields:
+        request = _message(fields, self._request, self._service)
+        session = self._port.session()
+        for _ in range(int(min(FOUND_WITHIN, seconds) / LOOK_EVERY)):
+            if self._client.service_is_ready():
+                break
+            await asyncio.sleep(LOOK_EVERY)
+        else:
+            text = f"nobody offers the service {self._service}"
+            raise RosError(text)
+        response = await session.call(self._client, request, seconds=seconds)
+        if response is None:
+            text = f"the service {self._service} did not answer within {seconds:g} s"
+            raise RosError(text)
+        return read(response)
+
+
+def _known(find: Callable[[str], T], name: str) -> T:
+    try:
+        return find(name)
+    except UnknownTypeError as error:
+        raise RosError(str(error)) from error
+
+
+def _message(fields: Mapping[str, JsonValue], shape: Record, path: str) -> Any:  # noqa: ANN401
+    try:
+        return message(conformed(dict(fields), shape, path), shape)
+    except FieldError as error:
+        raise RosError(str(error)) from error

@@ -1,0 +1,154 @@
+"""Instant actions by which fleet control starts, stops and moves a robot's ROS session."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Coroutine
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from nena_edge_agent.actions.plugin import (
+    ActionPlugin,
+    BackgroundAction,
+    Report,
+    RunningAction,
+    WorkFailedError,
+)
+from nena_edge_agent.nav2.session_control import SessionError, SessionKeeper, SessionStore
+from nena_edge_agent.nav2.settings import BadAddressError, RosAddress, RosSettings
+from nena_edge_agent.protocol.declaration import ActionDeclaration, Parameter
+from nena_edge_agent.protocol.events import ActionReport
+from nena_shared.vda5050.action import Action, ActionStatus
+from nena_shared.vda5050.factsheet import ActionScope, ValueDataType
+from nena_shared.vda5050.own_actions import CONFIGURE_ROS_SESSION, START_ROS_SESSION, STOP_ROS_SESSION
+from nena_shared.vda5050.state import Load
+from nena_shared.vda5050.topics import RobotKey
+
+INSTANT = (ActionScope.INSTANT,)
+NAMESPACE = Parameter("namespace", ValueDataType.STRING, required=False, description="such as /r1")
+DOMAIN_ID = Parameter("domainId", ValueDataType.INTEGER, required=False, description="0 to 232")
+KEEP = Parameter(
+    "keep", ValueDataType.BOOL, required=False, description="whether it holds after a restart too; if not: no"
+)
+
+
+class SessionSwitch:
+    """The session of one robot, as its actions have it; there is none before its driver is made."""
+
+    def __init__(self, settings: RosSettings, store: SessionStore | None) -> None:
+        """Take where the address is kept; None: nowhere, as the robot keeps nothing."""
+        self.settings = settings
+        self.store = store
+        self._keeper: SessionKeeper | None = None
+
+    @property
+    def address(self) -> RosAddress:
+        """Where the robot is when it starts."""
+        return self.store.read(self.settings) if self.store else RosAddress.of(self.settings)
+
+    def attach(self, keeper: SessionKeeper) -> None:
+        """Work on the session of a driver that was made."""
+        self._keeper = keeper
+
+    @property
+    def keeper(self) -> SessionKeeper:
+        """The session; raises WorkFailedError where there is none."""
+        if self._keeper is None:
+            message = "the robot has not started yet"
+            raise WorkFailedError(message)
+        return self._keeper
+
+
+def session_switch(settings: RosSettings, journal: Path | None, robot: RobotKey) -> SessionSwitch:
+    """Make the switch of one robot, which keeps its address beside its journal, if it has one."""
+    return SessionSwitch(settings, SessionStore(journal, robot) if journal else None)
+
+
+Work = Callable[[SessionSwitch, Action], Coroutine[None, None, None]]
+
+
+@dataclass(frozen=True, slots=True)
+class SessionAction:
+    """Does one of them; its result is the session's state and address."""
+
+    declaration: ActionDeclaration
+    work: Work
+    switch: SessionSwitch
+
+    def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
+        """Begin; the end comes when the session has got there, or cannot."""
+        return BackgroundAction(action.action_id, partial(self._work, action), report)
+
+    async def _work(self, action: Action) -> ActionReport:
+        keeper = self.switch.keeper
+        try:
+            await self.work(self.switch, action)
+        except SessionError as error:
+            message = f"{error}; {keeper.address}; it is tried again until it is stopped"
+            raise WorkFailedError(message) from error
+        return ActionReport(
+            action.action_id, ActionStatus.FINISHED, f"ROS session {keeper.state}, {keeper.address}"
+        )
+
+
+def session_actions(switch: SessionSwitch) -> tuple[ActionPlugin, ...]:
+    """Make the actions of one robot."""
+    start = ActionDeclaration(
+        START_ROS_SESSION, INSTANT, restartable=True, description="Has the robot join the ROS graph."
+    )
+    stop = ActionDeclaration(
+        STOP_ROS_SESSION,
+        INSTANT,
+        restartable=True,
+        needs_idle=True,
+        description="Has the robot leave the ROS graph; refused while an order is active.",
+    )
+    configure = ActionDeclaration(
+        CONFIGURE_ROS_SESSION,
+        INSTANT,
+        parameters=(NAMESPACE, DOMAIN_ID, KEEP),
+        restartable=True,
+        needs_idle=True,
+        description="Has the robot be in another namespace or domain; refused while an order is active.",
+    )
+    works = ((start, _start), (stop, _stop), (configure, _configure))
+    return tuple(SessionAction(declaration, work, switch) for declaration, work in works)
+
+
+async def _start(switch: SessionSwitch, _: Action) -> None:
+    await switch.keeper.start()
+
+
+async def _stop(switch: SessionSwitch, _: Action) -> None:
+    await switch.keeper.stop()
+
+
+async def _configure(switch: SessionSwitch, action: Action) -> None:
+    address, keep = _wanted(switch.keeper.address, action), action.parameter(KEEP.key) is True
+    if keep and switch.store is None:
+        message = "the robot keeps nothing over restarts: journal.enabled is off"
+        raise WorkFailedError(message)
+    if keep and switch.store:  # at first: a session that fails there now is tried again there, also later
+        try:
+            await asyncio.to_thread(switch.store.write, address, switch.settings)
+        except OSError as error:
+            message = f"the robot stays where it is, as the address cannot be kept: {error}"
+            raise WorkFailedError(message) from error
+    if address != switch.keeper.address:
+        await switch.keeper.move(address)
+
+
+def _wanted(address: RosAddress, action: Action) -> RosAddress:
+    """Give the address that the action asks for; what it does not name stays."""
+    namespace, domain_id = action.parameter(NAMESPACE.key), action.parameter(DOMAIN_ID.key)
+    if namespace is None and domain_id is None:
+        message = "neither a namespace nor a domainId is given"
+        raise WorkFailedError(message)
+    try:
+        return address.changed(
+            namespace=namespace if isinstance(namespace, str) else None,
+            domain_id=domain_id if isinstance(domain_id, int) else None,
+        )
+    except BadAddressError as error:
+        raise WorkFailedError(str(error)) from error

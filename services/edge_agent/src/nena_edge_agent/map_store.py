@@ -1,0 +1,243 @@
+"""The port to whatever keeps a robot's maps: a folder, or the robot's own map server."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+from collections.abc import Iterable
+from importlib.metadata import entry_points
+from pathlib import Path
+from shutil import rmtree
+from typing import Protocol
+from urllib.parse import quote, unquote
+
+from nena_edge_agent.settings import EdgeAgentSettings
+from nena_shared.program import StartError
+from nena_shared.settings import ConfigurationError
+from nena_shared.vda5050.state import Map, MapStatus
+from nena_shared.vda5050.topics import RobotKey
+
+
+class MapRefusedError(Exception):
+    """A map cannot be taken, enabled or deleted; the text says why."""
+
+
+class DuplicateMapError(MapRefusedError):
+    """A map of the same id and version is there."""
+
+    def __init__(self, map_id: str, map_version: str) -> None:
+        super().__init__(f"the robot holds map '{map_id}' in version '{map_version}' already")
+
+
+def find(maps: Iterable[Map], map_id: str, map_version: str) -> Map | None:
+    """Give the map of that id and version."""
+    return next((each for each in maps if (each.map_id, each.map_version) == (map_id, map_version)), None)
+
+
+class MapStore(Protocol):
+    """Keeps maps by mapId and mapVersion; at most one version of each mapId is enabled.
+
+    The methods may take their time; each is called when the one before has ended.
+    """
+
+    @property
+    def maps(self) -> tuple[Map, ...]:
+        """All maps that are ready to be enabled, as the state shows them."""
+        ...
+
+    async def install(self, map_id: str, map_version: str, content: bytes) -> None:
+        """Keep a new map, DISABLED; it touches no other one.
+
+        Raises:
+            MapRefusedError: it is not taken.
+
+        """
+        ...
+
+    async def enable(self, map_id: str, map_version: str) -> None:
+        """Use this version, and no other one of the same mapId.
+
+        Raises:
+            MapRefusedError: it is not there, or cannot be used.
+
+        """
+        ...
+
+    async def delete(self, map_id: str, map_version: str) -> None:
+        """Forget a map.
+
+        Raises:
+            MapRefusedError: it is not there, or enabled.
+
+        """
+        ...
+
+
+CONTENT = "map"
+ENABLED = "enabled"
+UNFINISHED = ".new"
+
+
+class FolderMapStore:
+    """Keeps what it is given as it is; a robot that must do more with a map has a store of its own.
+
+    Raises:
+        StartError: the folder cannot be used.
+
+    """
+
+    def __init__(self, folder: Path, first: Map, *, maximum: int) -> None:
+        self._folder = folder.expanduser()
+        self._maximum = maximum
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            if not self._read():
+                self._mark(first.map_id, first.map_version)  # first: alone it is no map
+                self._write(first.map_id, first.map_version, b"")
+            self.maps = self._read()
+        except OSError as error:
+            message = f"the maps' folder {folder} cannot be used: {error.strerror}; set maps.folder"
+            raise StartError(message) from error
+
+    async def install(self, map_id: str, map_version: str, content: bytes) -> None:
+        """Keep a new map, DISABLED.
+
+        Raises:
+            MapRefusedError: it is there already, or there is no room.
+
+        """
+        if find(self.maps, map_id, map_version):
+            raise DuplicateMapError(map_id, map_version)
+        if len(self.maps) >= self._maximum:
+            message = f"the robot holds {self._maximum} maps; delete one first"
+            raise MapRefusedError(message)
+        try:
+            await asyncio.to_thread(self._write, map_id, map_version, content)
+        except OSError as error:
+            message = f"the map was not written: {error.strerror}"
+            raise MapRefusedError(message) from error
+        self.maps = self._read()
+
+    async def enable(self, map_id: str, map_version: str) -> None:
+        """Use this version, and no other one of the same mapId.
+
+        Raises:
+            MapRefusedError: it is not there.
+
+        """
+        self._expect(map_id, map_version)
+        self._mark(map_id, map_version)
+        self.maps = self._read()
+
+    async def delete(self, map_id: str, map_version: str) -> None:
+        """Forget a map.
+
+        Raises:
+            MapRefusedError: it is not there, or enabled.
+
+        """
+        if self._expect(map_id, map_version).map_status is MapStatus.ENABLED:
+            message = f"map '{map_id}' is enabled in version '{map_version}'; enable another version first"
+            raise MapRefusedError(message)
+        await asyncio.to_thread(self._remove, map_id, map_version)
+        self.maps = self._read()
+
+    def content(self, map_id: str, map_version: str) -> bytes:
+        """Give what was installed; empty for the robot's first map."""
+        return (self._place(map_id, map_version) / CONTENT).read_bytes()
+
+    def _expect(self, map_id: str, map_version: str) -> Map:
+        found = find(self.maps, map_id, map_version)
+        if found is None:
+            message = f"the robot holds no map '{map_id}' in version '{map_version}'"
+            raise MapRefusedError(message)
+        return found
+
+    def _place(self, map_id: str, map_version: str) -> Path:
+        return self._folder / _name(map_id) / _name(map_version)
+
+    def _write(self, map_id: str, map_version: str, content: bytes) -> None:
+        """Have the map there whole or not at all."""
+        place = self._place(map_id, map_version)
+        unfinished = _beside(place)
+        rmtree(unfinished, ignore_errors=True)
+        unfinished.mkdir(parents=True)
+        _write_through(unfinished / CONTENT, content)
+        unfinished.rename(place)
+
+    def _remove(self, map_id: str, map_version: str) -> None:
+        """Have the map gone as a whole, before its files go one by one."""
+        place = self._place(map_id, map_version)
+        unfinished = _beside(place)
+        rmtree(unfinished, ignore_errors=True)
+        place.rename(unfinished)
+        rmtree(unfinished)
+
+    def _mark(self, map_id: str, map_version: str) -> None:
+        mark = self._folder / _name(map_id) / ENABLED
+        mark.parent.mkdir(exist_ok=True)
+        new = _beside(mark)
+        _write_through(new, map_version.encode())
+        new.replace(mark)
+
+    def _read(self) -> tuple[Map, ...]:
+        return tuple(
+            Map(
+                map_id=unquote(area.name[1:]),
+                map_version=unquote(version.name[1:]),
+                map_status=MapStatus.ENABLED if _is_enabled(area, version) else MapStatus.DISABLED,
+            )
+            for area in sorted(self._folder.glob("=*"))
+            for version in sorted(area.glob("=*"))
+            if not version.name.endswith(UNFINISHED)
+        )
+
+
+def _is_enabled(area: Path, version: Path) -> bool:
+    mark = area / ENABLED
+    return mark.exists() and mark.read_bytes() == unquote(version.name[1:]).encode()
+
+
+def _beside(place: Path) -> Path:
+    """Give where something is while it is not finished, or on its way out."""
+    return place.with_name(place.name + UNFINISHED)
+
+
+def _write_through(path: Path, content: bytes) -> None:
+    with path.open("wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _name(text: str) -> str:
+    """Give the name of a folder; with its first letter none is a relative path or one of our own files."""
+    return "=" + quote(text, safe=" ").replace(".", "%2E")
+
+
+GROUP = "nena.maps"
+
+
+def map_store(settings: EdgeAgentSettings, robot: RobotKey) -> MapStore | None:
+    """Give the store that the settings name, None: the robot has its one map and no other.
+
+    A plug-in is called with the settings and the robot, and gives a :class:`MapStore`.
+
+    Raises:
+        ConfigurationError: no plug-in has that name.
+        StartError: the folder cannot be used.
+
+    """
+    maps = settings.maps
+    if maps.store == "fixed":
+        return None
+    first = Map(map_id=settings.map_id, map_version=settings.map_version, map_status=MapStatus.ENABLED)
+    if maps.store == "folder":
+        name = quote(str(robot), safe=" :").replace(".", "%2E")
+        return FolderMapStore(maps.folder / name, first, maximum=maps.maximum)
+    found = next(iter(entry_points(group=GROUP, name=maps.store)), None)
+    if found is None:
+        message = f"maps.store: there is no plug-in '{maps.store}' of the entry points {GROUP}"
+        raise ConfigurationError([message])
+    store: MapStore = found.load()(settings, robot)
+    return store

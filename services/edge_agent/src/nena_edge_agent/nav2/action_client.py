@@ -1,0 +1,158 @@
+"""Nav2's action in the ROS graph, to one place or over several: its goals, results and feedback.
+
+Made of the hidden services and the topic that an action consists of: an id of our own can be sent and asked
+for, an answer has a time-out, and a goal of an earlier run is as good as one of this one. Statuses and
+cancelling are with the node, which has them by topics too.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+from nena_edge_agent.driver.map_port import MapPose
+from nena_edge_agent.nav2 import messages
+from nena_edge_agent.nav2.action_tracker import FeedbackReading
+from nena_edge_agent.nav2.goals import GoalStatus
+from nena_edge_agent.nav2.messages import UnusablePoseError
+from nena_edge_agent.nav2.poses import yaw_of
+from nena_edge_agent.nav2.session import RosSession
+from nena_edge_agent.nav2.settings import Navigation, RosSettings
+
+FEEDBACK_PERIOD = 0.05
+"""Seconds between two messages of feedback that are read; Nav2 sends one each 10 ms."""
+FEEDBACK = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
+
+
+@dataclass(frozen=True, slots=True)
+class GoalResult:
+    """How a goal has ended, and why."""
+
+    goal_id: str
+    status: GoalStatus
+    error_code: int
+    error_message: str
+
+
+@dataclass(frozen=True, slots=True)
+class ActionListeners:
+    """Who is told what comes of an action, in the event loop."""
+
+    result: Callable[[GoalResult], None]
+    feedback: Callable[[FeedbackReading], None]
+
+
+def action_type(navigation: Navigation) -> Any | None:  # noqa: ANN401 - rclpy carries no types
+    """Give the type of the action that goals are given to, where the robot's ROS installation has it."""
+    name = "NavigateThroughPoses" if navigation is Navigation.THROUGH_POSES else "NavigateToPose"
+    try:
+        return getattr(import_module("nav2_msgs.action"), name)
+    except ImportError:
+        return None
+
+
+class ActionDoor:
+    """Speaks to the action's server; a guest on one node, which it enters before all else."""
+
+    def __init__(self, settings: RosSettings, types: Any, listeners: ActionListeners) -> None:  # noqa: ANN401
+        self._settings = settings
+        self._types = types
+        self._listeners = listeners
+        self._asked: Any = None
+        self._feedback_due_at = 0.0
+
+    def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401
+        """Make the clients and the subscription."""
+        self._session = session
+        services, hidden = self._types.Impl, f"{self._settings.action}/_action"
+        self._goals = node.create_client(services.SendGoalService, f"{hidden}/send_goal")
+        self._results = node.create_client(services.GetResultService, f"{hidden}/get_result")
+        session.subscribe(
+            node,
+            services.FeedbackMessage,
+            f"{hidden}/feedback",
+            FEEDBACK,
+            read=feedback_reading,
+            handle=self._listeners.feedback,
+            due=self._feedback_due,
+        )
+
+    @property
+    def ready(self) -> bool:
+        """Whether a server is there that takes goals."""
+        return bool(self._goals.service_is_ready() and self._results.service_is_ready())
+
+    async def send(self, goal_id: str, way: Sequence[MapPose]) -> bool | None:
+        """Send a goal over the places of ``way``, of which NavigateToPose takes the first alone.
+
+        Tells whether the server has accepted it, None: it has not answered in time.
+        """
+        request = self._types.Impl.SendGoalService.Request()
+        request.goal_id.uuid = list(bytes.fromhex(goal_id))
+        places = [messages.goal_message(pose, self._settings.frame) for pose in way]
+        if hasattr(request.goal, "pose"):
+            request.goal.pose = places[0]
+        elif hasattr(request.goal.poses, "goals"):  # from Kilted on
+            request.goal.poses.header.frame_id = self._settings.frame
+            request.goal.poses.goals = places
+        else:
+            request.goal.poses = places
+        answer = await self._session.call(self._goals, request, seconds=self._settings.call_timeout)
+        return None if answer is None else bool(answer.accepted)
+
+    def ask_result(self, goal_id: str) -> None:
+        """Ask for the result of a goal, which comes when it ends; one asked for before is let go."""
+        if self._asked is not None:
+            self._results.remove_pending_request(self._asked)
+        request = self._types.Impl.GetResultService.Request()
+        request.goal_id.uuid = list(bytes.fromhex(goal_id))
+        self._asked = self._results.call_async(request)
+        self._asked.add_done_callback(lambda future: self._on_result(goal_id, future))
+
+    def _feedback_due(self) -> bool:
+        now = time.monotonic()
+        if now < self._feedback_due_at:
+            return False
+        self._feedback_due_at = now + FEEDBACK_PERIOD
+        return True
+
+    def _on_result(self, goal_id: str, future: Any) -> None:  # noqa: ANN401
+        """Hand a result on to the loop; runs in the ROS thread, and for a question let go too."""
+        answer = None if future.cancelled() else future.result()
+        if answer is not None:
+            told = answer.result
+            # Humble has neither field, Iron the code alone.
+            code, message = int(getattr(told, "error_code", 0)), str(getattr(told, "error_msg", ""))
+            result = GoalResult(goal_id, GoalStatus.of(answer.status), code, message)
+            self._session.post(lambda: self._listeners.result(result))
+
+
+def feedback_reading(message: Any) -> FeedbackReading:  # noqa: ANN401
+    """Read the feedback of a drive.
+
+    Raises:
+        UnusablePoseError: the place is not finite or the orientation no unit quaternion.
+
+    """
+    told = message.feedback
+    place, turn = told.current_pose.pose.position, told.current_pose.pose.orientation
+    yaw = yaw_of(turn.x, turn.y, turn.z, turn.w)
+    if yaw is None or not math.isfinite(place.x + place.y + told.distance_remaining):
+        text = f"x {place.x}, y {place.y}, distance {told.distance_remaining}"
+        raise UnusablePoseError(text)
+    return FeedbackReading(
+        goal_id=bytes(message.goal_id.uuid).hex(),
+        x=place.x,
+        y=place.y,
+        yaw=yaw,
+        frame=told.current_pose.header.frame_id,
+        left=told.distance_remaining,
+        recoveries=told.number_of_recoveries,
+        places_left=getattr(told, "number_of_poses_remaining", 1),
+    )

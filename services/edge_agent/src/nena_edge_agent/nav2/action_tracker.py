@@ -1,0 +1,414 @@
+"""Why Nav2 says that a drive has failed: the error codes in the results of its actions (Jazzy)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from nena_edge_agent.driver.map_port import MapGoal, MapPose
+from nena_edge_agent.driver.port import DriveFailure, DriveProgress
+from nena_edge_agent.nav2.commands import AskResult, Command, SendGoal
+from nena_edge_agent.nav2.goal_tracker import Drive, GoalTracker
+from nena_edge_agent.nav2.goals import GoalEntry, GoalMark, GoalStatus, MarkedLedger
+from nena_edge_agent.nav2.poses import agrees, near
+from nena_edge_agent.nav2.settings import GoalSettings, Navigation, RosSettings
+from nena_shared.clock import Clock
+from nena_shared.log import get_logger
+from nena_shared.program import StartError
+
+if TYPE_CHECKING:
+    from nena_edge_agent.nav2.action_client import ActionDoor, GoalResult
+
+
+_REASONS = {
+    100: "the controller gives no reason",
+    101: "Nav2 has no such controller",
+    102: "the controller misses a transform",
+    103: "the controller cannot use the path",
+    104: "the controller has given up waiting",
+    105: "the robot does not get on",
+    106: "the controller finds no way to move",
+    107: "the controller takes too long",
+    200: "the planner gives no reason",
+    201: "Nav2 has no such planner",
+    202: "the planner misses a transform",
+    203: "the robot is outside of the map",
+    204: "the place is outside of the map",
+    205: "the robot stands in what the map has as occupied",
+    206: "the place is occupied",
+    207: "the planner takes too long",
+    208: "there is no way to the place",
+    309: "the goal names no places",
+}
+_FAMILIES = {
+    500: "the smoother has failed",
+    600: "a waypoint was missed",
+    700: "a recovery has failed",
+    900: "docking has failed",
+    9000: "the navigator has failed",
+}
+"""Codes from these on whose single meanings help nobody who stands beside the robot."""
+SEVERAL = 100
+"""What a code of the planner is higher by, where a way over several places was asked for."""
+
+
+def reason_of(code: int, message: str = "") -> str | None:
+    """Say in words what an ``error_code`` means, with Nav2's own ``error_msg``; None: it gives no reason."""
+    if not code and not message:
+        return None
+    known = _REASONS.get(code) or (_REASONS.get(code - SEVERAL) if code // SEVERAL == 3 else None)  # noqa: PLR2004 - 3xx: see SEVERAL
+    family = next((text for first, text in reversed(_FAMILIES.items()) if code >= first), None)
+    text = known or family or "Nav2 gives a code that this program does not know"
+    return f"{text} (error code {code}{f': {message}' if message else ''})"
+
+
+SAME = 0.001
+"""Metres that two places of the same node may differ by."""
+TURNED_AWAY = 0.3
+"""Metres by which a robot is further from a place than it was, when it does not drive to it any more."""
+
+
+class WayDriven:
+    """Follows a goal over several places; those behind the one that is wanted next are its ``ahead``."""
+
+    def __init__(self) -> None:
+        self._places: tuple[MapPose, ...] = ()
+        self._let_go = False
+        self._closest = math.inf
+
+    def begin(self, goal: MapGoal) -> None:
+        """Note which places navigation is given."""
+        self._places = (goal.pose, *goal.ahead)
+        self.go_on()
+
+    def go_on(self) -> None:
+        """Note that the next place is wanted now."""
+        self._let_go, self._closest = False, math.inf
+
+    def covers(self, goal: MapGoal) -> bool:
+        """Tell whether navigation, as it is, drives to ``goal`` and over what is ahead of it."""
+        wanted = (goal.pose, *goal.ahead)
+        if len(self._places) <= 1 or len(wanted) > len(self._places):
+            return False
+        rest = self._places[-len(wanted) :]
+        same = (near(one, other, xy=SAME, theta=None) for one, other in zip(wanted, rest, strict=True))
+        return all(same)
+
+    def left(self, goal: MapGoal, places: int) -> None:
+        """Note how many places navigation still means to drive to."""
+        self._let_go = self._let_go or places <= len(goal.ahead)
+
+    def missed(self, goal: MapGoal, pose: MapPose) -> bool:
+        """Tell whether the robot turns away from ``goal`` without having been there."""
+        if not goal.ahead or not self._let_go:
+            return False
+        away = math.dist((pose.x, pose.y), (goal.pose.x, goal.pose.y))
+        self._closest = min(self._closest, away)
+        return self._closest > goal.deviation_xy and away > self._closest + TURNED_AWAY
+
+
+POSE_STEP = 0.05
+"""Metres between two places that are told on."""
+YAW_STEP = 0.1
+"""Radians."""
+PROGRESS_PERIOD = 1.0
+"""Seconds between two reports of what is left."""
+FRESH = 0.5
+"""Seconds for which a pose of the feedback is better than one of the localisation, which comes seldom."""
+
+
+@dataclass(frozen=True, slots=True)
+class FeedbackReading:
+    """One message: the place in m and rad of ``frame``, the way that is left in m and in places."""
+
+    goal_id: str
+    x: float
+    y: float
+    yaw: float
+    frame: str
+    left: float
+    recoveries: int
+    places_left: int = 1
+
+
+class FeedbackFilter:
+    """Lets pass what is news; times are monotonic seconds."""
+
+    def __init__(self) -> None:
+        self._heard_at = -math.inf
+        self._heard_of = ""
+        self._place = (math.inf, math.inf)
+        self._yaw = 0.0
+        self._progress_at = -math.inf
+        self._progress: tuple[str, int] = ("", 0)
+
+    def fresh(self, now: float) -> bool:
+        """Tell whether feedback comes now."""
+        return now - self._heard_at < FRESH
+
+    def silent_for(self, goal_id: str | None, now: float) -> float:
+        """Return the seconds since the last feedback of a goal; 0 where none has come of it yet."""
+        return now - self._heard_at if goal_id is not None and goal_id == self._heard_of else 0.0
+
+    def moved(self, reading: FeedbackReading, now: float) -> bool:
+        """Tell whether the place is to be told on."""
+        self._heard_at, self._heard_of = now, reading.goal_id
+        here = (reading.x, reading.y)
+        turned = abs(math.remainder(reading.yaw - self._yaw, math.tau))
+        if math.dist(here, self._place) < POSE_STEP and turned < YAW_STEP:
+            return False
+        self._place, self._yaw = here, reading.yaw
+        return True
+
+    def progress(self, reading: FeedbackReading, map_id: str, now: float) -> DriveProgress | None:
+        """Give what is to be told of the way that is left; a recovery is told at once."""
+        drive = (reading.goal_id, reading.recoveries)
+        if drive == self._progress and now - self._progress_at < PROGRESS_PERIOD:
+            return None
+        self._progress, self._progress_at = drive, now
+        return DriveProgress(max(0.0, reading.left), reading.recoveries, map_id)
+
+
+log = get_logger(__name__)
+
+REASON_WAIT = 1.0
+"""Seconds that the result of an aborted goal may come after the array that shows its end."""
+
+
+class ActionTracker(GoalTracker):
+    """``by_action`` is set by whoever sees the action's server: the next goal is sent to it."""
+
+    def __init__(self, settings: GoalSettings, mark: GoalMark) -> None:
+        super().__init__(settings)
+        self._mark = mark
+        self._ledger: MarkedLedger = MarkedLedger(
+            mark, confirmation_time=settings.confirmation_time, settle_time=settings.settle_time
+        )
+        self.by_action = False
+        self._way = WayDriven()
+        self._sent_for: Drive | None = None
+        self._sent: list[str] = []
+        self._refused = False
+        self._asked = ""
+        self._reason: tuple[str, str | None] = ("", None)
+        self._aborted: tuple[str, float] | None = None
+
+    @property
+    def goal_id(self) -> str | None:
+        """The goal that Nav2 drives to for us, once it has taken it."""
+        return self._drive.goal_id if self._drive is not None else None
+
+    @property
+    def busy(self) -> bool:
+        """Whether something is waited for, so that :meth:`tick` is needed."""
+        return self._aborted is not None or super().busy
+
+    def go_to(self, goal: MapGoal, now: float) -> list[Command]:
+        """Drive to ``goal``; where the one that is driven leads there anyway, nothing is sent."""
+        drive = self._drive
+        same = drive is not None and drive is self._sent_for and drive.goal_id in self._sent
+        if drive is not None and same and self._aborted is None and self._way.covers(goal):
+            drive.goal = goal
+            self._way.go_on()
+            return self._advance(now)
+        return super().go_to(goal, now)
+
+    def on_pose(self, pose: MapPose, now: float) -> list[Command]:
+        """Take a pose; a place that the robot leaves out on a way over several is driven to anew."""
+        drive = self._drive
+        if drive is not None and drive.reached_at is None and self._way.missed(drive.goal, pose):
+            self._give_alone(drive)
+        return super().on_pose(pose, now)
+
+    def on_places(self, goal_id: str, left: int) -> None:
+        """Take how many places of its way navigation still means to drive to."""
+        drive = self._drive
+        if drive is not None and drive.goal_id == goal_id:
+            self._way.left(drive.goal, left)
+
+    def on_other_statuses(self, entries: Sequence[GoalEntry], now: float) -> list[Command]:
+        """Take the status array of the action that this agent gives no goals to."""
+        self._ledger.set_others(entries)
+        self._tell_table()
+        return self._advance(now)
+
+    def on_goal_answer(self, goal_id: str, now: float, *, accepted: bool | None) -> list[Command]:
+        """Take the answer to a goal that was sent; None: there was none, and the array will show it."""
+        drive = self._drive
+        if accepted:
+            self._ledger.accept(goal_id)
+            if drive is not None and drive is self._sent_for and goal_id in self._sent:
+                drive.goal_id, drive.reached_at = goal_id, None
+            self._tell_table()
+        elif accepted is False:
+            self._refused = True
+        return self._advance(now)
+
+    def on_result(
+        self, goal_id: str, status: GoalStatus, reason: tuple[int, str], now: float
+    ) -> list[Command]:
+        """Take the result of a goal: its last status, the ``error_code`` and the ``error_msg``."""
+        self._ledger.settle(goal_id, status)
+        if status.terminal:
+            self._reason = (goal_id, reason_of(*reason))
+            self._tell_table()
+        drive = self._drive
+        if drive is not None and drive.goal_id == goal_id and drive.reached_at is None:
+            self._follow(drive, goal_id, now, lost=False)
+        return self._advance(now)
+
+    def _publish(self, drive: Drive, now: float) -> None:
+        if not self.by_action:
+            super()._publish(drive, now)
+            return
+        if drive is not self._sent_for:
+            self._sent_for, self._sent, self._refused = drive, [], False
+        goal_id = self._mark.new()
+        self._way.begin(drive.goal)
+        self._sent.append(goal_id)
+        self._ledger.sent(now)
+        self._out.append(SendGoal(drive.goal, goal_id))
+
+    def _bind(self, drive: Drive, claimed: tuple[str, ...]) -> None:
+        """Find the goal in the array, should the answer to it be lost."""
+        super()._bind(drive, claimed)
+        if drive.goal_id is None and drive is self._sent_for:
+            listed = [each for each in self._sent if self._ledger.status(each) is not None]
+            drive.goal_id = listed[-1] if listed else None
+
+    def _judge_arrival(self, now: float) -> None:
+        """Wait at the end of a way for the nodes on it to be told passed; one that was not is driven to."""
+        drive, pose = self._drive, self._pose
+        if drive is None or drive.reached_at is None or not drive.goal.ahead or pose is None:
+            super()._judge_arrival(now)
+        elif agrees(pose, drive.goal):
+            self._arrive(drive)
+        elif now - drive.reached_at >= self._settings.pose_wait:
+            self._give_alone(drive)
+
+    def _give_alone(self, drive: Drive) -> None:
+        """Give a goal again without what comes behind it."""
+        log.info("a node on the way was left out and is driven to", generation=drive.goal.generation)
+        self._drive = Drive(replace(drive.goal, ahead=()))
+
+    def _advance(self, now: float) -> list[Command]:
+        drive = self._drive
+        if self._aborted is not None:
+            goal_id = self._aborted[0]
+            if drive is not None and drive.goal_id == goal_id:
+                self._follow(drive, goal_id, now, lost=False)
+            else:
+                self._aborted = None
+        self._ask_result()
+        return super()._advance(now)
+
+    def _ask_result(self) -> None:
+        """Ask once what becomes of the goal that is driven, of an earlier run's too."""
+        goal_id = self.goal_id
+        if goal_id is not None and goal_id != self._asked and self._mark.bears(goal_id):
+            self._asked = goal_id
+            self._out.append(AskResult(goal_id))
+
+    def _follow(self, drive: Drive, goal_id: str, now: float, *, lost: bool) -> None:
+        """Let an end that needs a reason wait for it a little."""
+        aborted = self._ledger.status(goal_id) is GoalStatus.ABORTED and self._mark.bears(goal_id)
+        if aborted and not lost and self._reason[0] != goal_id:
+            self._aborted = self._aborted or (goal_id, now)
+            if now - self._aborted[1] < REASON_WAIT:
+                return
+        self._aborted = None
+        super()._follow(drive, goal_id, now, lost=lost)
+
+    def _fail_aborted(self, drive: Drive, goal_id: str) -> None:
+        reason = self._reason[1] if self._reason[0] == goal_id else None
+        if reason is None:
+            super()._fail_aborted(drive, goal_id)
+        else:
+            self._fail(drive, DriveFailure.ABORTED, f"Nav2 has aborted the goal {goal_id}: {reason}")
+
+    def _refusal(self, drive: Drive) -> str:
+        if drive is self._sent_for and self._refused:
+            return f"Nav2 has refused the goal, given {drive.times_given} times: is bt_navigator active?"
+        return super()._refusal(drive)
+
+
+class ActionSide:
+    """Carries out what the tracker wants of the action, and hands it the answers; ``apply`` does the rest.
+
+    rclpy is loaded with the first door, not before.
+    """
+
+    def __init__(
+        self,
+        tracker: ActionTracker,
+        *,
+        apply: Callable[[Iterable[Command]], None],
+        on_feedback: Callable[[FeedbackReading], None],
+        clock: Clock,
+    ) -> None:
+        self._tracker = tracker
+        self._apply = apply
+        self._on_feedback = on_feedback
+        self._clock = clock
+        self._door: ActionDoor | None = None
+
+    @staticmethod
+    def check(settings: RosSettings) -> None:
+        """See whether the settings ask for what this machine does not have.
+
+        Raises:
+            StartError: the action is wanted, and its types cannot be loaded.
+
+        """
+        from nena_edge_agent.nav2.action_client import action_type  # noqa: PLC0415 - loads rclpy
+
+        if settings.by_action_only and action_type(settings.navigation) is None:
+            message = (
+                "nav2_msgs cannot be loaded: source the robot's ROS installation with Nav2 before the start, "
+                "or drive by topics (ros.navigation = topics)"
+            )
+            raise StartError(message)
+
+    def new_door(self, settings: RosSettings) -> list[ActionDoor]:
+        """Give what is to enter a new node: nothing where goals are given by topic alone."""
+        from nena_edge_agent.nav2.action_client import ActionDoor, ActionListeners, action_type  # noqa: PLC0415
+
+        types = None
+        if settings.navigation is not Navigation.TOPICS:
+            types = action_type(settings.navigation)
+        listeners = ActionListeners(self._on_result, self._take_feedback)
+        self._door = None if types is None else ActionDoor(settings, types, listeners)
+        return [self._door] if self._door else []
+
+    def look(self) -> bool:
+        """See whether a server takes goals; the next goal goes to it then."""
+        self._tracker.by_action = self._door is not None and self._door.ready
+        return self._tracker.by_action
+
+    def on_other_statuses(self, entries: list[GoalEntry]) -> None:
+        """Take the statuses of the action that only others give goals to."""
+        self._apply(self._tracker.on_other_statuses(entries, self._clock.monotonic()))
+
+    async def send(self, goal: MapGoal, goal_id: str) -> None:
+        """Send a goal and take the server's answer."""
+        log.info("goal sent", generation=goal.generation, goal=goal_id, x=goal.pose.x, y=goal.pose.y)
+        accepted = (
+            await self._door.send(goal_id, (goal.pose, *goal.ahead)) if self._door is not None else None
+        )
+        self._apply(self._tracker.on_goal_answer(goal_id, self._clock.monotonic(), accepted=accepted))
+
+    def ask_result(self, goal_id: str) -> None:
+        """Have the server tell the result of a goal when it ends."""
+        if self._door is not None:
+            self._door.ask_result(goal_id)
+
+    def _on_result(self, result: GoalResult) -> None:
+        reason = (result.error_code, result.error_message)
+        now = self._clock.monotonic()
+        self._apply(self._tracker.on_result(result.goal_id, result.status, reason, now))
+
+    def _take_feedback(self, reading: FeedbackReading) -> None:
+        self._tracker.on_places(reading.goal_id, reading.places_left)
+        self._on_feedback(reading)

@@ -1,0 +1,56 @@
+"""What the goal tracker and the localisation want done by the driver."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from nena_edge_agent.driver.map_port import MapDriverEvent, MapGoal
+
+
+@dataclass(frozen=True, slots=True)
+class PublishGoal:
+    """Publish the goal on the topic; it may be lost on the way."""
+
+    goal: MapGoal
+
+
+@dataclass(frozen=True, slots=True)
+class SendGoal:
+    """Send the goal to the action's server, under this id; it answers."""
+
+    goal: MapGoal
+    goal_id: str
+
+
+@dataclass(frozen=True, slots=True)
+class AskResult:
+    """Ask the action's server for the result of the goal, which it gives when the goal has ended."""
+
+    goal_id: str
+
+
+@dataclass(frozen=True, slots=True)
+class CancelGoal:
+    """Call the cancel service for this goal alone (zero stamp)."""
+
+    goal_id: str
+
+
+@dataclass(frozen=True, slots=True)
+class StopMotion:
+    """Cancel all goals of the controller, the behaviours and the docking server, whoever gave them."""
+
+
+@dataclass(frozen=True, slots=True)
+class RequestPose:
+    """Have the localisation send a pose although the robot stands."""
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """Tell the protocol core."""
+
+    event: MapDriverEvent
+
+
+Command = PublishGoal | SendGoal | AskResult | CancelGoal | StopMotion | RequestPose | Report

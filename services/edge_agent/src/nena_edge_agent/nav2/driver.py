@@ -1,0 +1,404 @@
+"""The driver for Nav2 by its topics: rclpy and the common interfaces are all that it needs of ROS.
+
+Everything here runs in the event loop; what to do is decided by pure cores (goal tracker, initial position,
+presence), what comes and goes passes through the node.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Iterable, Sequence
+from contextlib import AsyncExitStack, suppress
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from nena_edge_agent.driver.map_port import (
+    MapDriverEvent,
+    MapEmit,
+    MapGoal,
+    MapOwnGoals,
+    MapPlanReport,
+    MapPose,
+)
+from nena_edge_agent.driver.port import (
+    BlockedReport,
+    DriveFailed,
+    DriveFailure,
+    Halted,
+    NavigationReport,
+    PositionInitialized,
+    SessionReport,
+    SessionState,
+)
+from nena_edge_agent.nav2 import presence
+from nena_edge_agent.nav2.action_tracker import ActionSide, ActionTracker, FeedbackFilter, FeedbackReading
+from nena_edge_agent.nav2.commands import (
+    AskResult,
+    CancelGoal,
+    Command,
+    PublishGoal,
+    Report,
+    RequestPose,
+    SendGoal,
+    StopMotion,
+)
+from nena_edge_agent.nav2.goals import GoalEntry, GoalMark
+from nena_edge_agent.nav2.localisation import InitialPosition, Localisation, PoseWatch, PublishInitialPose
+from nena_edge_agent.nav2.poses import PoseReading, impossible
+from nena_edge_agent.nav2.robot_base import Battery, BatteryReading, MovementWatch
+from nena_edge_agent.nav2.session_control import NodeGuest, SessionError, SessionKeeper, prepare_environment
+from nena_edge_agent.nav2.settings import RosAddress, RosSettings
+from nena_shared.clock import Clock
+from nena_shared.log import get_logger
+from nena_shared.program import StartError
+from nena_shared.tasks import Supervisor, forever
+
+if TYPE_CHECKING:
+    from nena_edge_agent.nav2.node import Nav2Node
+
+
+TICK = 0.05
+"""Seconds between two looks at the time while something is waited for."""
+FEEDBACK_TIMEOUT = 2.0
+"""Seconds without feedback of a drive, each 10 ms as a rule, after which bt_navigator counts as dead."""
+
+
+class Nav2Driver:
+    """One robot with Nav2. Events are told from the loop itself, never from within a call of a method."""
+
+    def __init__(
+        self,
+        settings: RosSettings,
+        map_id: str,
+        emit: MapEmit,
+        clock: Clock,
+        guests: Sequence[NodeGuest] = (),
+    ) -> None:
+        self._settings = settings
+        self._guests = guests
+        self._map_id = map_id
+        self._emit = emit
+        self._clock = clock
+        self._log = get_logger(__name__)
+        self.session = SessionKeeper(
+            RosAddress.of(settings),
+            begin=self._open_node,
+            end=self._close_node,
+            tell=self._on_session,
+            clock=clock,
+            retry=settings.session_retry,
+        )
+        self._tracker = ActionTracker(settings.goals, GoalMark(settings.node_name))
+        self._action = ActionSide(
+            self._tracker, apply=self._apply, on_feedback=self._on_feedback, clock=clock
+        )
+        self._feedback = FeedbackFilter()
+        self._initial_position = InitialPosition(settings.localisation)
+        self._battery = Battery(settings.battery_scale)
+        self._forget_place()
+        self._blocked = False
+        self._navigation: NavigationReport | None = None
+        self._node: Nav2Node | None = None
+        self._tasks = Supervisor()
+        self._stack = AsyncExitStack()
+        self._ticking: asyncio.TimerHandle | None = None
+        self._halted = asyncio.Event()
+        self._stopped = False
+
+    async def start(self) -> None:
+        """Join the ROS graph, if it is set so, and look for Nav2 from now on; it need not be there yet.
+
+        Raises:
+            StartError: rclpy is missing, or what the settings ask for beside it.
+
+        """
+        self._loop = asyncio.get_running_loop()
+        prepare_environment()
+        try:
+            import nena_edge_agent.nav2.node  # noqa: F401, PLC0415 - rclpy reads the environment now
+        except ImportError as error:
+            message = (
+                f"ROS 2 for Python cannot be loaded ({error}): source the robot's ROS installation before "
+                "the start, or install nena-edge-agent[ros]"
+            )
+            raise StartError(message) from error
+        self._action.check(self._settings)
+        await self._begin_session()
+        await self._stack.enter_async_context(self._tasks)
+        self._tasks.start("watch Nav2", forever("watch Nav2", self._watch), vital=False)
+
+    async def stop(self) -> None:
+        """Stop the robot where it still drives for us, then leave the ROS graph; tells nothing any more."""
+        self._emit = lambda _event: None
+        if self._node is not None:
+            await self._stand()
+        self._stopped = True
+        if self._ticking is not None:
+            self._ticking.cancel()
+        await self._stack.aclose()
+        await self.session.stop()
+
+    def reclaim(self, goals: MapOwnGoals) -> None:
+        """Go on with a goal of an earlier run, where Nav2 still drives to it."""
+        self._tracker.reclaim(goals)
+
+    def go_to(self, goal: MapGoal) -> None:
+        """Drive to ``goal``; while another one is driven, it is replaced without a stop."""
+        now = self._clock.monotonic()
+        problem = impossible(goal.pose, self._map_id)
+        if problem is None:
+            self._apply(self._tracker.go_to(goal, now))
+        else:
+            self._apply(self._tracker.drop(now))
+            self._tell(DriveFailed(goal.generation, DriveFailure.NOT_TAKEN_UP, problem))
+
+    def halt(self) -> None:
+        """Cancel what is driven; answered by ``Halted`` once the robot stands."""
+        self._halted.clear()
+        self._apply(self._tracker.halt(self._clock.monotonic()))
+
+    def limit_speed(self, speed: float | None) -> None:
+        """Do nothing: Nav2 takes no limit by its topics, and the factsheet says so."""
+
+    def initialize_position(self, pose: MapPose) -> None:
+        """Tell the localisation where the robot is.
+
+        Answered by ``PositionInitialized``; a newer call replaces an older one, and one answer is for both.
+        """
+        problem = impossible(pose, self._map_id)
+        if problem is not None:
+            self._tell(PositionInitialized(succeeded=False, description=problem))
+            return
+        self._apply(self._initial_position.ask(pose, self._clock.monotonic()))
+
+    async def _begin_session(self) -> None:
+        """Join the graph as far as the settings want it; where ROS refuses, it is tried again later."""
+        if not self._settings.start_session:
+            self.session.tell_off()
+            return
+        with suppress(SessionError):  # it is told, and tried again
+            await self.session.start()
+
+    async def _open_node(self, address: RosAddress) -> None:
+        from nena_edge_agent.nav2.node import Listeners, Nav2Node  # noqa: PLC0415 - needs rclpy
+
+        self._settings = address.applied(self._settings)
+        listeners = Listeners(
+            self._on_statuses,
+            self._action.on_other_statuses,
+            self._on_pose,
+            self._on_velocity,
+            self._on_battery,
+            self._on_plan,
+        )
+        guests = (*self._guests, *self._action.new_door(self._settings))
+        node = Nav2Node(self._settings, listeners, guests)
+        await node.start(self._on_failure)
+        self._node = node
+
+    async def _close_node(self) -> None:
+        """Leave the graph with the robot at a stand."""
+        if (self._tracker.busy or self._tracker.driving) and not self._stopped:
+            await self._stand()
+        node, self._node = self._node, None
+        if node is not None:
+            await node.stop()
+
+    def _lose_place(self) -> None:
+        """Say that nobody knows where the robot is now."""
+        report = self._localisation.report()
+        self._forget_place()
+        if report is not None:
+            problem = "its ROS session is not active"
+            self._tell(replace(report, localized=False, vx=None, omega=None, problem=problem))
+
+    def _forget_place(self) -> None:
+        """Begin anew to learn where the robot is: it may be another one, or be pushed around."""
+        settings = self._settings
+        self._localisation = Localisation(settings, self._map_id)
+        self._movement = MovementWatch(settings.goals.blocked_after)
+        self._pose_watch = PoseWatch(
+            timeout=settings.localisation.pose_timeout, wait=settings.goals.pose_wait
+        )
+
+    async def _stand(self) -> None:
+        self.halt()
+        try:
+            async with asyncio.timeout(self._settings.stop_timeout):
+                await self._halted.wait()
+        except TimeoutError:
+            self._log.warning(
+                "the robot may still drive: Nav2 did not stop it in time", seconds=self._settings.stop_timeout
+            )
+
+    async def _watch(self) -> None:
+        """Look at Nav2 once; a session that has failed is begun anew first."""
+        await self.session.look()
+        async with self.session.step:
+            if self._node is not None:
+                seen = await self._node.presence()
+                seen = replace(seen, action=self._action.look())
+                report = presence.judge(seen, self._settings, pose_known=self._localisation.known)
+                self._on_navigation(seen.servers, report)
+                self._watch_drive()
+        await asyncio.sleep(self._settings.watch_period)
+
+    def _on_navigation(self, servers: frozenset[str], report: NavigationReport) -> None:
+        now = self._clock.monotonic()
+        self._apply(self._tracker.on_servers(servers, now))
+        self._apply(self._tracker.on_navigation(report, now))
+        if report != self._navigation:
+            self._navigation = report
+            self._log.info("navigation", available=report.available, reason=report.reason)
+            self._tell(report)
+
+    def _watch_drive(self) -> None:
+        """See whether the robot gets on, and whether it still hears where it is."""
+        now, driving = self._clock.monotonic(), self._tracker.driving
+        silent = self._feedback.silent_for(self._tracker.goal_id, now) if driving else 0.0
+        if silent > FEEDBACK_TIMEOUT:
+            self._apply(self._tracker.on_silence(silent, now))
+            driving = False
+        if self._localisation.forget_stale_velocity(now):
+            self._tell(self._localisation.velocity)
+        blocked = self._movement.blocked(driving=driving, now=now)
+        if blocked != self._blocked:
+            self._blocked = blocked
+            self._log.info("movement", blocked=blocked)
+            self._tell(BlockedReport(blocked, self._settings.goals.blocked_after))
+        report, lost = self._localisation.report(), self._pose_watch.lost
+        unsure = report is not None and not report.localized
+        if self._pose_watch.look(driving=driving, unsure=unsure, now=now):
+            self._apply([RequestPose()])
+        if self._pose_watch.lost and not lost:
+            self._report_pose()
+
+    def _on_failure(self, reason: str) -> None:
+        self._node = None
+        self.session.failed(reason)
+
+    def _on_session(self, report: SessionReport) -> None:
+        """Tell of the session; without one there is no Nav2, and with a new one it is looked for."""
+        self._tell(report)
+        if report.state in (SessionState.NOT_ACTIVE, SessionState.FAILED):
+            self._lose_place()
+            text = f"its ROS session is {report.state}"
+            reason = f"{text}: {report.reason}" if report.reason else text
+            self._on_navigation(frozenset(), NavigationReport(available=False, reason=reason))
+
+    def _on_statuses(self, entries: list[GoalEntry]) -> None:
+        self._apply(self._tracker.on_statuses(entries, self._clock.monotonic()))
+
+    def _on_pose(self, reading: PoseReading) -> None:
+        now = self._clock.monotonic()
+        old = self._tracker.driving and self._feedback.fresh(now)
+        pose = self._localisation.on_reading(reading, old=old)
+        if pose is None:
+            return
+        self._movement.on_pose(pose, now)
+        self._pose_watch.on_pose(now)
+        self._report_pose()
+        self._apply(self._tracker.on_pose(pose, now))
+        self._apply(self._initial_position.on_pose(pose))
+
+    def _on_feedback(self, reading: FeedbackReading) -> None:
+        """Take the place and the way that is left, which feedback tells more often than the localisation."""
+        now = self._clock.monotonic()
+        if reading.goal_id != self._tracker.goal_id:
+            return
+        if self._feedback.moved(reading, now):
+            pose = self._localisation.on_nearer(reading.x, reading.y, reading.yaw, reading.frame)
+            if pose is not None:
+                self._movement.on_pose(pose, now)
+                self._report_pose()
+                self._apply(self._tracker.on_pose(pose, now))
+        if progress := self._feedback.progress(reading, self._map_id, now):
+            self._tell(progress)
+
+    def _on_velocity(self, velocity: tuple[float, float]) -> None:
+        now = self._clock.monotonic()
+        for watcher in (self._tracker, self._movement, self._pose_watch):
+            watcher.on_velocity(*velocity, now)
+        if self._localisation.on_velocity(velocity, now):
+            self._tell(self._localisation.velocity)
+            self._report_pose()
+
+    def _on_battery(self, reading: BatteryReading) -> None:
+        report = self._battery.report(reading)
+        if report is not None:
+            self._tell(report)
+
+    def _on_plan(self, plan: tuple[str, tuple[tuple[float, float], ...]]) -> None:
+        """Tell of a plan for our own drive; others plan too, and whose it is shows by where it ends."""
+        frame, points = plan
+        ours = frame.removeprefix("/") == self._settings.frame
+        if ours and len(points) > 1 and self._tracker.wants(points[-1]):
+            self._tell(MapPlanReport(points, self._map_id))
+
+    def _report_pose(self) -> None:
+        report = self._localisation.report()
+        if report is not None and self._pose_watch.lost:
+            seconds = self._settings.localisation.pose_timeout
+            problem = f"the localisation has sent no pose for more than {seconds:g} s of driving"
+            report = replace(report, localized=False, problem=problem)
+        if report is not None:
+            self._tell(report)
+
+    def _apply(self, commands: Iterable[Command | PublishInitialPose]) -> None:
+        for command in commands:
+            self._do(command)
+        if (
+            not self._stopped
+            and self._ticking is None
+            and (self._tracker.busy or self._initial_position.busy)
+        ):
+            self._ticking = self._loop.call_later(TICK, self._tick)
+
+    def _do(self, command: Command | PublishInitialPose) -> None:
+        if isinstance(command, Report):
+            self._tell(command.event)
+            return
+        node = self._node
+        if node is None:
+            return
+        match command:
+            case PublishGoal(goal):
+                node.publish_goal(goal.pose)
+                self._log.info("goal given", generation=goal.generation, x=goal.pose.x, y=goal.pose.y)
+            case SendGoal(goal, goal_id):
+                self._tasks.start("send a goal", self._action.send(goal, goal_id), vital=False)
+            case AskResult(goal_id):
+                self._action.ask_result(goal_id)
+            case PublishInitialPose(pose):
+                node.publish_initial_pose(pose)
+            case CancelGoal(goal_id):
+                self._log.info("goal cancelled", goal=goal_id)
+                self._tasks.start("cancel a goal", self._cancel(node, goal_id), vital=False)
+            case StopMotion():
+                self._log.warning("goals of the controller, the behaviours and docking cancelled")
+                self._tasks.start("stop the robot", self._stop_motion(node), vital=False)
+            case RequestPose():
+                self._tasks.start("ask for a pose", self._request_pose(node), vital=False)
+
+    async def _request_pose(self, node: Nav2Node) -> None:
+        if await node.request_pose():
+            self._pose_watch.on_answer(self._clock.monotonic())
+
+    async def _stop_motion(self, node: Nav2Node) -> None:
+        answered = await node.stop_motion()
+        self._apply(self._tracker.on_stop_answer(self._clock.monotonic(), answered=answered))
+
+    async def _cancel(self, node: Nav2Node, goal_id: str) -> None:
+        code = await node.cancel(goal_id)
+        self._apply(self._tracker.on_cancel_answer(goal_id, code, self._clock.monotonic()))
+
+    def _tick(self) -> None:
+        self._ticking = None
+        now = self._clock.monotonic()
+        self._apply(self._initial_position.tick(now))
+        self._apply(self._tracker.tick(now))
+
+    def _tell(self, event: MapDriverEvent) -> None:
+        if isinstance(event, Halted):
+            self._halted.set()
+        self._loop.call_soon(self._emit, event)

@@ -1,0 +1,539 @@
+"""What the goal tracker wants done."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import dist, inf
+
+from nena_edge_agent.driver.map_port import MapDriverEvent, MapGoal, MapOwnGoals, MapPose
+from nena_edge_agent.driver.port import (
+    Arrived,
+    DriveFailed,
+    DriveFailure,
+    GoalTable,
+    Halted,
+    HaltFailed,
+    NavigationReport,
+)
+from nena_edge_agent.nav2.commands import (
+    CancelGoal,
+    Command,
+    PublishGoal,
+    Report,
+    RequestPose,
+    StopMotion,
+)
+from nena_edge_agent.nav2.goals import GoalEntry, GoalLedger, GoalStatus
+from nena_edge_agent.nav2.poses import agrees, near
+from nena_edge_agent.nav2.robot_base import Standstill
+from nena_edge_agent.nav2.settings import GoalSettings
+from nena_shared.log import get_logger
+
+LATE_AT_MOST = 8.0
+"""Seconds after an arrival in which poses that show the robot driving are taken for late ones."""
+STANDS = 0.1
+"""Metres, and radians, that poses of a robot that stands may differ by."""
+
+
+@dataclass(slots=True)
+class Drive:
+    """The goal that the protocol core wants driven; times are monotonic seconds."""
+
+    goal: MapGoal
+    times_given: int = 0
+    counted_from: int = 0
+    """How often it had been given when Nav2 was last away; those do not count."""
+    preempts: bool = False
+    """Whether it was given while another goal was driven, whose result it may get."""
+    interrupted: bool = False
+    """Whether the controller was stopped on the way: the navigator may take that for success."""
+    give_up_at: float | None = None
+    goal_id: str | None = None
+    reached_at: float | None = None
+    pose_asked_at: float | None = None
+    late_at: float = -inf
+    """When a pose showed the robot driving last, though it is where it was to go."""
+    _shown_driving: bool = False
+    """Whether the last pose shows the robot driving."""
+
+    @property
+    def tries(self) -> int:
+        """How often it was given since Nav2 is there."""
+        return self.times_given - self.counted_from
+
+    @property
+    def may_be_undriven(self) -> bool:
+        """Whether success may come from elsewhere than from arriving."""
+        return self.preempts or self.interrupted
+
+    def on_pose(self, pose: MapPose, before: MapPose, now: float) -> None:
+        """Take notice of a pose and the one before it; on busy computers they come long after the arrival."""
+        self._shown_driving = not near(pose, before, xy=STANDS, theta=STANDS)
+        if self.reached_at is not None and self._shown_driving:
+            self.late_at = min(now, self.reached_at + LATE_AT_MOST)
+
+    def poses_are_late(self, now: float) -> bool:
+        """Tell whether none has come since the arrival, though the last one shows the robot driving."""
+        if self.reached_at is None or self.late_at != -inf:
+            return False
+        return self._shown_driving and now - self.reached_at < LATE_AT_MOST
+
+    def pose_may_come(self, now: float, wait: float) -> bool:
+        """Tell whether a pose may yet confirm the arrival: within ``wait`` s of it, or of a late one."""
+        return self.reached_at is not None and now - max(self.reached_at, self.late_at) < wait
+
+
+log = get_logger(__name__)
+
+UNKNOWN_GOAL_ID = 2
+"""Answer of action_msgs/srv/CancelGoal for a goal that the server does not know."""
+STALE_XY = 0.25
+"""Metres that a robot may drive before AMCL sends a pose (``update_min_d``)."""
+STALE_THETA = 0.2
+"""Radians that a robot may turn before AMCL sends a pose (``update_min_a``)."""
+
+PLAN_TOLERANCE = 0.75
+"""Metres from the goal at which Nav2 may end its plan."""
+SAME = 0.001
+"""Metres, or radians, that two places of the same node may differ by."""
+RECLAIM_TIME = 10.0
+"""Seconds after a restart in which the order may still come to want the goal that Nav2 drives to."""
+OBEYED_WITHIN = 0.5
+"""Seconds after a halt in which the navigator has the robot slow down; then its controller is stopped."""
+RECLAIM_SERVER_WAIT = 5.0
+"""Seconds for the navigator to appear that drives to a goal of an earlier run; then the robot is stopped."""
+
+
+@dataclass(slots=True)
+class _Halt:
+    """A stop that is to be answered: asked for at ``asked_at``, tried in earnest since ``since``.
+
+    ``quiet_at``: when no goal of ours was left. ``failed``: ``HaltFailed`` has been reported.
+    """
+
+    asked_at: float
+    since: float
+    stopped_something: bool = False
+    quiet_at: float | None = None
+    failed: bool = False
+
+
+class GoalTracker:
+    """The rules of driving by topics; every method returns what is to be done now."""
+
+    def __init__(self, settings: GoalSettings) -> None:
+        self._settings = settings
+        self._ledger = GoalLedger(
+            confirmation_time=settings.confirmation_time, settle_time=settings.settle_time
+        )
+        self._standstill = Standstill()
+        self._navigation = NavigationReport(available=False, reason="Nav2 has not been looked for yet")
+        self._drive: Drive | None = None
+        self._halt: _Halt | None = None
+        self._cancels: dict[str, float] = {}
+        self._runaway = False
+        """Whether the robot may drive without the navigator that was to stop it."""
+        self._stop_again_at = -float("inf")
+        self._stop_answered = False
+        self._no_server_since: float | None = None
+        self._pose: MapPose | None = None
+        self._pose_at = -float("inf")
+        self._table = GoalTable()
+        self._reclaimed: MapOwnGoals | None = None
+        self._reclaimed_until: float | None = None
+        self._out: list[Command] = []
+
+    @property
+    def busy(self) -> bool:
+        """Whether something is waited for, so that :meth:`tick` is needed."""
+        drive = self._drive
+        waiting = drive is not None and (drive.goal_id is None or drive.reached_at is not None)
+        stopping = self._halt is not None or bool(self._cancels) or self._runaway
+        return waiting or stopping or self._reclaimed is not None
+
+    @property
+    def driving(self) -> bool:
+        """Whether Nav2 drives for the goal that is wanted."""
+        drive = self._drive
+        return drive is not None and drive.goal_id is not None and drive.reached_at is None
+
+    def wants(self, place: tuple[float, float]) -> bool:
+        """Tell whether a plan that ends at ``place`` (m) is for the goal that is wanted."""
+        drive = self._drive
+        if drive is None:
+            return False
+        return dist(place, (drive.goal.pose.x, drive.goal.pose.y)) <= PLAN_TOLERANCE
+
+    def reclaim(self, goals: MapOwnGoals) -> None:
+        """Take the goals of an earlier run for ours; to be called before anything else."""
+        self._ledger.reclaim(goals.goal_ids, goals.behind if goals.given else None)
+        self._reclaimed = goals
+
+    def go_to(self, goal: MapGoal, now: float) -> list[Command]:
+        """Drive to ``goal``; one that is driven is replaced, and not stopped for it."""
+        self._drive = Drive(goal)
+        return self._advance(now)
+
+    def drop(self, now: float) -> list[Command]:
+        """Cancel what is driven, without an answer: it was to be replaced by a goal that cannot be given."""
+        self._drive = self._reclaimed = None
+        return self._advance(now)
+
+    def halt(self, now: float) -> list[Command]:
+        """Drop the goal and stop; answered by ``Halted`` or ``HaltFailed``."""
+        self._drive = self._reclaimed = None
+        if self._halt is None:
+            self._halt, self._stop_answered = _Halt(now, now), False
+        elif self._halt.failed:
+            self._halt.since, self._halt.failed = now, False
+        return self._advance(now)
+
+    def on_statuses(self, entries: Sequence[GoalEntry], now: float) -> list[Command]:
+        """Take a status array: all goals that the server remembers."""
+        news = self._ledger.update(entries, now)
+        self._runaway = False  # the navigator speaks, and what it drives to can be cancelled
+        self._tell_table()
+        drive = self._drive
+        if drive is not None and drive.times_given:
+            self._bind(drive, news.claimed)
+        if drive is not None and drive.goal_id is not None and drive.reached_at is None:
+            self._follow(drive, drive.goal_id, now, lost=drive.goal_id in news.lost)
+        return self._advance(now)
+
+    def _bind(self, drive: Drive, claimed: tuple[str, ...]) -> None:
+        """Follow the new id that is ours: of a goal given twice, the server drives the one accepted last."""
+        if claimed:
+            drive.goal_id, drive.reached_at = claimed[-1], None
+
+    def on_cancel_answer(self, goal_id: str, code: int | None, now: float) -> list[Command]:
+        """Take the code of a cancel call, None where none came; the goal's status shows what it does."""
+        if code == UNKNOWN_GOAL_ID:
+            self._ledger.forget(goal_id)
+        elif code is None:
+            log.warning("no answer to the cancelling of a goal", goal=goal_id)
+        return self._advance(now)
+
+    def on_stop_answer(self, now: float, *, answered: bool) -> list[Command]:
+        """Take whether the controller has answered that its goals are cancelled."""
+        self._stop_answered = self._stop_answered or answered
+        return self._advance(now)
+
+    def on_silence(self, seconds: float, now: float) -> list[Command]:
+        """Take that the navigator drives for us and has sent no feedback for ``seconds``."""
+        drive = self._drive
+        if drive is not None:
+            self._run_away(now)
+            text = f"bt_navigator has sent no feedback for {seconds:g} s; its controller is told to stop"
+            self._fail(drive, DriveFailure.NAVIGATION_GONE, text)
+        return self._advance(now)
+
+    def on_pose(self, pose: MapPose, now: float) -> list[Command]:
+        """Take a pose that the localisation has sent."""
+        if self._drive and self._pose:
+            self._drive.on_pose(pose, self._pose, now)
+        self._pose, self._pose_at = pose, now
+        return self._advance(now)
+
+    def on_velocity(self, speed: float, omega: float, now: float) -> None:
+        """Take a velocity of the odometry: m/s and rad/s."""
+        self._standstill.on_velocity(speed, omega, now)
+
+    def on_servers(self, servers: frozenset[str], now: float) -> list[Command]:
+        """Take the endpoint ids of those who publish the status array."""
+        drove = bool(self._ledger.live)
+        gone = self._ledger.set_servers(servers, now)
+        self._tell_table()
+        if servers:
+            self._no_server_since = None
+        elif self._no_server_since is None:
+            self._no_server_since = now
+        elif self._reclaimed is not None and now - self._no_server_since >= RECLAIM_SERVER_WAIT:
+            self._reclaimed = None
+            self._run_away(now)
+        if gone and drove:
+            self._run_away(now)
+        drive = self._drive
+        if gone and drive is not None and drive.reached_at is None:
+            if drive.goal_id is not None:
+                text = "Nav2 vanished or was restarted while it was driving"
+                self._fail(drive, DriveFailure.NAVIGATION_GONE, text)
+            else:
+                drive.counted_from, drive.give_up_at = drive.times_given, None
+        return self._advance(now)
+
+    def on_navigation(self, report: NavigationReport, now: float) -> list[Command]:
+        """Take whether goals can be given."""
+        lost = self._navigation.available and not report.available
+        if lost and self._ledger.live:
+            self._run_away(now)
+        if lost and self._drive is not None:
+            self._drive.interrupted = True
+        self._navigation = report
+        return self._advance(now)
+
+    def tick(self, now: float) -> list[Command]:
+        """Let the time pass."""
+        return self._advance(now)
+
+    def _advance(self, now: float) -> list[Command]:
+        self._answer_halt(now)
+        self._judge_arrival(now)
+        self._give(now)
+        self._stop_motion(now)
+        self._let_go_of_reclaimed(now)
+        self._cancel_leftovers(now)
+        commands, self._out = self._out, []
+        return commands
+
+    def _follow(self, drive: Drive, goal_id: str, now: float, *, lost: bool) -> None:
+        """Let the status of the goal's id take effect; 0 to 3 mean that it is still driven."""
+        status = self._ledger.status(goal_id)
+        if lost:
+            text = f"Nav2 does not list the goal {goal_id} any more: it was started anew"
+            self._fail(drive, DriveFailure.NAVIGATION_GONE, text)
+        elif status is GoalStatus.SUCCEEDED:
+            drive.reached_at = now
+        elif status is GoalStatus.CANCELED:
+            text = f"the goal {goal_id} was cancelled, and not by this robot's agent"
+            self._fail(drive, DriveFailure.CANCELED_FROM_OUTSIDE, text)
+        elif status is GoalStatus.ABORTED:
+            self._fail_aborted(drive, goal_id)
+
+    def _fail_aborted(self, drive: Drive, goal_id: str) -> None:
+        other = self._ledger.taken_over(goal_id)
+        if other is not None:
+            text = f"the goal {goal_id} was replaced by a goal of somebody else ({other})"
+            self._fail(drive, DriveFailure.TAKEN_OVER, text)
+        else:
+            text = (
+                f"Nav2 has aborted the goal {goal_id}: the place cannot be reached, the way is blocked, "
+                "or the robot does not know where it is; Nav2's log on the robot tells which"
+            )
+            self._fail(drive, DriveFailure.ABORTED, text)
+
+    def _answer_halt(self, now: float) -> None:
+        """Answer a halt once the robot is seen to stand; fail it where it goes on, or nothing shows that."""
+        halt, ledger = self._halt, self._ledger
+        if halt is None:
+            return
+        halt.stopped_something = halt.stopped_something or ledger.orphaned or self._runaway
+        if ledger.awaiting(now) or ledger.may_still_drive(now):
+            halt.since = now
+            unsettled = True
+        else:
+            unsettled = bool(ledger.live)
+        if unsettled:
+            halt.stopped_something, halt.quiet_at = True, None
+        elif halt.quiet_at is None:
+            halt.quiet_at = now
+        if self._stands(halt, now):
+            self._halt = None
+            self._report(Halted())
+            return
+        began = max(halt.since, halt.quiet_at or halt.since, self._standstill.slowed_at)
+        overdue = now - began >= self._settings.standstill_timeout
+        if overdue and not halt.failed and not self._standstill.stands(now):
+            halt.failed = True
+            self._report(HaltFailed(self._why_not_halted(now)))
+
+    def _stands(self, halt: _Halt, now: float) -> bool:
+        """Whether the robot stands and nothing of ours will have it drive on.
+
+        Without odometry: a robot that drove nothing, or after a while one whose servers have agreed to stop.
+        """
+        settled = halt.quiet_at is not None
+        if settled and self._ledger.others_run:
+            return True  # somebody else drives, and is not stopped
+        if self._standstill.known(now):
+            return self._standstill.stands(now) and (settled or self._stop_answered)
+        if halt.quiet_at is None or (self._left_alone and not self._stop_answered):
+            return False
+        return not halt.stopped_something or now - halt.quiet_at >= self._settings.standstill_timeout
+
+    @property
+    def _left_alone(self) -> bool:
+        """Whether the navigator that drove for us has gone without ending the drive."""
+        return self._ledger.orphaned or self._runaway
+
+    def _why_not_halted(self, now: float) -> str:
+        asked = "Nav2 was asked to cancel its goals"
+        if self._standstill.known(now):
+            speed, omega = self._standstill.speed, self._standstill.omega
+            return f"{asked}, and the odometry still shows {speed:.2f} m/s, {omega:.2f} rad/s"
+        answer = "has" if self._stop_answered else "has not"
+        return f"{asked}; its controller {answer} answered, and no odometry comes"
+
+    def _run_away(self, now: float) -> None:
+        """Take it that the controller may drive on although the navigator does not lead it any more."""
+        self._runaway, self._stop_answered, self._stop_again_at = True, False, now
+
+    def _stop_motion(self, now: float) -> None:
+        """Stop the controller itself where the navigator is gone or does not stop the robot."""
+        stands = self._standstill.stands(now)
+        if self._runaway and self._stop_again_at > now:  # it has been asked to stop at least once
+            self._runaway = not stands and (self._standstill.known(now) or not self._stop_answered)
+        halt = self._halt
+        disobeyed = (
+            halt is not None
+            and halt.stopped_something
+            and now - halt.asked_at >= OBEYED_WITHIN
+            and (bool(self._ledger.live) or self._left_alone or self._standstill.known(now))
+            and now - self._standstill.slowed_at >= OBEYED_WITHIN
+            and not (stands and self._stop_answered)
+        )
+        if (self._runaway or disobeyed) and now >= self._stop_again_at and not self._ledger.others_run:
+            self._stop_again_at = now + self._settings.cancel_time
+            self._out.append(StopMotion())
+
+    def _judge_arrival(self, now: float) -> None:
+        """Let success count only where the pose agrees; one that may be old is asked for anew."""
+        drive = self._drive
+        if drive is None or drive.reached_at is None:
+            return
+        if self._pose is not None and agrees(self._pose, drive.goal):
+            self._arrive(drive)
+        elif drive.may_be_undriven and not self._may_agree(drive.goal):
+            self._give_again(drive)
+        elif drive.pose_may_come(now, self._settings.pose_wait):
+            self._ask_for_pose(drive, now)
+        elif drive.may_be_undriven:
+            self._give_again(drive)
+        elif self._pose_at < drive.reached_at and self._may_agree(drive.goal):
+            self._arrive(drive)
+        elif not drive.poses_are_late(now):
+            self._fail(drive, DriveFailure.OUTSIDE_TOLERANCE, self._disagreement(drive.goal))
+
+    def _give_again(self, drive: Drive) -> None:
+        """Give a goal again that succeeded although the robot is elsewhere.
+
+        Nav2 plans anew once a second (through poses: each 3 s), which a new goal does not hasten: until then
+        the controller follows the old path, and when that ends first, the new goal gets its result undriven.
+        The goal given now has nothing to pre-empt, so this happens once for each goal.
+        """
+        log.info("goal succeeded elsewhere and is given again", generation=drive.goal.generation)
+        self._drive = Drive(drive.goal)
+
+    def _ask_for_pose(self, drive: Drive, now: float) -> None:
+        if drive.pose_asked_at is None or self._pose_at > drive.pose_asked_at:
+            drive.pose_asked_at = now
+            self._out.append(RequestPose())
+
+    def _may_agree(self, goal: MapGoal) -> bool:
+        """Whether a pose from before the stop can belong to a robot at the goal."""
+        pose = self._pose
+        return pose is not None and agrees(pose, goal, xy_slack=STALE_XY, theta_slack=STALE_THETA)
+
+    def _disagreement(self, goal: MapGoal) -> str:
+        if self._pose is None:
+            return "Nav2 reports the goal as reached, but the robot's pose is not known"
+        return (
+            f"Nav2 reports the goal as reached, but the robot is at x {self._pose.x:.2f} m, "
+            f"y {self._pose.y:.2f} m, heading {self._pose.theta:.2f} rad, and the goal at "
+            f"x {goal.pose.x:.2f} m, y {goal.pose.y:.2f} m, heading {goal.pose.theta:.2f} rad"
+        )
+
+    def _give(self, now: float) -> None:
+        """Publish the goal, or publish it again, or give it up."""
+        drive = self._drive
+        if drive is None or drive.goal_id is not None or self._halt is not None:
+            return
+        if not self._navigation.available:  # it waits for Nav2, however long that takes
+            drive.counted_from, drive.give_up_at = drive.times_given, None
+            return
+        timeout = self._settings.confirmation_time * (self._settings.resends + 1)
+        drive.give_up_at = now + timeout if drive.give_up_at is None else drive.give_up_at
+        if self._ledger.awaiting(now):
+            return
+        if now >= drive.give_up_at or drive.tries > self._settings.resends:
+            self._fail(drive, DriveFailure.NOT_TAKEN_UP, self._refusal(drive))
+        elif self._may_give(now) and not self._goes_on(drive, now):
+            drive.times_given += 1
+            drive.preempts = drive.preempts or self._ledger.running
+            self._publish(drive, now)
+
+    def _publish(self, drive: Drive, now: float) -> None:
+        self._ledger.given(now)
+        self._out.append(PublishGoal(drive.goal))
+
+    def _goes_on(self, drive: Drive, now: float) -> bool:
+        """Take up the goal of an earlier run, if it leads to the same place and runs or has got there."""
+        goals, self._reclaimed = self._reclaimed, None
+        goal_id, place = self._earlier(goals) if goals else (None, None)
+        if goal_id is None or place is None or not _same_place(place, drive.goal):
+            return False
+        status = self._ledger.status(goal_id)
+        reached = status is GoalStatus.SUCCEEDED and self._may_agree(drive.goal)
+        if not reached and status not in (GoalStatus.ACCEPTED, GoalStatus.EXECUTING):
+            return False
+        log.info("a goal of before the restart goes on", goal=goal_id, generation=drive.goal.generation)
+        drive.goal_id, drive.times_given = goal_id, 1
+        drive.reached_at = now if reached else None
+        return True
+
+    def _earlier(self, goals: MapOwnGoals) -> tuple[str | None, MapPose | None]:
+        """Give the newest goal of an earlier run that may still be driven, and where it leads to."""
+        if self._ledger.given_before:
+            return self._ledger.given_before, goals.given
+        return next(reversed(goals.goal_ids), None), goals.pose
+
+    def _let_go_of_reclaimed(self, now: float) -> None:
+        """Wait a while for somebody to want the goal of an earlier run."""
+        if self._reclaimed is None or not self._ledger.settled(now):
+            return
+        if self._reclaimed_until is None:
+            self._reclaimed_until = now + RECLAIM_TIME
+        if now >= self._reclaimed_until:
+            self._reclaimed = None
+
+    def _may_give(self, now: float) -> bool:
+        """Whether a goal given now has a chance: one given while another is cancelled would end with it."""
+        clear = not self._ledger.canceling and not any(
+            goal_id in self._cancels for goal_id in self._ledger.live
+        )
+        return clear and self._ledger.settled(now)
+
+    def _refusal(self, drive: Drive) -> str:
+        if drive.times_given:
+            return (
+                f"Nav2 has not taken the goal, given {drive.times_given} times: "
+                "is bt_navigator active, and does it listen to this topic?"
+            )
+        return "no goal can be given: Nav2 does not finish the cancelling of the goal before"
+
+    def _cancel_leftovers(self, now: float) -> None:
+        """Cancel goals of ours that nobody wants any more, again and again until they end.
+
+        While a drive is wanted, goals before it are left to be pre-empted: a cancel could meet the new one.
+        """
+        live = self._ledger.live
+        self._cancels = {goal_id: again for goal_id, again in self._cancels.items() if goal_id in live}
+        wanted = self._drive is not None or self._reclaimed is not None
+        unwanted = tuple(self._cancels) if wanted and self._halt is None else live
+        for goal_id in unwanted:
+            if now >= self._cancels.get(goal_id, now):
+                self._cancels[goal_id] = now + self._settings.cancel_time
+                self._out.append(CancelGoal(goal_id))
+
+    def _arrive(self, drive: Drive) -> None:
+        self._drive = None
+        self._report(Arrived(drive.goal.generation))
+
+    def _fail(self, drive: Drive, failure: DriveFailure, description: str) -> None:
+        self._drive = None
+        self._report(DriveFailed(drive.goal.generation, failure, description))
+
+    def _tell_table(self) -> None:
+        """Tell of the goals that are listed, before what they mean for a drive."""
+        table = self._ledger.table
+        if table != self._table:
+            self._table = table
+            self._report(table)
+
+    def _report(self, event: MapDriverEvent) -> None:
+        self._out.append(Report(event))
+
+
+def _same_place(pose: MapPose, goal: MapGoal) -> bool:
+    theta = None if goal.deviation_theta is None else SAME
+    return pose.map_id == goal.pose.map_id and near(pose, goal.pose, xy=SAME, theta=theta)

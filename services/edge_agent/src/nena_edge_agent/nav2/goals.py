@@ -1,0 +1,338 @@
+"""The status array of Nav2's action, as plain data (action_msgs/GoalStatusArray)."""
+
+from __future__ import annotations
+
+import hashlib
+import secrets
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+from nena_edge_agent.driver.port import GoalReport, GoalTable
+
+
+class GoalStatus(IntEnum):
+    """action_msgs/GoalStatus."""
+
+    UNKNOWN = 0
+    ACCEPTED = 1
+    EXECUTING = 2
+    CANCELING = 3
+    SUCCEEDED = 4
+    CANCELED = 5
+    ABORTED = 6
+
+    @classmethod
+    def of(cls, number: int) -> GoalStatus:
+        """Give the status of a number on the wire; UNKNOWN for a number that the definition does not have."""
+        try:
+            return cls(number)
+        except ValueError:
+            return cls.UNKNOWN
+
+    @property
+    def terminal(self) -> bool:
+        """Whether the goal has ended; no other status follows."""
+        return self >= GoalStatus.SUCCEEDED
+
+
+@dataclass(frozen=True, slots=True)
+class GoalEntry:
+    """One goal of the array: its id in hexadecimal digits, and its status."""
+
+    goal_id: str
+    status: GoalStatus
+
+
+ENDED_SHOWN = 5
+"""Goals that have ended and are still in the table; navigation itself lists them for a quarter of an hour."""
+
+
+@dataclass(frozen=True, slots=True)
+class News:
+    """What an array brings: ids that turn out to be ours, ids of ours that are lost."""
+
+    claimed: tuple[str, ...]
+    lost: frozenset[str]
+
+
+@dataclass(slots=True)
+class Goal:
+    """A listed goal; ``past``: it had ended before the first array, and nobody knows whose it was."""
+
+    ours: bool
+    status: GoalStatus
+    past: bool = False
+
+
+class GoalLedger:
+    """Keeps the goals of the last array. Times are monotonic seconds.
+
+    A given goal is awaited for ``confirmation_time``, and can claim an id for twice as long. A server that
+    has been there for ``settle_time`` without an array has no goals of before.
+    """
+
+    def __init__(self, *, confirmation_time: float, settle_time: float) -> None:
+        self._confirmation_time = confirmation_time
+        self._settle_time = settle_time
+        self._goals: dict[str, Goal] = {}
+        self._orphans: frozenset[str] = frozenset()
+        self._given_behind: str | None = None
+        self._servers: frozenset[str] = frozenset()
+        self._replaced: frozenset[str] = frozenset()
+        self._servers_since: float | None = None
+        self._array_seen = False
+        self._claims = 0
+        self._awaited = False
+        self._given_at = -float("inf")
+        self.given_before: str | None = None
+        """The goal that an earlier run gave last and did not see listed, once it is."""
+
+    @property
+    def live(self) -> tuple[str, ...]:
+        """Ids of ours that have not ended."""
+        return tuple(
+            goal_id for goal_id, goal in self._goals.items() if goal.ours and not goal.status.terminal
+        )
+
+    @property
+    def running(self) -> bool:
+        """Whether any goal has not ended, whoever gave it."""
+        return any(not goal.status.terminal for goal in self._goals.values())
+
+    @property
+    def others_run(self) -> bool:
+        """Whether a goal that somebody else gave has not ended."""
+        return any(not goal.ours and not goal.status.terminal for goal in self._goals.values())
+
+    @property
+    def table(self) -> GoalTable:
+        """The goals of the last array: those that run, and the newest of those that have ended."""
+        rows = [
+            GoalReport(goal_id, not goal.ours, goal.status.name, goal.status.terminal)
+            for goal_id, goal in self._goals.items()
+            if not goal.past
+        ]
+        shown = [row for row in rows if row.ended][-ENDED_SHOWN:]
+        return GoalTable(tuple(row for row in rows if not row.ended or row in shown))
+
+    @property
+    def canceling(self) -> bool:
+        """Whether any goal is being cancelled; a goal given now would end with it."""
+        return any(goal.status is GoalStatus.CANCELING for goal in self._goals.values())
+
+    @property
+    def orphaned(self) -> bool:
+        """Whether the server went while it drove for us, and has not been heard since."""
+        return bool(self._orphans)
+
+    def may_still_drive(self, now: float) -> bool:
+        """Whether a server is there again that has yet to show whether it still drives for us."""
+        return self.orphaned and bool(self._servers) and not self.settled(now)
+
+    def status(self, goal_id: str) -> GoalStatus | None:
+        """Give the last status of a goal, None where it is not listed."""
+        goal = self._goals.get(goal_id)
+        return None if goal is None else goal.status
+
+    def taken_over(self, goal_id: str) -> str | None:
+        """Give the id of an external goal that runs and was accepted after ``goal_id``."""
+        ids = list(self._goals)
+        later = ids[ids.index(goal_id) + 1 :] if goal_id in self._goals else []
+        running = (other for other in later if not self._goals[other].status.terminal)
+        return next((other for other in running if not self._goals[other].ours), None)
+
+    def settled(self, now: float) -> bool:
+        """Whether the goals of before are known, so that a new id can be told from them."""
+        since = self._servers_since
+        return self._array_seen or (since is not None and now - since >= self._settle_time)
+
+    def set_servers(self, servers: frozenset[str], now: float) -> bool:
+        """Take the ids of the publishers of the array; True when one of before has gone: all ids are void.
+
+        A server that turns up beside another one is that one, started anew: DDS shows a publisher that has
+        crashed for another 20 s.
+        """
+        servers = self._without_crashed(servers)
+        gone = self._servers - servers
+        if gone or not self._servers:
+            self._servers_since = now if servers else None
+        self._servers = servers
+        if gone:
+            # The same server may come back after a break of the network, and list what it still drives.
+            self._orphans = self._orphans | frozenset(self.live)
+            self._goals.clear()
+            self._array_seen = self._awaited = False
+            self._claims = 0
+            self._given_behind = None
+        return bool(gone)
+
+    def _without_crashed(self, servers: frozenset[str]) -> frozenset[str]:
+        """Leave out the servers that others have come for; one that outlives those was never away."""
+        if servers - self._servers - self._replaced:
+            self._replaced |= self._servers
+        self._replaced &= servers
+        return servers - self._replaced or servers
+
+    def reclaim(self, goal_ids: Sequence[str], given_behind: str | None = None) -> None:
+        """Take these for ours once they are listed: an earlier run of the program gave them.
+
+        So is the one that the first array lists behind ``given_behind`` ("": the last one), None: no other.
+        """
+        self._orphans = frozenset(goal_ids)
+        self._given_behind = given_behind
+
+    def given(self, now: float) -> None:
+        """Note that a goal is given at ``now``."""
+        self._expire(now)
+        self._claims += 1
+        self._awaited = True
+        self._given_at = now
+
+    def awaiting(self, now: float) -> bool:
+        """Whether the goal given last is still waited for."""
+        return self._awaited and now - self._given_at < self._confirmation_time
+
+    def forget(self, goal_id: str) -> None:
+        """Take the server's word that it does not know the goal."""
+        if goal_id in self._goals:
+            self._goals[goal_id].status = GoalStatus.ABORTED
+
+    def update(self, entries: Sequence[GoalEntry], now: float) -> News:
+        """Take an array; one that came late says nothing."""
+        self._expire(now)
+        if self._is_late(entries):
+            return News((), frozenset())
+        first, self._array_seen = not self._array_seen, True
+        before, self._goals = self._goals, {}
+        self._find_given_before([entry.goal_id for entry in entries])
+        claimed = self._claim(
+            [entry.goal_id for entry in entries if entry.goal_id not in before], first=first
+        )
+        for entry in entries:
+            ours = self._owns(entry.goal_id, claimed)
+            goal = self._goals[entry.goal_id] = _merged(before.get(entry.goal_id), entry, ours=ours)
+            goal.past = goal.past or (first and goal.status.terminal and not ours)
+        self._orphans = frozenset()
+        lost = frozenset(
+            goal_id
+            for goal_id, goal in before.items()
+            if goal.ours and not goal.status.terminal and goal_id not in self._goals
+        )
+        return News(claimed, lost)
+
+    def _is_late(self, entries: Sequence[GoalEntry]) -> bool:
+        """Tell whether a newer array has come: it had a goal that this one does not know yet."""
+        newest = next(reversed(self._goals), None)
+        listed = {entry.goal_id for entry in entries}
+        return newest is not None and newest not in listed and listed <= self._goals.keys()
+
+    def _owns(self, goal_id: str, claimed: Sequence[str]) -> bool:
+        return goal_id in claimed or goal_id in self._orphans
+
+    def _claim(self, fresh: Sequence[str], *, first: bool) -> tuple[str, ...]:
+        """Give those of the new ids that are ours: of a first array, full of old goals, the last at most."""
+        strange = [goal_id for goal_id in fresh if goal_id not in self._orphans]
+        claimed = tuple((strange[-1:] if first else strange)[: self._claims])
+        self._claims -= len(claimed)
+        if claimed:
+            self._awaited = False
+        return claimed
+
+    def _find_given_before(self, listed: list[str]) -> None:
+        """See whether navigation has a goal that an earlier run gave, and could not see listed any more."""
+        behind, self._given_behind = self._given_behind, None
+        if behind is None or (behind and behind not in listed):
+            return
+        later = listed[listed.index(behind) + 1 :] if behind else listed[-1:]
+        self.given_before = next((goal_id for goal_id in later if goal_id not in self._orphans), None)
+        if self.given_before:
+            self._orphans |= {self.given_before}
+
+    def _expire(self, now: float) -> None:
+        if now - self._given_at >= 2 * self._confirmation_time:
+            self._claims = 0
+
+
+def _merged(old: Goal | None, entry: GoalEntry, *, ours: bool) -> Goal:
+    """Give the goal after ``entry``; an end stays an end, and an unknown status says nothing."""
+    if old is None:
+        return Goal(ours, entry.status)
+    if old.status.terminal or entry.status is GoalStatus.UNKNOWN:
+        return old
+    return Goal(old.ours, entry.status, old.past)
+
+
+LENGTH = 8
+"""Bytes of an id, of 16, that are the same in all ids of an agent; the others are drawn by lot."""
+
+
+class GoalMark:
+    """The mark of the agent whose ROS node has the name ``node_name``; ids are hexadecimal digits."""
+
+    def __init__(self, node_name: str) -> None:
+        self._mark = hashlib.sha256(f"nena {node_name}".encode()).digest()[:LENGTH].hex()
+
+    def new(self) -> str:
+        """Draw an id that no goal has had."""
+        return self._mark + secrets.token_hex(16 - LENGTH)
+
+    def bears(self, goal_id: str) -> bool:
+        """Tell whether a goal is one of this agent, of this run or an earlier one."""
+        return goal_id.startswith(self._mark)
+
+
+class MarkedLedger(GoalLedger):
+    """Nothing has to be worked out: an id with the agent's mark is ours, and no other one.
+
+    Goals given by topic, before or in between, are told as ever.
+    """
+
+    def __init__(self, mark: GoalMark, *, confirmation_time: float, settle_time: float) -> None:
+        super().__init__(confirmation_time=confirmation_time, settle_time=settle_time)
+        self._mark = mark
+        self._others: tuple[GoalReport, ...] = ()
+
+    @property
+    def table(self) -> GoalTable:
+        """The goals of the last array, and before them those that run at the other action."""
+        return GoalTable((*self._others, *super().table.goals))
+
+    def set_others(self, entries: Sequence[GoalEntry]) -> None:
+        """Take the goals of the action that only others give goals to."""
+        self._others = tuple(
+            GoalReport(entry.goal_id, external=True, status=entry.status.name)
+            for entry in entries
+            if not entry.status.terminal and not self._mark.bears(entry.goal_id)
+        )
+
+    def sent(self, now: float) -> None:
+        """Note that a goal with an id of ours is sent; its answer is awaited."""
+        self._expire(now)
+        self._awaited, self._given_at = True, now
+
+    def accept(self, goal_id: str) -> None:
+        """Take the server's word that it drives for a goal of ours; its array may come later."""
+        self._awaited = False
+        self._goals.setdefault(goal_id, Goal(ours=True, status=GoalStatus.ACCEPTED))
+
+    def settle(self, goal_id: str, status: GoalStatus) -> None:
+        """Take the end of a goal from its result, which may come before the array."""
+        goal = self._goals.get(goal_id)
+        if goal is not None and not goal.status.terminal and status.terminal:
+            goal.status = status
+
+    def _owns(self, goal_id: str, claimed: Sequence[str]) -> bool:
+        return self._mark.bears(goal_id) or super()._owns(goal_id, claimed)
+
+    def _claim(self, fresh: Sequence[str], *, first: bool) -> tuple[str, ...]:
+        return super()._claim([each for each in fresh if not self._mark.bears(each)], first=first)
+
+    def _find_given_before(self, listed: list[str]) -> None:
+        """Know the goal that an earlier run gave last by its mark; one given by topic by its place."""
+        newest = next((each for each in reversed(listed) if self._mark.bears(each)), None)
+        if self._given_behind is None or newest is None:
+            super()._find_given_before(listed)
+            return
+        behind, self._given_behind = self._given_behind, None
+        self.given_before = None if newest in self._orphans or newest == behind else newest

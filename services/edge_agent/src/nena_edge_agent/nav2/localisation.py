@@ -1,0 +1,240 @@
+"""Poses in the plane: headings and quaternions, agreement with a goal, sureness of the localisation."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from nena_edge_agent.driver.map_port import MapPose, MapPoseReport
+from nena_edge_agent.driver.port import STANDING, PositionInitialized, VelocityReport
+from nena_edge_agent.nav2.commands import Report
+from nena_edge_agent.nav2.poses import (
+    PoseReading,
+    localized,
+    near,
+)
+from nena_edge_agent.nav2.robot_base import STALE
+from nena_edge_agent.nav2.settings import LocalisationSettings, RosSettings
+from nena_shared.log import get_logger
+
+log = get_logger(__name__)
+
+CLOCK_JUMP = 10_000_000_000
+"""Nanoseconds; a stamp older by more means that the robot's clock was set back."""
+
+
+class Localisation:
+    """Keeps what is known of the robot's place; poses come more than once and out of order."""
+
+    def __init__(self, settings: RosSettings, map_id: str) -> None:
+        self._settings = settings
+        self._map_id = map_id
+        self._reading: PoseReading | None = None
+        self._nearer: MapPose | None = None
+        self._velocity: tuple[float, float] | None = None
+        self._velocity_at = -math.inf
+        self._frame_told: str | None = None
+
+    @property
+    def known(self) -> bool:
+        """Whether a pose has come."""
+        return self._reading is not None
+
+    def on_reading(self, reading: PoseReading, *, old: bool = False) -> MapPose | None:
+        """Take a pose; gives where the robot is by it, where it is new, and in the frame of the settings.
+
+        ``old``: a nearer place comes all the time, and stays.
+        """
+        if reading.frame.removeprefix("/") != self._settings.frame:
+            self._tell_frame(reading.frame)
+            return None
+        if self._reading is not None and _is_past(reading, self._reading):
+            return None
+        self._reading = reading
+        self._nearer = self._nearer if old else None
+        return self._nearer or self._pose(reading)
+
+    def on_nearer(self, x: float, y: float, yaw: float, frame: str) -> MapPose | None:
+        """Take a place (m, rad) that is newer than that of the pose; how sure it is, the pose still says.
+
+        None, and not taken, where it is in another frame or no pose has come.
+        """
+        if self._reading is None or frame.removeprefix("/") != self._settings.frame:
+            return None
+        self._nearer = MapPose(x, y, yaw, self._map_id)
+        return self._nearer
+
+    @property
+    def velocity(self) -> VelocityReport:
+        """The newest velocity of the odometry."""
+        return VelocityReport(*(self._velocity or (None, None)))
+
+    def on_velocity(self, velocity: tuple[float, float], now: float) -> bool:
+        """Take m/s forward and rad/s; tells whether the robot has just begun or ceased to move."""
+        before, self._velocity, self._velocity_at = self._velocity, velocity, now
+        return before is None or _moves(before) is not _moves(velocity)
+
+    def forget_stale_velocity(self, now: float) -> bool:
+        """Forget a velocity that no odometry has confirmed for a second; return whether there was one."""
+        if self._velocity is None or now - self._velocity_at <= STALE:
+            return False
+        self._velocity = None
+        return True
+
+    def report(self) -> MapPoseReport | None:
+        """Give the newest pose with the newest velocity; none before the first pose."""
+        if self._reading is None:
+            return None
+        vx, omega = self._velocity or (None, None)
+        sure = localized(self._reading, self._settings.localisation)
+        problem = "" if sure else _spread(self._reading)
+        pose = self._nearer or self._pose(self._reading)
+        return MapPoseReport(pose, localized=sure, vx=vx, omega=omega, problem=problem)
+
+    def _pose(self, reading: PoseReading) -> MapPose:
+        return MapPose(reading.x, reading.y, reading.yaw, self._map_id)
+
+    def _tell_frame(self, frame: str) -> None:
+        if frame != self._frame_told:
+            self._frame_told = frame
+            log.warning(
+                "poses are dropped: they are in another frame", frame=frame, ours=self._settings.frame
+            )
+
+
+def _is_past(reading: PoseReading, newest: PoseReading) -> bool:
+    return reading == newest or 0 < newest.stamp - reading.stamp < CLOCK_JUMP
+
+
+def _spread(reading: PoseReading) -> str:
+    """Say how unsure the localisation is; a variance below 0 is no measure of anything."""
+    deviations = [math.sqrt(max(0.0, each)) for each in (reading.x_variance, reading.y_variance)]
+    turn = math.sqrt(max(0.0, reading.yaw_variance))
+    return f"the localisation gives its place to {max(deviations):.2f} m and its heading to {turn:.2f} rad"
+
+
+def _moves(velocity: tuple[float, float]) -> bool:
+    return any(abs(part) >= STANDING for part in velocity)
+
+
+@dataclass(frozen=True, slots=True)
+class PublishInitialPose:
+    """Publish the pose for the localisation; it may be lost on the way."""
+
+    pose: MapPose
+
+
+@dataclass(slots=True)
+class _Attempt:
+    pose: MapPose
+    given: int
+    again_at: float
+
+
+class InitialPosition:
+    """One initial position at a time; a newer one replaces an older one, and one answer stands for both."""
+
+    def __init__(self, settings: LocalisationSettings) -> None:
+        self._settings = settings
+        self._attempt: _Attempt | None = None
+        self._latest: MapPose | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether an answer is owed."""
+        return self._attempt is not None
+
+    def ask(self, pose: MapPose, now: float) -> list[PublishInitialPose | Report]:
+        """Begin; poses that came before do not count, however near they are."""
+        self._latest = None
+        self._attempt = _Attempt(pose, 1, now + self._settings.initial_wait)
+        return [PublishInitialPose(pose)]
+
+    def on_pose(self, pose: MapPose) -> list[PublishInitialPose | Report]:
+        """Take a pose of the localisation, newer by its stamp than every one before."""
+        attempt = self._attempt
+        self._latest = pose
+        if attempt is None or not near(
+            pose,
+            attempt.pose,
+            xy=self._settings.initial_xy_tolerance,
+            theta=self._settings.initial_theta_tolerance,
+        ):
+            return []
+        self._attempt = None
+        return [Report(PositionInitialized(succeeded=True, description=""))]
+
+    def tick(self, now: float) -> list[PublishInitialPose | Report]:
+        """Give the pose again where no answer came, or give up."""
+        attempt = self._attempt
+        if attempt is None or now < attempt.again_at:
+            return []
+        if attempt.given < self._settings.initial_attempts:
+            attempt.given += 1
+            attempt.again_at = now + self._settings.initial_wait
+            return [PublishInitialPose(attempt.pose)]
+        self._attempt = None
+        return [Report(PositionInitialized(succeeded=False, description=self._failure(attempt)))]
+
+    def _failure(self, attempt: _Attempt) -> str:
+        if self._latest is None:
+            return (
+                f"the localisation has sent no pose after {attempt.given} initial positions: "
+                "is it running, and does it get laser scans?"
+            )
+        return (
+            f"the localisation stays at x {self._latest.x:.2f} m, y {self._latest.y:.2f} m, "
+            f"heading {self._latest.theta:.2f} rad after {attempt.given} initial positions: "
+            "is the position on the map, and is its frame the localisation's?"
+        )
+
+
+LONGEST_GAP = 1.0
+"""Seconds between two velocities over which the way in between can be reckoned."""
+SILENT_WAY = 1.0
+"""Metres, or radians, that a localisation that works does not let pass without a pose."""
+
+
+class PoseWatch:
+    """Asks and judges; ``timeout`` and ``wait`` are in seconds, times are monotonic seconds."""
+
+    def __init__(self, *, timeout: float, wait: float) -> None:
+        self._timeout = timeout
+        self._wait = wait
+        self._pose_at: float | None = None
+        self._asked_at = -math.inf
+        self._promised_at: float | None = None
+        self._heard_at = -math.inf
+        self._way = 0.0
+        self.lost = False
+
+    def on_pose(self, now: float) -> None:
+        """Note that a pose has come."""
+        self._pose_at, self._promised_at, self._way, self.lost = now, None, 0.0, False
+
+    def on_velocity(self, speed: float, omega: float, now: float) -> None:
+        """Take a velocity of the odometry: m/s and rad/s."""
+        seconds, self._heard_at = now - self._heard_at, now
+        if seconds <= LONGEST_GAP and math.isfinite(speed + omega):
+            self._way += max(abs(speed), abs(omega)) * seconds
+
+    def on_answer(self, now: float) -> None:
+        """Note that the localisation has taken the request for a pose."""
+        if self._promised_at is None:
+            self._promised_at = now
+
+    def look(self, *, driving: bool, unsure: bool, now: float) -> bool:
+        """Tell whether a pose is to be asked for; ``unsure``: the newest one is not to be trusted."""
+        if self._pose_at is None:
+            return False
+        if not driving and not unsure and not self.lost:
+            self._pose_at = now  # at standstill it may stay silent
+            return False
+        if now - self._pose_at < self._timeout:
+            return False
+        promised = self._promised_at is not None and now - self._promised_at >= self._wait
+        self.lost = self.lost or promised or self._way >= SILENT_WAY
+        if now - self._asked_at < self._wait:
+            return False
+        self._asked_at = now
+        return True

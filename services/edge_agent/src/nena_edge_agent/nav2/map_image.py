@@ -1,0 +1,169 @@
+"""From an occupancy grid to a picture of it: small, and drawn in any colour by whoever shows it."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import struct
+import zlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from math import atan2
+from typing import TYPE_CHECKING, Any, Final, Self
+
+from nena_edge_agent.driver.plant_frame import PlantFrame
+from nena_shared.fleet_api.plant import PNG_LIMIT, SIDE_LIMIT, RobotMap
+from nena_shared.log import get_logger
+from nena_shared.plant.geometry import MapPose, MapTransform
+
+if TYPE_CHECKING:
+    from nena_edge_agent.nav2.session import RosSession
+    from nena_edge_agent.settings import EdgeAgentSettings
+
+
+UNKNOWN: Final = 255
+"""-1 as a byte: unexplored."""
+SURE: Final = 100
+"""Something is there for certain."""
+UNKNOWN_OPACITY: Final = 40
+
+_SIGNATURE: Final = b"\x89PNG\r\n\x1a\n"
+_PALETTE: Final = bytes(3 * 256)
+_OPACITIES: Final = bytes(
+    UNKNOWN_OPACITY if value > SURE else round(value / SURE * 255) for value in range(256)
+)
+_RANKS: Final = bytes((value + 1) % 256 if value <= SURE or value == UNKNOWN else 0 for value in range(256))
+"""Unknown 0, free 1, surely occupied 101: the greater one counts where cells are drawn together."""
+_VALUES: Final = bytes((rank - 1) % 256 for rank in range(256))
+
+
+@dataclass(frozen=True, slots=True)
+class OccupancyImage:
+    """A PNG image, and how many cells each of its pixels is wide."""
+
+    png: bytes
+    cells_per_pixel: int
+
+
+def occupancy_image(cells: bytes, width: int, height: int, *, side_limit: int) -> OccupancyImage:
+    """Draw the cells of a nav_msgs/OccupancyGrid: rows from the lower left, 0 to 100, or -1 for unknown.
+
+    Where a side has more than ``side_limit`` cells, several make one pixel, which shows what is most surely
+    occupied of them.
+
+    Raises:
+        ValueError: there are not ``width`` times ``height`` cells, or none.
+
+    """
+    if width < 1 or height < 1 or len(cells) != width * height:
+        message = f"{len(cells)} cells are no grid of {width} by {height}"
+        raise ValueError(message)
+    factor = -(-max(width, height) // side_limit)
+    rows = list(_rows(cells, width, factor))
+    header = struct.pack(">IIBBBBB", len(rows[0]), len(rows), 8, 3, 0, 0, 0)
+    lines = b"".join(b"\0" + row for row in reversed(rows))
+    chunks = ((b"IHDR", header), (b"PLTE", _PALETTE), (b"tRNS", _OPACITIES), (b"IDAT", zlib.compress(lines)))
+    return OccupancyImage(_SIGNATURE + b"".join(_chunk(*each) for each in (*chunks, (b"IEND", b""))), factor)
+
+
+def _rows(cells: bytes, width: int, factor: int) -> Iterator[bytes]:
+    """Return the rows of pixels, the lowest first."""
+    if factor == 1:
+        yield from (cells[at : at + width] for at in range(0, len(cells), width))
+        return
+    ranks = cells.translate(_RANKS)
+    for start in range(0, len(cells), width * factor):
+        several = [
+            ranks[at : at + width] for at in range(start, min(start + width * factor, len(cells)), width)
+        ]
+        row = several[0] if len(several) == 1 else bytes(map(max, *several))
+        row += bytes(-width % factor)
+        yield bytes(map(max, *(row[at::factor] for at in range(factor)))).translate(_VALUES)
+
+
+def _chunk(kind: bytes, content: bytes) -> bytes:
+    return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
+
+
+log = get_logger(__name__)
+
+CELLS_LIMIT = 64 * 1024 * 1024
+"""Cells of a grid that are looked at."""
+
+
+class MapWatch:
+    """A guest of the robot's nodes; ``tell`` gets each map that looks or lies otherwise than the last."""
+
+    def __init__(self, topic: str, map_id: str, transform: MapTransform) -> None:
+        """``transform`` says how the plant lies on the robot's map ``map_id``."""
+        self._topic = topic
+        self._map_id = map_id
+        self._transform = transform
+        self._digest = ""
+        self.tell: Callable[[RobotMap], None] = lambda _: None
+
+    @classmethod
+    def of(cls, settings: EdgeAgentSettings) -> Self:
+        """Make the watch of a robot with these settings."""
+        frame = PlantFrame.of(settings.map_transforms)
+        return cls(settings.ros.names.map, settings.map_id, frame.on(settings.map_id))
+
+    def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401 - rclpy carries no types
+        """Subscribe on a new node."""
+        from nav_msgs.msg import OccupancyGrid  # noqa: PLC0415 - the loopback needs no ROS
+
+        from nena_edge_agent.nav2.node import LATCHED  # noqa: PLC0415
+
+        session.subscribe(node, OccupancyGrid, self._topic, LATCHED, read=self.read, handle=self._heard)
+
+    def read(self, grid: Any) -> RobotMap | None:  # noqa: ANN401
+        """Make the map of a nav_msgs/OccupancyGrid; None: it is the same as before.
+
+        Raises:
+            ValueError: it is too large, or no grid.
+
+        """
+        info, cells = grid.info, memoryview(grid.data).tobytes()
+        if len(cells) > CELLS_LIMIT:
+            message = f"a map of {len(cells)} cells is too large to be shown"
+            raise ValueError(message)
+        corner, turn = info.origin.position, info.origin.orientation
+        place = (
+            corner.x,
+            corner.y,
+            turn.z,
+            turn.w,
+            info.resolution,
+            info.width,
+            self._map_id,
+            self._transform,
+        )
+        digest = hashlib.blake2b(repr(place).encode() + cells, digest_size=16).hexdigest()
+        if digest == self._digest:
+            return None
+        found = self._drawn(info, cells, digest)
+        self._digest = digest
+        return found
+
+    def _drawn(self, info: Any, cells: bytes, digest: str) -> RobotMap:  # noqa: ANN401
+        image = occupancy_image(cells, int(info.width), int(info.height), side_limit=SIDE_LIMIT)
+        if len(image.png) > PNG_LIMIT:
+            message = f"the picture of the map has {len(image.png)} bytes, which is too much to be sent"
+            raise ValueError(message)
+        corner, turn = info.origin.position, info.origin.orientation
+        heading = 2 * atan2(float(turn.z), float(turn.w))
+        place = self._transform.pose_to_plant(MapPose(float(corner.x), float(corner.y), heading))
+        return RobotMap(
+            map_id=self._map_id,
+            digest=digest,
+            resolution=self._transform.length_to_plant(float(info.resolution) * image.cells_per_pixel),
+            x=place.x_m,
+            y=place.y_m,
+            theta=place.heading_rad,
+            png=base64.b64encode(image.png),
+        )
+
+    def _heard(self, found: RobotMap | None) -> None:
+        if found is not None:
+            log.info("robot's map", map_id=found.map_id, size=found.size, bytes=len(found.png))
+            self.tell(found)

@@ -1,0 +1,161 @@
+"""Builds every message that goes out.
+
+A ROS message takes any object into a number's field and sends its memory as garbage, so each number passes
+through :func:`_number` here and nowhere else.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, SupportsFloat
+
+from action_msgs.srv import CancelGoal
+from geometry_msgs.msg import Pose as PoseMessage
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+
+from nena_edge_agent.driver.map_port import MapPose
+from nena_edge_agent.nav2.goals import GoalEntry, GoalStatus
+from nena_edge_agent.nav2.poses import PoseReading, quaternion_of, yaw_of
+from nena_edge_agent.nav2.robot_base import BatteryReading
+
+X_VARIANCE, Y_VARIANCE, YAW_VARIANCE = 0, 7, 35
+"""Where these stand in the covariance of a pose, a matrix of 6 by 6 in rows."""
+
+
+class NotFiniteError(ValueError):
+    """A number that no robot can drive to."""
+
+    def __init__(self, number: float) -> None:
+        super().__init__(f"{number} is no finite number")
+        self.number = number
+
+
+def goal_message(pose: MapPose, frame: str) -> Any:  # noqa: ANN401 - rclpy carries no types
+    """Make the geometry_msgs/PoseStamped of a goal; stamp zero means: by the newest transforms.
+
+    Raises:
+        NotFiniteError: a number is NaN or infinite.
+
+    """
+    message = PoseStamped()
+    message.header.frame_id = frame
+    message.pose = _pose(pose)
+    return message
+
+
+def initial_pose_message(pose: MapPose, frame: str, *, xy_variance: float, theta_variance: float) -> Any:  # noqa: ANN401
+    """Make the geometry_msgs/PoseWithCovarianceStamped that tells the localisation where the robot is.
+
+    Raises:
+        NotFiniteError: a number is NaN or infinite.
+
+    """
+    message = PoseWithCovarianceStamped()
+    message.header.frame_id = frame
+    message.pose.pose = _pose(pose)
+    message.pose.covariance[X_VARIANCE] = _number(xy_variance)
+    message.pose.covariance[Y_VARIANCE] = _number(xy_variance)
+    message.pose.covariance[YAW_VARIANCE] = _number(theta_variance)
+    return message
+
+
+def cancel_request(goal_id: str) -> Any:  # noqa: ANN401
+    """Make the action_msgs/srv/CancelGoal request for one goal: its id with stamp zero means it alone."""
+    request = CancelGoal.Request()
+    request.goal_info.goal_id.uuid = list(bytes.fromhex(goal_id))
+    return request
+
+
+def cancel_all_request() -> Any:  # noqa: ANN401
+    """Return the action_msgs/srv/CancelGoal request for all goals of a server: no id and no stamp."""
+    return CancelGoal.Request()
+
+
+def _pose(pose: MapPose) -> PoseMessage:
+    message = PoseMessage()
+    message.position.x = _number(pose.x)
+    message.position.y = _number(pose.y)
+    message.orientation.z, message.orientation.w = map(_number, quaternion_of(_number(pose.theta)))
+    return message
+
+
+def _number(value: SupportsFloat) -> float:
+    number = float(value)
+    if not math.isfinite(number):
+        raise NotFiniteError(number)
+    return number
+
+
+NANOSECONDS = 1_000_000_000
+PLAN_POINTS = 100
+"""Points of a plan that are told on at most, beside its end."""
+
+
+class UnusablePoseError(ValueError):
+    """A pose without finite numbers or a unit quaternion."""
+
+
+def status_entries(message: Any) -> list[GoalEntry]:  # noqa: ANN401 - rclpy carries no types
+    """Read an action_msgs/GoalStatusArray, in the order of acceptance."""
+    return [
+        GoalEntry(bytes(entry.goal_info.goal_id.uuid).hex(), GoalStatus.of(entry.status))
+        for entry in message.status_list
+    ]
+
+
+def pose_reading(message: Any) -> PoseReading:  # noqa: ANN401
+    """Read a geometry_msgs/PoseWithCovarianceStamped.
+
+    Raises:
+        UnusablePoseError: the place is not finite or the orientation no unit quaternion.
+
+    """
+    place, turn = message.pose.pose.position, message.pose.pose.orientation
+    yaw = yaw_of(turn.x, turn.y, turn.z, turn.w)
+    if yaw is None or not (math.isfinite(place.x) and math.isfinite(place.y)):
+        text = f"x {place.x}, y {place.y}, quaternion {turn.x} {turn.y} {turn.z} {turn.w}"
+        raise UnusablePoseError(text)
+    covariance = message.pose.covariance
+    return PoseReading(
+        x=place.x,
+        y=place.y,
+        yaw=yaw,
+        frame=message.header.frame_id,
+        stamp=message.header.stamp.sec * NANOSECONDS + message.header.stamp.nanosec,
+        x_variance=float(covariance[X_VARIANCE]),
+        y_variance=float(covariance[Y_VARIANCE]),
+        yaw_variance=float(covariance[YAW_VARIANCE]),
+    )
+
+
+def plan_points(message: Any) -> tuple[str, tuple[tuple[float, float], ...]]:  # noqa: ANN401
+    """Read a nav_msgs/Path: its frame, and not more of its points than are of use, the last one always.
+
+    Raises:
+        UnusablePoseError: a point is not finite.
+
+    """
+    poses = message.poses
+    step = max(1, -(-len(poses) // PLAN_POINTS))
+    chosen = [*poses[:-1:step], *poses[-1:]]
+    points = tuple((each.pose.position.x, each.pose.position.y) for each in chosen)
+    if not all(math.isfinite(x) and math.isfinite(y) for x, y in points):
+        text = "a plan with a point that is no place"
+        raise UnusablePoseError(text)
+    return message.header.frame_id, points
+
+
+def velocity(message: Any) -> tuple[float, float]:  # noqa: ANN401
+    """Read m/s forward and rad/s of a nav_msgs/Odometry."""
+    twist = message.twist.twist
+    return twist.linear.x, twist.angular.z
+
+
+def battery_reading(message: Any) -> BatteryReading:  # noqa: ANN401
+    """Read a sensor_msgs/BatteryState."""
+    return BatteryReading(
+        percentage=message.percentage,
+        voltage=message.voltage,
+        current=message.current,
+        status=message.power_supply_status,
+    )

@@ -1,0 +1,190 @@
+"""The agent's node: Nav2, the localisation and the robot's base as topics and services.
+
+All names are relative unless the settings say otherwise, so that the namespace counts. Readings come out as
+plain data in the event loop; what is sent, is sent from there.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from action_msgs.msg import GoalStatusArray
+from action_msgs.srv import CancelGoal
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+from nav_msgs.msg import Odometry, Path
+from rclpy.event_handler import PublisherEventCallbacks
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import BatteryState
+from std_srvs.srv import Empty, Trigger
+
+from nena_edge_agent.driver.map_port import MapPose
+from nena_edge_agent.nav2 import messages
+from nena_edge_agent.nav2.goals import GoalEntry
+from nena_edge_agent.nav2.poses import PoseReading
+from nena_edge_agent.nav2.presence import LifecycleWatch, Presence
+from nena_edge_agent.nav2.robot_base import BatteryReading
+from nena_edge_agent.nav2.session import RosSession
+from nena_edge_agent.nav2.session_control import NodeGuest
+from nena_edge_agent.nav2.settings import RosSettings, status_of
+
+RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
+LATCHED = QoSProfile(
+    depth=10, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
+)
+SENSOR = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Matches every publisher, and never gets a latched message."""
+
+NO_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
+"""Reliable and volatile fits every subscription but a latched one, which makes no sense for these topics."""
+
+STATUS_ARRAYS = 10
+"""Status arrays that may wait for the loop; each tells all, so that the oldest can be dropped."""
+
+
+@dataclass(frozen=True, slots=True)
+class Listeners:
+    """Who is told what comes in, in the event loop."""
+
+    statuses: Callable[[list[GoalEntry]], None]
+    other_statuses: Callable[[list[GoalEntry]], None]
+    pose: Callable[[PoseReading], None]
+    velocity: Callable[[tuple[float, float]], None]
+    battery: Callable[[BatteryReading], None]
+    plan: Callable[[tuple[str, tuple[tuple[float, float], ...]]], None]
+
+
+class Nav2Node:
+    """Sends to Nav2 and listens to it; ``start`` before anything else, ``stop`` in the end."""
+
+    def __init__(self, settings: RosSettings, listeners: Listeners, guests: Sequence[NodeGuest] = ()) -> None:
+        """Prepare the node, in the event loop that it will work for."""
+        self._guests = guests
+        self._settings = settings
+        self._listeners = listeners
+        self._lifecycle_watch = LifecycleWatch()
+        self._hears_all_localisers = False
+        self._session = RosSession(
+            node_name=settings.node_name, namespace=settings.namespace, domain_id=settings.domain_id
+        )
+
+    async def start(self, on_failure: Callable[[str], None]) -> None:
+        """Join the ROS graph; ``on_failure`` is told when the node falls out of it by itself.
+
+        Raises:
+            SessionError: ROS refuses.
+
+        """
+        await self._session.start(self._furnish, on_failure=on_failure)
+
+    async def stop(self) -> None:
+        """Leave the ROS graph in order."""
+        await self._session.stop()
+
+    def publish_goal(self, pose: MapPose) -> None:
+        """Give a goal; whether it is taken shows in the status array."""
+        self._goals.publish(messages.goal_message(pose, self._settings.frame))
+
+    def publish_initial_pose(self, pose: MapPose) -> None:
+        """Tell the localisation where the robot is."""
+        spread = self._settings.localisation
+        message = messages.initial_pose_message(
+            pose,
+            self._settings.frame,
+            xy_variance=spread.initial_xy_variance,
+            theta_variance=spread.initial_theta_variance,
+        )
+        self._initial_poses.publish(message)
+
+    async def cancel(self, goal_id: str) -> int | None:
+        """Cancel one goal and give the code of the answer; None where there was none."""
+        answer = await self._call(self._cancel, messages.cancel_request(goal_id))
+        return None if answer is None else int(answer.return_code)
+
+    async def stop_motion(self) -> bool:
+        """Cancel all goals of the servers that move the robot; return whether the controller has answered."""
+        request = messages.cancel_all_request()
+        answers = await asyncio.gather(*(self._call(client, request) for client in self._motions))
+        return answers[0] is not None
+
+    async def request_pose(self) -> bool:
+        """Have the localisation send a pose although the robot stands; tells whether it has agreed."""
+        return await self._call(self._fresh_pose, Empty.Request()) is not None
+
+    async def presence(self) -> Presence:
+        """Look whether Nav2 is there; takes at most the time-out of a call."""
+        there = self._lifecycle.service_is_ready()
+        answer = await self._call(self._lifecycle, Trigger.Request()) if there else None
+        self._hear_localiser_that_does_not_latch()
+        publishers = self._node.get_publishers_info_by_topic(status_of(self._settings.action))
+        return Presence(
+            servers=frozenset(bytes(publisher.endpoint_gid).hex() for publisher in publishers),
+            goal_listeners=self._goals.get_subscription_count(),
+            lifecycle=self._lifecycle_watch.judge(
+                there=there, active=None if answer is None else bool(answer.success)
+            ),
+        )
+
+    async def _call(self, client: Any, request: Any) -> Any:  # noqa: ANN401 - rclpy carries no types
+        return await self._session.call(client, request, seconds=self._settings.call_timeout)
+
+    def _furnish(self, node: Any) -> None:  # noqa: ANN401
+        names = self._settings.names
+        self._node = node
+        self._goals = node.create_publisher(PoseStamped, names.goal_pose, RELIABLE, event_callbacks=NO_EVENTS)
+        self._initial_poses = node.create_publisher(
+            PoseWithCovarianceStamped, names.initial_pose, RELIABLE, event_callbacks=NO_EVENTS
+        )
+        self._cancel = node.create_client(CancelGoal, f"{self._settings.action}/_action/cancel_goal")
+        self._motions = [
+            node.create_client(CancelGoal, f"{action}/_action/cancel_goal") for action in names.motions
+        ]
+        self._fresh_pose = node.create_client(Empty, names.fresh_pose)
+        self._lifecycle = node.create_client(Trigger, names.lifecycle)
+        self._listen(node)
+        for guest in self._guests:
+            guest.enter(self._session, node)
+
+    def _hear_localiser_that_does_not_latch(self) -> None:
+        """Listen in a second way once there is one; from the start on, each pose of AMCL would come twice."""
+        publishers = self._node.get_publishers_info_by_topic(self._settings.names.pose)
+        latches = (each.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for each in publishers)
+        if not self._hears_all_localisers and not all(latches):
+            self._hears_all_localisers = True
+            self._subscribe_to_pose(SENSOR)
+
+    def _subscribe_to_pose(self, qos: QoSProfile) -> None:
+        self._session.subscribe(
+            self._node,
+            PoseWithCovarianceStamped,
+            self._settings.names.pose,
+            qos,
+            read=messages.pose_reading,
+            handle=self._listeners.pose,
+        )
+
+    def _listen(self, node: Any) -> None:  # noqa: ANN401
+        names, to, subscribe = self._settings.names, self._listeners, self._session.subscribe
+        subscribe(
+            node,
+            GoalStatusArray,
+            status_of(self._settings.action),
+            LATCHED,
+            read=messages.status_entries,
+            handle=to.statuses,
+            limit=STATUS_ARRAYS,
+        )
+        subscribe(
+            node,
+            GoalStatusArray,
+            status_of(self._settings.other_action),
+            LATCHED,
+            read=messages.status_entries,
+            handle=to.other_statuses,
+        )
+        self._subscribe_to_pose(LATCHED)
+        subscribe(node, Odometry, names.odometry, SENSOR, read=messages.velocity, handle=to.velocity)
+        subscribe(node, Path, names.plan, RELIABLE, read=messages.plan_points, handle=to.plan)
+        subscribe(node, BatteryState, names.battery, SENSOR, read=messages.battery_reading, handle=to.battery)

@@ -1,0 +1,77 @@
+"""Poses in the plane: headings and quaternions, agreement with a goal, sureness of the localisation."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from nena_edge_agent.driver.map_port import MapGoal, MapPose
+from nena_edge_agent.nav2.settings import LocalisationSettings
+
+NORM_TOLERANCE = 0.01
+"""How far the length of a unit quaternion may be off."""
+
+
+@dataclass(frozen=True, slots=True)
+class PoseReading:
+    """A pose of the localisation: m, rad, variances in m² and rad², stamp in ns by the robot's clock."""
+
+    x: float
+    y: float
+    yaw: float
+    frame: str
+    stamp: int
+    x_variance: float
+    y_variance: float
+    yaw_variance: float
+
+
+def wrap(angle: float) -> float:
+    """Bring an angle in rad into (-pi, pi]."""
+    return math.pi - (math.pi - angle) % math.tau
+
+
+def yaw_of(x: float, y: float, z: float, w: float) -> float | None:
+    """Give the heading in rad of a unit quaternion of either sign; none where it is no unit quaternion."""
+    norm = math.hypot(x, y, z, w)
+    if not math.isfinite(norm) or abs(norm - 1.0) > NORM_TOLERANCE:
+        return None
+    return wrap(math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+
+
+def quaternion_of(yaw: float) -> tuple[float, float]:
+    """Give z and w of the unit quaternion of a heading in rad; x and y are 0."""
+    half = wrap(yaw) / 2.0
+    return math.sin(half), math.cos(half)
+
+
+def localized(reading: PoseReading, settings: LocalisationSettings) -> bool:
+    """Whether the localisation is sure enough of the pose; one without a sane variance is not."""
+    xy_limit, yaw_limit = settings.xy_spread_limit**2, settings.theta_spread_limit**2
+    return (
+        0.0 <= reading.x_variance <= xy_limit
+        and 0.0 <= reading.y_variance <= xy_limit
+        and 0.0 <= reading.yaw_variance <= yaw_limit
+    )
+
+
+def near(pose: MapPose, place: MapPose, *, xy: float, theta: float | None) -> bool:
+    """Whether ``pose`` is within ``xy`` m and ``theta`` rad (None: any heading) of ``place``."""
+    if math.hypot(pose.x - place.x, pose.y - place.y) > xy:
+        return False
+    return theta is None or abs(wrap(pose.theta - place.theta)) <= theta
+
+
+def agrees(pose: MapPose, goal: MapGoal, *, xy_slack: float = 0.0, theta_slack: float = 0.0) -> bool:
+    """Whether the robot at ``pose`` has reached ``goal``; the slacks (m, rad) widen what is allowed."""
+    theta = None if goal.deviation_theta is None else goal.deviation_theta + theta_slack
+    return near(pose, goal.pose, xy=goal.deviation_xy + xy_slack, theta=theta)
+
+
+def impossible(pose: MapPose, map_id: str) -> str | None:
+    """Say why a robot on the map ``map_id`` cannot be sent to ``pose``; None: it can."""
+    if pose.map_id != map_id:
+        return f"the place is on map '{pose.map_id}', and the robot on '{map_id}'"
+    if not all(map(math.isfinite, (pose.x, pose.y, pose.theta))):
+        return f"x {pose.x}, y {pose.y}, heading {pose.theta} is no place to drive to"
+    return None

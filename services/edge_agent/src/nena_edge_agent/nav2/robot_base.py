@@ -1,0 +1,145 @@
+"""Whether the robot stands, by its odometry."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from nena_edge_agent.driver.map_port import MapPose
+from nena_edge_agent.driver.port import STANDING, BatteryReport
+from nena_edge_agent.nav2.poses import near
+from nena_edge_agent.nav2.settings import BatteryScale
+from nena_shared.log import get_logger
+
+HOLD = 0.2
+"""Seconds that it must have been standing."""
+STALE = 1.0
+"""Seconds after which odometry says nothing any more."""
+SLOWING = 0.02
+"""m/s or rad/s by which the velocity has to fall to count as slowing down."""
+
+
+class Standstill:
+    """Follows velocities; times are monotonic seconds."""
+
+    def __init__(self) -> None:
+        self._heard_at: float | None = None
+        self._since: float | None = None
+        self._lowest = math.inf
+        self.speed = self.omega = 0.0
+        """The newest velocity, m/s and rad/s."""
+        self.slowed_at = -math.inf
+        """When the robot last became slower."""
+
+    def on_velocity(self, speed: float, omega: float, now: float) -> None:
+        """Take a velocity in m/s and rad/s."""
+        self._heard_at = now
+        self.speed, self.omega = speed, omega
+        fastest = max(abs(speed), abs(omega))
+        if fastest < self._lowest - SLOWING:
+            self.slowed_at = now
+        if fastest < self._lowest - SLOWING or fastest > self._lowest + SLOWING:
+            self._lowest = fastest
+        if abs(speed) < STANDING and abs(omega) < STANDING:
+            self._since = now if self._since is None else self._since
+        else:
+            self._since = None
+
+    def known(self, now: float) -> bool:
+        """Whether odometry is there, and fresh."""
+        return self._heard_at is not None and now - self._heard_at <= STALE
+
+    def stands(self, now: float) -> bool:
+        """Whether fresh odometry says that the robot has been standing for a while."""
+        return self.known(now) and self._since is not None and now - self._since >= HOLD
+
+
+REACH = 0.1
+"""Metres, or radians, that count as movement."""
+LONGEST_GAP = 1.0
+"""Seconds between two velocities over which the way in between can be reckoned."""
+
+
+class MovementWatch:
+    """Follows odometry and poses; ``timeout`` is in seconds, times are monotonic seconds."""
+
+    def __init__(self, timeout: float) -> None:
+        self._timeout = timeout
+        self._moved_at: float | None = None
+        self._heard_at = -math.inf
+        self._way = self._turn = 0.0
+        self._anchor: MapPose | None = None
+
+    def on_velocity(self, speed: float, omega: float, now: float) -> None:
+        """Take a velocity in m/s and rad/s."""
+        seconds, self._heard_at = now - self._heard_at, now
+        if seconds > LONGEST_GAP or not math.isfinite(speed + omega):
+            return
+        self._way += speed * seconds
+        self._turn += omega * seconds
+        if abs(self._way) >= REACH or abs(self._turn) >= REACH:
+            self._way, self._turn = 0.0, 0.0
+            self._moved_at = now
+
+    def on_pose(self, pose: MapPose, now: float) -> None:
+        """Take a pose of the localisation."""
+        if self._anchor is None or not near(pose, self._anchor, xy=REACH, theta=REACH):
+            self._anchor, self._moved_at = pose, now
+
+    def blocked(self, *, driving: bool, now: float) -> bool:
+        """Tell whether the robot has stood for too long, with a goal under way all the time."""
+        if not driving or self._moved_at is None:
+            self._moved_at = now
+        return now - self._moved_at >= self._timeout
+
+
+log = get_logger(__name__)
+
+
+STATUS_CHARGING = 1
+SUSPICIOUS_FRACTION = 1.5
+"""A fraction above this is a sign that the driver sends percent."""
+
+
+@dataclass(frozen=True, slots=True)
+class BatteryReading:
+    """What a message says: ``percentage`` in the driver's scale, V, A; NaN where it was not measured."""
+
+    percentage: float
+    voltage: float
+    current: float
+    status: int
+
+
+class Battery:
+    """Turns readings into reports; a scale that looks wrong is told once and never guessed."""
+
+    def __init__(self, scale: BatteryScale) -> None:
+        self._scale = scale
+        self._warned = False
+
+    def report(self, reading: BatteryReading) -> BatteryReport | None:
+        """Give the report for a reading; none where the charge was not measured."""
+        if not math.isfinite(reading.percentage):
+            return None
+        self._check_scale(reading.percentage)
+        percent = reading.percentage * (100.0 if self._scale == "fraction" else 1.0)
+        return BatteryReport(
+            state_of_charge=min(100.0, max(0.0, percent)),
+            charging=reading.status == STATUS_CHARGING,
+            voltage=_measured(reading.voltage),
+            current=_measured(reading.current),
+        )
+
+    def _check_scale(self, percentage: float) -> None:
+        if self._scale == "fraction" and percentage > SUSPICIOUS_FRACTION and not self._warned:
+            self._warned = True
+            log.warning(
+                "the battery's percentage is above 1: does the robot send percent? "
+                "Then set ros.battery_scale to percent",
+                percentage=percentage,
+            )
+
+
+def _measured(value: float) -> float | None:
+    return value if math.isfinite(value) else None

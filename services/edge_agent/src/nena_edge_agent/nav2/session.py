@@ -1,0 +1,249 @@
+"""A bounded way from the ROS thread into the event loop."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections import deque
+from collections.abc import Callable
+from contextlib import ExitStack
+from typing import Any, Generic, TypeVar
+
+import rclpy
+from rclpy.context import Context
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
+from rclpy.signals import SignalHandlerOptions
+
+from nena_edge_agent.driver.port import SessionState
+from nena_edge_agent.nav2.session_control import SessionError
+from nena_shared.log import get_logger
+
+T = TypeVar("T")
+
+
+class Mailbox(Generic[T]):
+    """Takes plain data in one thread and hands it to ``deliver`` in another, in order.
+
+    ``post`` has a function called in the other thread. When more than ``limit`` items wait, the oldest is
+    dropped: every topic that is read tells a state, of which the newest counts.
+    """
+
+    def __init__(
+        self, limit: int, deliver: Callable[[T], None], post: Callable[[Callable[[], None]], None]
+    ) -> None:
+        self._items: deque[T] = deque(maxlen=limit)
+        self._lock = threading.Lock()
+        self._posted = False
+        self._deliver = deliver
+        self._post = post
+
+    def put(self, item: T) -> None:
+        """Leave an item; returns at once."""
+        with self._lock:
+            self._items.append(item)
+            post, self._posted = not self._posted, True
+        if post:
+            self._post(self._empty)
+
+    def _empty(self) -> None:
+        with self._lock:
+            items = list(self._items)
+            self._items.clear()
+            self._posted = False
+        for item in items:
+            self._deliver(item)
+
+
+log = get_logger(__name__)
+
+
+class RosSession:
+    """One node in one domain. A session that has ended or failed is not started again: make a new one."""
+
+    def __init__(self, *, node_name: str, namespace: str, domain_id: int) -> None:
+        """Prepare the session, in the event loop that it will work for."""
+        self._node_name = node_name
+        self._namespace = namespace
+        self._domain_id = domain_id
+        self._loop = asyncio.get_running_loop()
+        self._began = asyncio.Event()
+        self._ended = asyncio.Event()
+        self._stop = threading.Event()
+        self._executor: Any = None
+        self._on_failure: Callable[[str], None] = lambda _reason: None
+        self.state = SessionState.NOT_ACTIVE
+        self.reason = ""
+
+    async def start(
+        self,
+        populate: Callable[[Any], None],
+        *,
+        on_failure: Callable[[str], None] = lambda _reason: None,
+        seconds: float = 10.0,
+    ) -> None:
+        """Make the node, have ``populate`` furnish it (in the ROS thread), and run its callbacks.
+
+        ``on_failure`` is told, in the loop, when the thread ends although nobody has asked it to.
+
+        Raises:
+            SessionError: ROS refuses, or takes longer than ``seconds``.
+
+        """
+        self.state = SessionState.INITIATING
+        self._thread = threading.Thread(
+            target=self._run, args=(populate,), name=f"ros {self._node_name}", daemon=True
+        )
+        self._thread.start()
+        try:
+            async with asyncio.timeout(seconds):
+                await self._began.wait()
+        except TimeoutError:
+            self.state, self.reason = SessionState.FAILED, f"ROS did not start within {seconds:g} s"
+            self._end_thread()
+        except asyncio.CancelledError:
+            self._end_thread()
+            raise
+        if self.state is SessionState.FAILED:
+            raise SessionError(self.reason)
+        self._on_failure = on_failure
+
+    async def stop(self, *, seconds: float = 5.0) -> None:
+        """End callbacks, node and context, in this order, waiting at most ``seconds``."""
+        if self.state is not SessionState.ACTIVE:
+            return
+        self.state = SessionState.TERMINATING
+        self._end_thread()
+        try:
+            async with asyncio.timeout(seconds):
+                await self._ended.wait()
+            self._thread.join(1.0)  # its last deed was to tell that it has ended
+        except TimeoutError:
+            log.warning("the ROS thread does not end; it is left to the end of the process", seconds=seconds)
+
+    def subscribe(
+        self,
+        node: Any,  # noqa: ANN401 - rclpy carries no types
+        kind: Any,  # noqa: ANN401
+        topic: str,
+        qos: Any,  # noqa: ANN401
+        *,
+        read: Callable[[Any], T],
+        handle: Callable[[T], None],
+        limit: int = 1,
+        due: Callable[[], bool] | None = None,
+    ) -> None:
+        """Read each message of a topic in the ROS thread and handle what comes out in the loop.
+
+        At most ``limit`` readings wait for the loop, the oldest is dropped. A message that cannot be read is
+        told once until the next good one, and costs that message only. Of a topic with more messages than are
+        of use, ``due`` says whether the next one is wanted: others are not even made into a message.
+        """
+        mailbox = Mailbox(limit, handle, self.post)
+        well = True
+
+        def on_message(message: object) -> None:
+            nonlocal well
+            if due is not None and not due():
+                return
+            try:
+                mailbox.put(read(deserialize_message(message, kind) if due else message))
+                well = True
+            except Exception as error:  # noqa: BLE001 - one let go here would end the thread
+                if well:
+                    log.warning("messages cannot be used", topic=topic, reason=repr(error))
+                well = False
+
+        raw, events = due is not None, _events(qos)
+        node.create_subscription(kind, topic, on_message, qos, event_callbacks=events, raw=raw)
+
+    async def call(self, client: Any, request: Any, *, seconds: float) -> Any:  # noqa: ANN401
+        """Call a service and give its answer; None when it is not there or silent for ``seconds``."""
+        if self.state is not SessionState.ACTIVE or not client.service_is_ready():
+            return None
+        answered = asyncio.Event()
+        future = client.call_async(request)
+        future.add_done_callback(lambda _: self.post(answered.set))
+        try:
+            async with asyncio.timeout(seconds):
+                await answered.wait()
+        except TimeoutError:
+            return None
+        finally:
+            client.remove_pending_request(future)
+        return future.result()
+
+    def post(self, function: Callable[[], None]) -> None:
+        """Have ``function`` called in the loop; dropped where the loop has ended."""
+        try:
+            self._loop.call_soon_threadsafe(function)
+        except RuntimeError:
+            log.debug("the event loop has ended before ROS")
+
+    def _end_thread(self) -> None:
+        self._stop.set()
+        if self._executor is not None:
+            self._executor.create_task(lambda: None)  # lets the thread look at the event
+
+    def _run(self, populate: Callable[[Any], None]) -> None:
+        """Live in the thread: open, spin, close."""
+        reason = "its thread has ended"
+        try:
+            with ExitStack() as stack:
+                self._open(stack, populate)
+                self.post(self._become_active)
+                while not self._stop.is_set():
+                    self._executor.spin_once()
+        except Exception as error:  # whatever it is, the program has to know of it
+            log.exception("ROS session has failed", domain_id=self._domain_id, namespace=self._namespace)
+            reason = str(error) or type(error).__name__
+        finally:
+            self.post(lambda: self._end(reason))
+
+    def _open(self, stack: ExitStack, populate: Callable[[Any], None]) -> None:
+        context = Context()
+        rclpy.init(
+            args=[],
+            context=context,
+            domain_id=self._domain_id,
+            signal_handler_options=SignalHandlerOptions.NO,
+        )
+        stack.callback(context.try_shutdown)
+        node = Node(
+            self._node_name,
+            context=context,
+            namespace=self._namespace,
+            use_global_arguments=False,
+            enable_rosout=False,
+            start_parameter_services=False,
+        )
+        stack.callback(node.destroy_node)
+        self._executor = SingleThreadedExecutor(context=context)
+        stack.callback(self._executor.shutdown)
+        populate(node)
+        self._executor.add_node(node)
+
+    def _become_active(self) -> None:
+        if self.state is SessionState.INITIATING:
+            self.state = SessionState.ACTIVE
+        self._began.set()
+
+    def _end(self, reason: str) -> None:
+        asked = self._stop.is_set()
+        self.state = SessionState.NOT_ACTIVE if asked else SessionState.FAILED
+        self.reason = "" if asked else reason
+        self._began.set()
+        self._ended.set()
+        if not asked:
+            self._on_failure(reason)
+
+
+def _events(qos: QoSProfile) -> SubscriptionEventCallbacks:
+    """Have ROS log of publishers that a subscription cannot hear; a best-effort one hears all of them.
+
+    Each thing that may be told makes each wake-up of the thread cost more.
+    """
+    return SubscriptionEventCallbacks(use_default_callbacks=qos.reliability == ReliabilityPolicy.RELIABLE)

@@ -1,0 +1,250 @@
+"""What has to stand in the environment before rclpy is loaded."""
+
+from __future__ import annotations
+
+import atexit
+import ctypes
+import os
+import shutil
+import tempfile
+from typing import TYPE_CHECKING, Any, Protocol
+
+if TYPE_CHECKING:
+    from nena_edge_agent.nav2.session import RosSession
+import asyncio
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from urllib.parse import quote
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from nena_edge_agent.driver.port import SessionReport, SessionState
+from nena_edge_agent.durability import sync_folder
+from nena_edge_agent.nav2.settings import RosAddress, RosSettings
+from nena_shared.clock import Clock
+from nena_shared.log import get_logger
+from nena_shared.misfits import shortened
+from nena_shared.vda5050.topics import RobotKey
+
+M_ARENA_MAX = -8
+"""Of glibc's mallopt: how many pools there may be."""
+POOLS = 2
+
+
+def prepare_environment() -> None:
+    """Set up this process for rclpy; what the user has set stays.
+
+    UDP alone, since shared memory of a process that was killed can block its neighbours for ever. Fields of
+    messages check their types, since a number of the wrong type would be sent as garbage. The log files that
+    rclpy insists on go to a directory that is removed when the program ends. Threads share memory pools, for
+    those of each new session would fill pools of their own, some megabytes until all are in use.
+    """
+    _limit_memory_pools()
+    os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
+    os.environ.setdefault("ROS_PYTHON_CHECK_FIELDS", "1")
+    if "ROS_LOG_DIR" not in os.environ:
+        directory = tempfile.mkdtemp(prefix="nena-edge-agent-ros-log-")
+        atexit.register(shutil.rmtree, directory, ignore_errors=True)
+        os.environ["ROS_LOG_DIR"] = directory
+
+
+def _limit_memory_pools() -> None:
+    """Set what MALLOC_ARENA_MAX would set; other C libraries have no such thing."""
+    if "MALLOC_ARENA_MAX" not in os.environ and hasattr(own := ctypes.CDLL(None), "mallopt"):
+        own.mallopt(M_ARENA_MAX, POOLS)
+
+
+class SessionError(Exception):
+    """The session could not begin; ``reason`` is ROS's own."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(f"the ROS session has failed: {reason}")
+        self.reason = reason
+
+
+class NodeGuest(Protocol):
+    """Comes to every node that the agent makes; its session says whether that is still there."""
+
+    def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401 - rclpy carries no types
+        """Furnish a new node, in the ROS thread, before its callbacks run."""
+        ...
+
+
+log = get_logger(__name__)
+
+LONGEST_RETRY = 60.0
+"""Seconds between two tries to begin at most."""
+
+
+class SessionKeeper:
+    """One step at a time: who asks for the next one waits for the end of the one before.
+
+    ``begin`` joins the graph at an address, or raises :class:`SessionError`; ``end`` leaves it, and is asked
+    only after ``begin`` has succeeded. Each change is told by ``tell``.
+    """
+
+    def __init__(
+        self,
+        address: RosAddress,
+        *,
+        begin: Callable[[RosAddress], Awaitable[None]],
+        end: Callable[[], Awaitable[None]],
+        tell: Callable[[SessionReport], None],
+        clock: Clock,
+        retry: float,
+    ) -> None:
+        """Prepare; ``retry``: seconds before the second try to begin."""
+        self.address = address
+        self.state = SessionState.NOT_ACTIVE
+        self.reason = ""
+        self.step = asyncio.Lock()
+        """Held while the session begins or ends, and by whoever needs it to stay as it is."""
+        self._begin = begin
+        self._end = end
+        self._tell = tell
+        self._clock = clock
+        self._retry = retry
+        self._tries = 0
+        self._again_at = 0.0
+
+    @property
+    def wanted(self) -> bool:
+        """Whether the session is there or is to come back by itself."""
+        return self.state is not SessionState.NOT_ACTIVE
+
+    def tell_off(self) -> None:
+        """Tell that the session waits for somebody to start it."""
+        self._become(SessionState.NOT_ACTIVE)
+
+    async def start(self) -> None:
+        """Begin the session, unless it is active.
+
+        Raises:
+            SessionError: it cannot begin now; it is tried again until somebody stops it.
+
+        """
+        async with self.step:
+            if self.state is not SessionState.ACTIVE:
+                await self._open()
+
+    async def stop(self) -> None:
+        """End the session, or the tries to begin it."""
+        async with self.step:
+            await self._close()
+
+    async def move(self, address: RosAddress) -> None:
+        """Be somewhere else in the graph from now on; a session that is wanted begins anew there.
+
+        Raises:
+            SessionError: as for :meth:`start`; the address stays the new one.
+
+        """
+        async with self.step:
+            wanted = self.wanted
+            await self._close()
+            self.address = address
+            if wanted:
+                await self._open()
+            else:
+                self.tell_off()
+
+    async def look(self) -> None:
+        """Try again what has failed, if it is time to."""
+        if self.state is not SessionState.FAILED or self._clock.monotonic() < self._again_at:
+            return
+        async with self.step:
+            if self.state is SessionState.FAILED:
+                await self._try()
+
+    def failed(self, reason: str) -> None:
+        """Take in that the session has ended although nobody has asked it to."""
+        if self.state is SessionState.ACTIVE:
+            self._again_at = self._clock.monotonic()
+            self._become(SessionState.FAILED, reason)
+
+    async def _try(self) -> None:
+        try:
+            await self._open()
+        except SessionError as error:
+            log.warning("ROS session does not begin", address=str(self.address), reason=error.reason)
+
+    async def _open(self) -> None:
+        self._become(SessionState.INITIATING)
+        try:
+            await self._begin(self.address)
+        except SessionError as error:
+            pause = min(self._retry * 2.0**self._tries, LONGEST_RETRY)
+            self._tries += 1
+            self._again_at = self._clock.monotonic() + pause
+            self._become(SessionState.FAILED, error.reason)
+            raise
+        except BaseException:
+            self._become(SessionState.NOT_ACTIVE)
+            raise
+        self._tries = 0
+        self._become(SessionState.ACTIVE)
+
+    async def _close(self) -> None:
+        if self.state is SessionState.ACTIVE:
+            self._become(SessionState.TERMINATING)
+            await self._end()
+        self._tries = 0
+        if self.wanted:
+            self._become(SessionState.NOT_ACTIVE)
+
+    def _become(self, state: SessionState, reason: str = "") -> None:
+        self.state, self.reason = state, reason
+        log.info("ROS session", state=state.value, address=str(self.address), reason=reason)
+        self._tell(SessionReport(state, self.address.namespace, self.address.domain_id, reason))
+
+
+class _Record(BaseModel):
+    """What was given, and what it was given in place of."""
+
+    model_config = ConfigDict(frozen=True)
+
+    address: RosAddress
+    instead_of: RosAddress
+
+
+class SessionStore:
+    """One robot's file. It counts for as long as the settings are those that it was written against."""
+
+    def __init__(self, folder: Path, robot: RobotKey) -> None:
+        """Prepare; the folder need not be there yet."""
+        self._file = folder.expanduser() / f"{quote(str(robot), safe='')}.ros.json"
+
+    def read(self, settings: RosSettings) -> RosAddress:
+        """Give the address that was kept, or that of the settings where none was, or none that counts."""
+        own = RosAddress.of(settings)
+        try:
+            record = _Record.model_validate_json(self._file.read_bytes())
+        except FileNotFoundError:
+            return own
+        except (OSError, ValidationError) as error:
+            log.warning(
+                "the kept ROS address cannot be read", file=str(self._file), reason=shortened(str(error))
+            )
+            return own
+        if record.instead_of != own:
+            log.warning("the kept ROS address counts no more: the settings have changed", settings=str(own))
+            return own
+        log.info("ROS address as it was kept", file=str(self._file), address=str(record.address))
+        return record.address
+
+    def write(self, address: RosAddress, settings: RosSettings) -> None:
+        """Keep ``address`` in place of that of ``settings``; it survives a power cut when this returns.
+
+        Raises:
+            OSError: it could not be written; what was kept before stands.
+
+        """
+        record = _Record(address=address, instead_of=RosAddress.of(settings))
+        self._file.parent.mkdir(parents=True, exist_ok=True)
+        new = self._file.with_suffix(".new")
+        with new.open("wb") as file:
+            file.write(record.model_dump_json().encode())
+            file.flush()
+            os.fsync(file.fileno())
+        new.replace(self._file)
+        sync_folder(self._file.parent)

@@ -1,0 +1,270 @@
+"""Settings of the ROS side: where the robot is in the ROS graph, and how patient the driver is with it."""
+
+from __future__ import annotations
+
+import math
+import re
+from enum import StrEnum
+from typing import Annotated, Literal, Self
+
+from pydantic import AfterValidator, ConfigDict, Field, ValidationError
+from pydantic.dataclasses import dataclass as checked
+
+from nena_shared.settings import SettingsGroup
+
+BatteryScale = Literal["fraction", "percent"]
+"""How ``percentage`` is sent: 0 to 1 as the message defines it, or 0 to 100 as many drivers do."""
+
+
+_TOKEN = "[A-Za-z_][A-Za-z0-9_]*"  # noqa: S105 - a pattern, no secret
+_NAMESPACE = re.compile(rf"/?|/?{_TOKEN}(/{_TOKEN})*")
+_NAME = re.compile(rf"/?{_TOKEN}(/{_TOKEN})*")
+_NODE_NAME = re.compile(_TOKEN)
+
+
+def _ros_namespace(namespace: str) -> str:
+    if not _NAMESPACE.fullmatch(namespace):
+        message = (
+            "a ROS namespace is made of letters, digits and underscores, with '/' between its parts, "
+            "and no part starts with a digit: r1 or hall_2/r1"
+        )
+        raise ValueError(message)
+    return "/" + namespace.removeprefix("/")
+
+
+def _ros_name(name: str) -> str:
+    if not _NAME.fullmatch(name):
+        message = (
+            "a ROS name is made of letters, digits and underscores, with '/' between its parts: amcl_pose, "
+            "or /sensors/battery for one outside of the robot's namespace"
+        )
+        raise ValueError(message)
+    return name
+
+
+def _ros_node_name(name: str) -> str:
+    if not _NODE_NAME.fullmatch(name):
+        message = "the name of a ROS node is made of letters, digits and underscores: nena_edge_agent"
+        raise ValueError(message)
+    return name
+
+
+Namespace = Annotated[str, Field(max_length=200), AfterValidator(_ros_namespace)]
+"""A ROS namespace; read back with a leading slash."""
+RosName = Annotated[str, Field(min_length=1, max_length=200), AfterValidator(_ros_name)]
+NodeName = Annotated[str, Field(min_length=1, max_length=100), AfterValidator(_ros_node_name)]
+DomainId = Annotated[int, Field(ge=0, le=232)]
+"""Above, Fast DDS ends the program without a word."""
+Seconds = Annotated[float, Field(gt=0, le=600, allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Radians = Annotated[float, Field(gt=0, le=math.pi)]
+
+
+class Navigation(StrEnum):
+    """How goals are given to Nav2."""
+
+    AUTO = "auto"
+    """By its action where this machine has the types and the robot the server, else by topics."""
+    TOPICS = "topics"
+    ACTION = "action"
+    THROUGH_POSES = "through_poses"
+    """By the action that drives over several places: nodes ahead are given with the next one."""
+
+
+def status_of(action: str) -> str:
+    """Give the topic of an action's goal statuses."""
+    return f"{action}/_action/status"
+
+
+class RosNames(SettingsGroup):
+    """Names of topics and services; without a leading slash they are in the robot's namespace."""
+
+    goal_pose: RosName = Field("goal_pose", description="Topic on which Nav2 takes goals.")
+    action: RosName = Field(
+        "navigate_to_pose", description="Nav2's action; driving by topics uses its status and cancelling."
+    )
+    pose: RosName = Field("amcl_pose", description="Topic of the localisation's pose.")
+    initial_pose: RosName = Field("initialpose", description="Topic on which the localisation is told.")
+    fresh_pose: RosName = Field(
+        "request_nomotion_update", description="Service that has the localisation send a pose at standstill."
+    )
+    battery: RosName = Field("battery_state", description="Topic of the battery's state.")
+    plan: RosName = Field("plan", description="Topic of Nav2's plan, for the way that is left.")
+    map: RosName = Field("map", description="Topic of the robot's map, which is shown beside the plant.")
+    odometry: RosName = Field("odom", description="Topic of the odometry.")
+    lifecycle: RosName = Field(
+        "lifecycle_manager_navigation/is_active",
+        description="Service that tells whether Nav2 is active; not asked where it does not exist.",
+    )
+
+    through_poses: RosName = Field(
+        "navigate_through_poses", description="Nav2's action that drives over several places."
+    )
+
+    motions: tuple[RosName, ...] = Field(
+        (
+            "follow_path",
+            "spin",
+            "backup",
+            "drive_on_heading",
+            "assisted_teleop",
+            "dock_robot",
+            "undock_robot",
+        ),
+        min_length=1,
+        description="Actions that move the robot, the controller's first: their goals are cancelled where "
+        "the navigator does not stop the robot.",
+    )
+
+    @property
+    def status(self) -> str:
+        """Topic of the goal statuses of the action to one place."""
+        return status_of(self.action)
+
+
+class GoalSettings(SettingsGroup):
+    """How goals are given and followed."""
+
+    confirmation_time: Seconds = Field(
+        3.5,
+        description="Seconds until a goal that Nav2 does not list is given again; under 3 s a goal whose "
+        "status was lost on the way would be given twice.",
+    )
+    resends: int = Field(3, ge=0, le=20, description="How often a goal is given again before it fails.")
+    settle_time: Seconds = Field(
+        2.0,
+        description="Seconds after Nav2 was found until it counts as having no goals of before.",
+    )
+    cancel_time: Seconds = Field(2.0, description="Seconds until a cancel without effect is asked again.")
+    pose_wait: Seconds = Field(2.0, description="Seconds to wait for a pose that confirms an arrival.")
+    standstill_timeout: Seconds = Field(
+        3.0,
+        description="Seconds after a stop until a robot that still moves, or that nothing shows to stand, is "
+        "told as not stopped. Without odometry: until it counts as standing after its goal was cancelled.",
+    )
+    goal_tolerance: Positive = Field(
+        0.25, description="Metres from a goal at which Nav2 counts as there (xy_goal_tolerance)."
+    )
+    replan_period: float = Field(
+        1.0,
+        ge=0,
+        le=60,
+        description="Seconds between two plans of Nav2's behaviour tree: a passed node's next goal is given "
+        "goal_tolerance and the way of this time before it, where the node's deviation allows it.",
+    )
+    blocked_after: Seconds = Field(
+        20.0,
+        description="Seconds without movement, with a goal under way, until the robot counts as blocked.",
+    )
+
+
+class LocalisationSettings(SettingsGroup):
+    """The initial position, and when the robot counts as knowing where it is."""
+
+    initial_xy_variance: Positive = Field(0.25, description="Variance of an initial position, m².")
+    initial_theta_variance: Positive = Field(0.068, description="Variance of an initial heading, rad².")
+    initial_attempts: int = Field(4, ge=1, le=20, description="How often an initial position is given.")
+    initial_wait: Seconds = Field(2.5, description="Seconds to wait for its confirmation each time.")
+    initial_xy_tolerance: Positive = Field(0.5, description="Metres that the confirming pose may be off.")
+    initial_theta_tolerance: Radians = Field(0.5, description="Radians that the confirming pose may be off.")
+    pose_timeout: Seconds = Field(
+        5.0,
+        description="Seconds without a pose, with a goal under way, after which one is asked for; where none "
+        "comes then, the robot counts as lost.",
+    )
+    xy_spread_limit: Positive = Field(0.75, description="Largest standard deviation of a sure place, m.")
+    theta_spread_limit: Radians = Field(0.5, description="Largest standard deviation of a sure heading, rad.")
+
+
+class RosSettings(SettingsGroup):
+    """The robot's ROS side."""
+
+    namespace: Namespace = Field("/", description="The robot's ROS namespace; none: '/'.")
+    domain_id: DomainId = Field(0, description="The robot's ROS domain id.")
+    start_session: bool = Field(
+        default=True,
+        description="Whether the program joins the ROS graph when it starts, or waits for the instant action "
+        "nena:startRosSession.",
+    )
+    session_retry: Seconds = Field(
+        1.0, description="Seconds before a session that could not begin is tried again; doubles each time."
+    )
+    node_name: NodeName = Field("nena_edge_agent", description="Name of this program's ROS node.")
+    frame: str = Field(
+        "map", min_length=1, max_length=200, description="Frame of goals and poses: Nav2's global frame."
+    )
+    names: RosNames = Field(default_factory=RosNames, description="Topics and services.")
+    navigation: Navigation = Field(
+        Navigation.AUTO,
+        description="How goals are given: by the topic (topics), by Nav2's action, which needs nav2_msgs "
+        "(action), by the one that drives over several places (through_poses), or by the action where "
+        "nav2_msgs and its server are there (auto).",
+    )
+    battery_scale: BatteryScale = Field(
+        "fraction", description="Whether the battery's percentage is sent as 0 to 1 or as 0 to 100."
+    )
+    goals: GoalSettings = Field(default_factory=GoalSettings, description="Giving and following goals.")
+    localisation: LocalisationSettings = Field(
+        default_factory=LocalisationSettings, description="Initial position and sureness of the pose."
+    )
+    watch_period: Seconds = Field(1.0, description="Seconds between two looks at Nav2's presence.")
+    call_timeout: Seconds = Field(1.0, description="Seconds that a ROS service has to answer.")
+    stop_timeout: Seconds = Field(5.0, description="Seconds to stop the robot before the program ends.")
+
+    @property
+    def action(self) -> str:
+        """The action that goals are given to, and whose statuses tell of those given by topic."""
+        through = self.navigation is Navigation.THROUGH_POSES
+        return self.names.through_poses if through else self.names.action
+
+    @property
+    def other_action(self) -> str:
+        """The action that only others give goals to."""
+        through = self.navigation is Navigation.THROUGH_POSES
+        return self.names.action if through else self.names.through_poses
+
+    @property
+    def by_action_only(self) -> bool:
+        """Whether goals are never given by the topic."""
+        return self.navigation in (Navigation.ACTION, Navigation.THROUGH_POSES)
+
+
+class BadAddressError(Exception):
+    """There is no such place in a ROS graph; the text says what is wrong."""
+
+
+@checked(frozen=True, config=ConfigDict(strict=True))
+class RosAddress:
+    """A namespace with its leading slash, and a domain id."""
+
+    namespace: Namespace
+    domain_id: DomainId
+
+    @classmethod
+    def of(cls, settings: RosSettings) -> Self:
+        """Give the address that settings name."""
+        return cls(settings.namespace, settings.domain_id)
+
+    def changed(self, *, namespace: str | None = None, domain_id: int | None = None) -> RosAddress:
+        """Give an address with what is given in place of its own.
+
+        Raises:
+            BadAddressError: ROS knows no such namespace or domain.
+
+        """
+        try:
+            return RosAddress(
+                namespace=self.namespace if namespace is None else namespace,
+                domain_id=self.domain_id if domain_id is None else domain_id,
+            )
+        except ValidationError as error:
+            problems = (f"{each['loc'][-1]}: {each['msg']}" for each in error.errors())
+            raise BadAddressError("; ".join(problems)) from None
+
+    def applied(self, settings: RosSettings) -> RosSettings:
+        """Give ``settings`` with this address."""
+        return settings.model_copy(update={"namespace": self.namespace, "domain_id": self.domain_id})
+
+    def __str__(self) -> str:
+        """Tell it to people."""
+        return f"namespace {self.namespace}, domain {self.domain_id}"

@@ -1,0 +1,168 @@
+"""Driving by Nav2's action: with rclpy's own server, and with the simulator."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import AsyncIterator, Iterator
+from itertools import count
+
+import pytest
+
+from nena_edge_agent.driver.map_port import MapGoal, MapPose, MapPoseReport
+from nena_edge_agent.driver.port import (
+    Arrived,
+    DriveFailed,
+    DriveFailure,
+    DriveProgress,
+    GoalReport,
+    GoalTable,
+    Halted,
+    NavigationReport,
+)
+from nena_edge_agent.nav2.goals import GoalMark
+from nena_edge_agent.nav2.settings import Navigation
+from nena_robot_simulator.goals import Action
+from support.action_client import Client
+from support.action_server import RclpyNav2
+from support.action_types import needs_action_types
+from support.nav2_driver import MAP, PATIENT, DrivenRobot, goal_at
+from support.ros import RosPeer
+from support.simulator import simulated_robot
+from support.waiting import until
+
+pytestmark = [pytest.mark.ros, needs_action_types]
+
+
+@pytest.fixture
+def nav2(peer: RosPeer) -> Iterator[RclpyNav2]:
+    server = RclpyNav2(peer)
+    yield server
+    server.close()
+
+
+@pytest.fixture
+async def robot(nav2: RclpyNav2, domain_id: int) -> AsyncIterator[DrivenRobot]:  # noqa: ARG001 - is there first
+    patient = PATIENT.model_copy(update={"pose_wait": 30.0})
+    async with DrivenRobot(domain_id, navigation=Navigation.AUTO, goals=patient) as started:
+        yield await started.ready()
+
+
+async def test_a_goal_goes_by_the_action_under_an_id_of_ours(nav2: RclpyNav2, robot: DrivenRobot) -> None:
+    report = await robot.driving(goal_at(1, 5.0))
+    assert GoalMark("nena_edge_agent").bears(report.goal_id)
+    (goal,) = nav2.goals
+    assert (goal.pose.header.frame_id, goal.pose.pose.position.x) == ("map", 5.0)
+    assert nav2.by_topic.messages == []
+    nav2.end()
+    await robot.hears(GoalReport, lambda report: report.status == "SUCCEEDED")
+    nav2.pose(5.0)
+    assert await robot.hears(Arrived) == Arrived(1)
+
+
+async def test_feedback_tells_the_place_what_is_left_and_recoveries(
+    nav2: RclpyNav2, robot: DrivenRobot
+) -> None:
+    await robot.driving(goal_at(1, 5.0))
+    told = await robot.hears(DriveProgress)
+    assert (told.left, told.recoveries) == (3.5, 2)
+    await robot.hears(MapPoseReport, lambda report: report.pose.x == 1.5)
+    nav2.end()
+
+
+async def test_a_result_says_why_and_in_whose_words(nav2: RclpyNav2, robot: DrivenRobot) -> None:
+    await robot.driving(goal_at(1, 5.0))
+    nav2.end(106, "Collision ahead")
+    failed = await robot.hears(DriveFailed)
+    assert failed.failure is DriveFailure.ABORTED
+    assert "finds no way to move (error code 106: Collision ahead)" in failed.description
+
+
+async def test_a_refused_goal_fails_and_says_so(nav2: RclpyNav2, robot: DrivenRobot) -> None:
+    nav2.accepts = False
+    robot.driver.go_to(goal_at(1, 5.0))
+    failed = await robot.hears(DriveFailed)
+    assert failed.failure is DriveFailure.NOT_TAKEN_UP
+    assert "refused" in failed.description
+    assert len(nav2.goals) == 4
+
+
+async def test_a_halt_cancels_by_the_id_and_waits_for_the_end(nav2: RclpyNav2, robot: DrivenRobot) -> None:
+    await robot.driving(goal_at(1, 5.0))
+    robot.driver.halt()
+    await robot.hears(GoalReport, lambda report: report.status == "CANCELING")
+    assert robot.ends == []
+    nav2.end()
+    await robot.hears(Halted)
+
+
+async def test_a_cancel_of_somebody_else_is_told(nav2: RclpyNav2, robot: DrivenRobot) -> None:
+    report = await robot.driving(goal_at(1, 5.0))
+    assert robot.driver._node is not None
+    await robot.driver._node.cancel(report.goal_id)
+    nav2.end()
+    assert (await robot.hears(DriveFailed)).failure is DriveFailure.CANCELED_FROM_OUTSIDE
+
+
+@pytest.mark.parametrize("navigation", [Navigation.AUTO, Navigation.TOPICS])
+async def test_where_no_server_is_goals_go_by_topic(domain_id: int, navigation: Navigation) -> None:
+    with simulated_robot(domain_id, actions=False):
+        async with DrivenRobot(domain_id, navigation=navigation) as robot:
+            await robot.ready()
+            report = await robot.driving(goal_at(1, 3.0))
+            assert not GoalMark("nena_edge_agent").bears(report.goal_id)
+            assert await robot.hears(Arrived) == Arrived(1)
+
+
+async def test_a_server_that_is_not_there_is_waited_for(domain_id: int, peer: RosPeer) -> None:
+    with simulated_robot(domain_id, actions=False):
+        async with DrivenRobot(domain_id, navigation=Navigation.ACTION) as robot:
+            missing = await robot.hears(NavigationReport, lambda report: "serves" in report.reason)
+            assert not missing.available
+            server = RclpyNav2(peer)
+            await robot.ready()
+            server.close()
+
+
+async def test_a_server_that_goes_in_mid_drive(domain_id: int) -> None:
+    with simulated_robot(domain_id) as node:
+        async with DrivenRobot(domain_id, navigation=Navigation.ACTION) as robot:
+            await (await robot.ready()).driving(goal_at(1, 30.0))
+            node.close()
+            assert (await robot.hears(DriveFailed)).failure is DriveFailure.NAVIGATION_GONE
+            await until(lambda: robot.all(NavigationReport)[-1].available is False, what="its absence")
+
+
+async def test_a_node_that_nav2_leaves_out_is_driven_to_alone(domain_id: int, peer: RosPeer) -> None:
+    server = RclpyNav2(peer, Action.THROUGH_POSES)
+    async with DrivenRobot(domain_id, navigation=Navigation.THROUGH_POSES) as robot:
+        await robot.ready()
+        beside, behind = MapPose(5.0, 0.6, 0.0, MAP), MapPose(10.0, 0.0, 0.0, MAP)
+        await robot.driving(MapGoal(1, beside, deviation_xy=0.5, ahead=(behind,)))
+        await robot.hears(DriveProgress)
+        await until(lambda: not robot.driver._feedback.fresh(time.monotonic()), what="the end of feedback")
+        way = count(40)
+        place = 0.0
+
+        def passes_by() -> bool:
+            nonlocal place
+            if not place or robot.all(MapPoseReport)[-1].pose.x == place:  # the last step is known
+                place = next(way) / 10
+                server.pose(place)
+            return len(server.goals) > 1
+
+        await until(passes_by, what="the node by a goal of its own")
+        places = [[each.pose.position.x for each in goal.poses] for goal in server.goals]
+        server.end()
+        server.end()
+    server.close()
+    assert places == [[5.0, 10.0], [5.0]]
+
+
+async def test_a_goal_at_the_action_that_is_not_ours_is_external(domain_id: int, peer: RosPeer) -> None:
+    with simulated_robot(domain_id):
+        async with DrivenRobot(domain_id, navigation=Navigation.ACTION) as robot:
+            await robot.ready()
+            operator = Client(peer, Action.THROUGH_POSES)
+            operator.send((2.0, 0.0), (4.0, 0.0))
+            await robot.hears(GoalReport, lambda report: report.external)
+            await until(lambda: robot.all(GoalTable)[-1].external == (), what="its end")

@@ -1,0 +1,161 @@
+"""The ROS session of a real agent, over real DDS: started, stopped, moved, and what orders meet meanwhile."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import threading
+from typing import Any
+
+import pytest
+
+from nena_edge_agent.driver.port import SessionState
+from nena_edge_agent.nav2.session import RosSession
+from nena_edge_agent.nav2.session_control import SessionError
+from nena_shared.vda5050.own_actions import (
+    CONFIGURE_ROS_SESSION,
+    ROS_SESSION,
+    START_ROS_SESSION,
+    STOP_ROS_SESSION,
+)
+from support.broker import Broker
+from support.edge_agent import ended, error_types, status_of
+from support.nav2_agent import Bench, ready
+from support.robot_core import action, order
+from support.served_aggregator import serving
+from support.session_cycles import measured
+from support.simulator import simulated_robot
+from support.waiting import PATIENCE, until
+
+pytestmark = [pytest.mark.ros, pytest.mark.broker]
+
+CYCLES = int(os.environ.get("NENA_SESSIONS", "20"))
+"""Starts and stops in the test for leaks; `make soak` has more."""
+GROWTH = 5.0
+"""MB of memory that so many may cost."""
+
+
+def session_in(state: dict[str, Any]) -> dict[str, str]:
+    """Give what a state tells of the session."""
+    for entry in state.get("information") or ():
+        if entry["infoType"] == ROS_SESSION:
+            return {each["referenceKey"]: each["referenceValue"] for each in entry["infoReferences"]}
+    return {}
+
+
+async def does(bench: Bench, action_id: str, action_type: str, **parameters: Any) -> dict[str, Any]:
+    """Have the robot do an instant action; gives the first state in which that has ended."""
+    bench.fleet.instant(action(action_id, action_type=action_type, **parameters))
+    return await bench.fleet.state(lambda state: status_of(state, action_id) in ("FINISHED", "FAILED"))
+
+
+async def test_an_agent_that_waits_for_its_start_takes_no_orders_until_then(bench: Bench) -> None:
+    with bench.simulator():
+        async with bench.agent(ros={"start_session": False}) as fleet:
+            off = await fleet.state(lambda state: session_in(state).get("state") == "NOT_ACTIVE")
+            assert error_types(off) == ["navigationNotAvailable"]
+            fleet.send(order("n0", "n1", order_id="early"))
+            refused = await fleet.state(lambda state: "orderError" in error_types(state))
+            assert refused["orderId"] == ""
+
+            started = await does(bench, "s1", START_ROS_SESSION)
+            assert status_of(started, "s1") == "FINISHED"
+            await fleet.state(ready)
+            fleet.send(order("n0", "n1"))
+            done = await fleet.state(ended("o1"))
+            assert error_types(done) == []
+
+
+async def test_a_session_is_stopped_when_its_order_is_over_and_leaves_the_graph(bench: Bench) -> None:
+    def there() -> bool:
+        return "nena_edge_agent" in bench.ros.node.get_node_names()
+
+    async with bench.robot() as fleet:
+        fleet.send(order("n0", "n3"))
+        await bench.moves()
+        refused = await does(bench, "s1", STOP_ROS_SESSION)
+        assert status_of(refused, "s1") == "FAILED"
+        assert session_in(refused)["state"] == "ACTIVE"
+        await fleet.state(ended("o1"))
+
+        await until(there, what="the node in the graph")
+        stopped = await does(bench, "s2", STOP_ROS_SESSION)
+        assert status_of(stopped, "s2") == "FINISHED"
+        off = await fleet.state(lambda state: session_in(state).get("state") == "NOT_ACTIVE")
+        assert not off["agvPosition"]["positionInitialized"]
+        await until(lambda: not there(), what="the node's leave")
+        seen = {session_in(state).get("state") for state in fleet.states}
+        assert {"ACTIVE", "NOT_ACTIVE"} <= seen
+
+
+async def test_an_agent_is_moved_to_the_robot_of_another_namespace_and_stays_there(bench: Bench) -> None:
+    with bench.simulator(namespace="r1", start={"x": 5.0}), bench.simulator(namespace="r2"):
+        async with bench.agent(ros={"namespace": "r1"}) as fleet:
+            first = await fleet.state(ready)
+            assert first["agvPosition"]["x"] == pytest.approx(5.0, abs=0.2)
+            moved = await does(bench, "c1", CONFIGURE_ROS_SESSION, namespace="r2", keep=True)
+            assert status_of(moved, "c1") == "FINISHED"
+            await fleet.state(lambda state: ready(state) and state["agvPosition"]["x"] < 1.0)
+            fleet.send(order("n0", "n1"))
+            await fleet.state(ended("o1"))
+        count = len(bench.fleet.states)
+        async with bench.agent(ros={"namespace": "r1"}):
+            await until(
+                lambda: any(session_in(state).get("namespace") == "/r2" for state in fleet.states[count:]),
+                what="the namespace that was kept",
+            )
+
+
+async def test_the_aggregator_shows_the_session(
+    bench: Bench, broker: Broker, interface_name: str, domain_id: int
+) -> None:
+    async with serving(broker, interface_name) as served, bench.agent(ros={"start_session": False}):
+        path = "/api/v1/robots/ACME/0001"
+
+        async def shows(session: str) -> Any:
+            return await served.until(path, lambda robot: robot.get("session") == session)
+
+        robot = await shows("NOT_ACTIVE")
+        assert robot["rosSession"] == {"state": "NOT_ACTIVE", "namespace": "/", "domainId": str(domain_id)}
+        await does(bench, "s1", START_ROS_SESSION)
+        await shows("ACTIVE")
+        await does(bench, "s2", STOP_ROS_SESSION)
+        await shows("NOT_ACTIVE")
+
+
+@pytest.mark.timeout(900)
+def test_starts_and_stops_leave_nothing_behind(domain_id: int) -> None:
+    with simulated_robot(domain_id):
+        left = measured(domain_id, CYCLES)
+    assert left["threads_more"] <= 0
+    assert left["descriptors_more"] <= 0
+    assert left["memory_more_mb"] <= GROWTH
+
+
+async def test_a_node_that_cannot_be_furnished_is_told_and_its_thread_ends(domain_id: int) -> None:
+    def refuse(_: object) -> None:
+        message = "no room"
+        raise RuntimeError(message)
+
+    session = RosSession(node_name="short_lived", namespace="/", domain_id=domain_id)
+    with pytest.raises(SessionError, match="no room"):
+        await session.start(refuse)
+    assert (session.state, session.reason) == (SessionState.FAILED, "no room")
+    await until(lambda: not session._thread.is_alive(), what="the thread's end")
+
+
+async def test_a_start_that_is_given_up_leaves_no_thread(domain_id: int) -> None:
+    there, go_on = threading.Event(), threading.Event()
+
+    def furnish(_: object) -> None:
+        there.set()
+        go_on.wait(PATIENCE)
+
+    session = RosSession(node_name="short_lived", namespace="/", domain_id=domain_id)
+    start = asyncio.create_task(session.start(furnish))
+    await until(there.is_set, what="the node")
+    start.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await start
+    go_on.set()
+    await until(lambda: not session._thread.is_alive(), what="the thread's end")

@@ -1,0 +1,161 @@
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from nena_edge_agent.actions.ros_session import SessionSwitch, session_actions, session_switch
+from nena_edge_agent.driver.port import SessionReport
+from nena_edge_agent.nav2.session_control import SessionError, SessionKeeper
+from nena_edge_agent.nav2.settings import RosAddress, RosSettings
+from nena_edge_agent.protocol.events import ActionReport
+from nena_shared.clock import ManualClock
+from nena_shared.vda5050.action import ActionStatus
+from nena_shared.vda5050.own_actions import CONFIGURE_ROS_SESSION, START_ROS_SESSION, STOP_ROS_SESSION
+from nena_shared.vda5050.topics import RobotKey
+from support.robot_core import action
+from support.waiting import until
+
+SETTINGS = RosSettings(namespace="/r1", domain_id=7)
+ROBOT = RobotKey("ACME", "1")
+
+
+class Robot:
+    """A robot's session and its actions; the graph takes in whoever is not in ``closed``."""
+
+    def __init__(self, journal: Path | None = None) -> None:
+        self.closed: set[int] = set()
+        self.told: list[SessionReport] = []
+        self.switch = session_switch(SETTINGS, journal, ROBOT)
+        self.keeper = SessionKeeper(
+            self.switch.address,
+            begin=self._begin,
+            end=self._end,
+            tell=self.told.append,
+            clock=ManualClock(),
+            retry=1.0,
+        )
+        self.switch.attach(self.keeper)
+
+    async def _begin(self, address: RosAddress) -> None:
+        if address.domain_id in self.closed:
+            raise SessionError("no network")
+
+    async def _end(self) -> None:
+        pass
+
+    async def does(self, action_type: str, **parameters: Any) -> ActionReport:
+        return await done(self.switch, action_type, **parameters)
+
+
+async def done(switch: SessionSwitch, action_type: str, **parameters: Any) -> ActionReport:
+    """Have an action done, and give its end."""
+    (plugin,) = (each for each in session_actions(switch) if each.declaration.action_type == action_type)
+    told: list[ActionReport] = []
+    plugin.start(action("a", action_type=action_type, **parameters), (), told.append)
+    await until(lambda: told and told[-1].status.ended, what="the end of the action")
+    return told[-1]
+
+
+async def test_start_and_stop_tell_where_the_session_is() -> None:
+    robot = Robot()
+    report = await robot.does(START_ROS_SESSION)
+    assert report == ActionReport("a", ActionStatus.FINISHED, "ROS session ACTIVE, namespace /r1, domain 7")
+    report = await robot.does(STOP_ROS_SESSION)
+    assert report.result == "ROS session NOT_ACTIVE, namespace /r1, domain 7"
+
+
+async def test_what_was_done_already_is_done() -> None:
+    robot = Robot()
+    for action_type in (START_ROS_SESSION, START_ROS_SESSION, STOP_ROS_SESSION, STOP_ROS_SESSION):
+        assert (await robot.does(action_type)).status is ActionStatus.FINISHED
+    assert len(robot.told) == 4
+
+
+async def test_a_start_that_fails_says_why() -> None:
+    robot = Robot()
+    robot.closed = {7}
+    report = await robot.does(START_ROS_SESSION)
+    assert report.status is ActionStatus.FAILED
+    reason, _, after = (report.result or "").partition("; it is tried again")
+    assert reason == "the ROS session has failed: no network; namespace /r1, domain 7"
+    assert after
+
+
+async def test_configure_changes_what_it_names_until_the_restart(tmp_path: Path) -> None:
+    robot = Robot(tmp_path)
+    await robot.does(START_ROS_SESSION)
+    report = await robot.does(CONFIGURE_ROS_SESSION, namespace="r2")
+    assert report.result == "ROS session ACTIVE, namespace /r2, domain 7"
+    assert Robot(tmp_path).keeper.address == RosAddress("/r1", 7)
+
+
+async def test_configure_keeps_the_address_over_restarts_where_it_is_asked_to(tmp_path: Path) -> None:
+    await Robot(tmp_path).does(CONFIGURE_ROS_SESSION, namespace="r2", domainId=9, keep=True)
+    robot = Robot(tmp_path)
+    assert robot.keeper.address == RosAddress("/r2", 9)
+    await robot.does(CONFIGURE_ROS_SESSION, namespace="/r1", domainId=7, keep=True)
+    assert Robot(tmp_path).keeper.address == RosAddress("/r1", 7)
+
+
+async def test_an_address_that_it_is_at_already_can_be_kept_without_a_new_session(tmp_path: Path) -> None:
+    robot = Robot(tmp_path)
+    await robot.does(START_ROS_SESSION)
+    await robot.does(CONFIGURE_ROS_SESSION, domainId=9)
+    told = len(robot.told)
+    await robot.does(CONFIGURE_ROS_SESSION, domainId=9, keep=True)
+    assert len(robot.told) == told
+    assert Robot(tmp_path).keeper.address == RosAddress("/r1", 9)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "problem"),
+    [
+        ({}, "neither a namespace nor a domainId is given"),
+        ({"namespace": "r-1"}, "letters, digits and underscores"),
+        ({"domainId": 233}, "less than or equal to 232"),
+        ({"domainId": 9, "keep": True}, "journal.enabled is off"),
+    ],
+)
+async def test_configure_says_what_is_wrong_and_changes_nothing(
+    parameters: dict[str, Any], problem: str
+) -> None:
+    robot = Robot()
+    await robot.does(START_ROS_SESSION)
+    report = await robot.does(CONFIGURE_ROS_SESSION, **parameters)
+    assert report.status is ActionStatus.FAILED
+    assert problem in (report.result or "")
+    assert (robot.keeper.address, len(robot.told)) == (RosAddress("/r1", 7), 2)
+
+
+async def test_an_address_that_cannot_be_kept_is_told_and_not_moved_to(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    robot = Robot(tmp_path / "file")
+    report = await robot.does(CONFIGURE_ROS_SESSION, domainId=9, keep=True)
+    assert report.status is ActionStatus.FAILED
+    assert "stays where it is" in (report.result or "")
+    assert robot.keeper.address == RosAddress("/r1", 7)
+
+
+async def test_an_address_is_kept_although_the_first_try_there_fails(tmp_path: Path) -> None:
+    robot = Robot(tmp_path)
+    await robot.does(START_ROS_SESSION)
+    robot.closed = {9}
+    report = await robot.does(CONFIGURE_ROS_SESSION, domainId=9, keep=True)
+    assert report.status is ActionStatus.FAILED
+    assert "it is tried again" in (report.result or "")
+    assert Robot(tmp_path).keeper.address == robot.keeper.address == RosAddress("/r1", 9)
+
+
+async def test_before_the_driver_is_made_there_is_nothing_to_switch() -> None:
+    report = await done(SessionSwitch(SETTINGS, None), START_ROS_SESSION)
+    assert report == ActionReport("a", ActionStatus.FAILED, "the robot has not started yet")
+
+
+def test_only_what_ends_a_session_needs_the_robot_to_be_idle() -> None:
+    needs = {
+        each.declaration.action_type: each.declaration.needs_idle
+        for each in session_actions(SessionSwitch(SETTINGS, None))
+    }
+    assert needs == {START_ROS_SESSION: False, STOP_ROS_SESSION: True, CONFIGURE_ROS_SESSION: True}

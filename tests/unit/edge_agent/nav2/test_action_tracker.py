@@ -1,0 +1,511 @@
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+
+import pytest
+
+from nena_edge_agent.driver.map_port import MapDriverEvent, MapGoal, MapOwnGoals, MapPose
+from nena_edge_agent.driver.port import (
+    Arrived,
+    DriveFailed,
+    DriveFailure,
+    DriveProgress,
+    GoalTable,
+    Halted,
+    NavigationReport,
+)
+from nena_edge_agent.nav2 import action_client
+from nena_edge_agent.nav2.action_tracker import (
+    REASON_WAIT,
+    ActionSide,
+    ActionTracker,
+    FeedbackFilter,
+    FeedbackReading,
+    WayDriven,
+    reason_of,
+)
+from nena_edge_agent.nav2.commands import AskResult, CancelGoal, Command, PublishGoal, Report, SendGoal
+from nena_edge_agent.nav2.goals import GoalEntry, GoalMark, GoalStatus
+from nena_edge_agent.nav2.settings import GoalSettings, Navigation, RosSettings
+from nena_shared.clock import SystemClock
+from nena_shared.program import StartError
+from support.action_types import needs_action_types
+
+MARK = GoalMark("agent")
+THEIRS = "ff" * 16
+
+
+def goal(generation: int, x: float = 5.0) -> MapGoal:
+    return MapGoal(generation, MapPose(x, 0.0, 0.0, "hall"), deviation_xy=0.5)
+
+
+@dataclass
+class Conversation:
+    """A tracker that drives by the action, the time, and all that it has said."""
+
+    tracker: ActionTracker = field(default_factory=lambda: ActionTracker(GoalSettings(), MARK))
+    now: float = 10.0
+    said: list[Command] = field(default_factory=list)
+
+    def ready(self) -> Conversation:
+        self.said += self.tracker.on_servers(frozenset({"gid"}), 0.0)
+        self.said += self.tracker.on_navigation(NavigationReport(available=True, reason=""), 0.0)
+        self.said += self.tracker.on_pose(MapPose(0.0, 0.0, 0.0, "hall"), 0.0)
+        self.tracker.by_action = True
+        self.said += self.tracker.tick(self.now)
+        return self
+
+    def go_to(self, wanted: MapGoal) -> None:
+        self.said += self.tracker.go_to(wanted, self.now)
+
+    def driving(self, generation: int = 1) -> str:
+        """Give a goal and have it accepted; gives its id."""
+        self.go_to(goal(generation))
+        self.answer()
+        return self.sent[-1]
+
+    def answer(self, goal_id: str = "", *, accepted: bool | None = True) -> None:
+        self.said += self.tracker.on_goal_answer(goal_id or self.sent[-1], self.now, accepted=accepted)
+
+    def result(self, goal_id: str, status: GoalStatus, code: int = 0) -> None:
+        self.said += self.tracker.on_result(goal_id, status, (code, ""), self.now)
+
+    def array(self, **statuses: int) -> None:
+        entries = [GoalEntry(goal_id.removeprefix("g"), GoalStatus.of(s)) for goal_id, s in statuses.items()]
+        self.said += self.tracker.on_statuses(entries, self.now)
+
+    def arrive(self, x: float = 5.0) -> None:
+        self.said += self.tracker.on_pose(MapPose(x, 0.0, 0.0, "hall"), self.now)
+
+    def later(self, seconds: float) -> None:
+        end = self.now + seconds
+        while self.now < end:
+            self.now = min(self.now + 0.05, end)
+            self.said += self.tracker.tick(self.now)
+
+    @property
+    def sent(self) -> list[str]:
+        return [command.goal_id for command in self.said if isinstance(command, SendGoal)]
+
+    @property
+    def ends(self) -> list[MapDriverEvent]:
+        told = [command.event for command in self.said if isinstance(command, Report)]
+        return [event for event in told if isinstance(event, Arrived | DriveFailed | Halted)]
+
+    @property
+    def tables(self) -> list[GoalTable]:
+        told = [command.event for command in self.said if isinstance(command, Report)]
+        return [event for event in told if isinstance(event, GoalTable)]
+
+
+@pytest.fixture
+def talk() -> Conversation:
+    return Conversation().ready()
+
+
+def test_a_goal_has_an_id_of_ours_is_accepted_and_its_result_is_asked_for(talk: Conversation) -> None:
+    goal_id = talk.driving()
+    assert MARK.bears(goal_id)
+    assert talk.tracker.goal_id == goal_id
+    assert talk.said.count(AskResult(goal_id)) == 1
+    assert talk.tables[-1].own == (goal_id,)
+    assert not any(isinstance(command, PublishGoal) for command in talk.said)
+
+
+def test_success_by_array_and_then_by_result_is_one_arrival(talk: Conversation) -> None:
+    goal_id = talk.driving()
+    talk.arrive()
+    talk.array(**{f"g{goal_id}": 4})
+    assert talk.ends == [Arrived(1)]
+    talk.result(goal_id, GoalStatus.SUCCEEDED)
+    assert talk.ends == [Arrived(1)]
+
+
+def test_success_by_result_and_then_by_array_is_one_arrival(talk: Conversation) -> None:
+    goal_id = talk.driving()
+    talk.arrive()
+    talk.result(goal_id, GoalStatus.SUCCEEDED)
+    assert talk.ends == [Arrived(1)]
+    talk.array(**{f"g{goal_id}": 4})
+    assert talk.ends == [Arrived(1)]
+
+
+def test_the_reason_may_come_after_the_array(talk: Conversation) -> None:
+    goal_id = talk.driving()
+    talk.array(**{f"g{goal_id}": 6})
+    assert talk.ends == []
+    assert talk.tracker.busy
+    talk.later(REASON_WAIT / 2)
+    talk.result(goal_id, GoalStatus.ABORTED, 208)
+    (failed,) = talk.ends
+    assert isinstance(failed, DriveFailed)
+    assert failed.failure is DriveFailure.ABORTED
+    assert "no way to the place (error code 208)" in failed.description
+
+
+def test_a_reason_that_does_not_come_is_not_waited_for_long(talk: Conversation) -> None:
+    goal_id = talk.driving()
+    talk.array(**{f"g{goal_id}": 6})
+    talk.later(REASON_WAIT + 0.1)
+    (failed,) = talk.ends
+    assert isinstance(failed, DriveFailed)
+    assert "Nav2's log" in failed.description
+    assert not talk.tracker.busy
+
+
+def test_an_aborted_goal_without_a_code_fails_at_once(talk: Conversation) -> None:
+    goal_id = talk.driving()
+    talk.result(goal_id, GoalStatus.ABORTED)
+    assert [type(end) for end in talk.ends] == [DriveFailed]
+
+
+def test_a_goal_of_ours_in_place_of_another_one_is_no_failure(talk: Conversation) -> None:
+    first = talk.driving(1)
+    second = talk.driving(2)
+    talk.array(**{f"g{first}": 6, f"g{second}": 2})
+    talk.result(first, GoalStatus.ABORTED)
+    talk.later(2 * REASON_WAIT)
+    assert talk.ends == []
+    assert talk.tracker.goal_id == second
+
+
+def test_an_aborted_goal_that_is_replaced_while_its_reason_is_waited_for_is_no_failure(
+    talk: Conversation,
+) -> None:
+    first = talk.driving(1)
+    talk.array(**{f"g{first}": 6})
+    talk.driving(2)
+    talk.later(2 * REASON_WAIT)
+    assert talk.ends == []
+
+
+def test_a_refused_goal_is_sent_again_under_another_id_and_then_fails(talk: Conversation) -> None:
+    settings = GoalSettings()
+    talk.go_to(goal(1))
+    for _ in range(settings.resends):
+        talk.answer(accepted=False)
+        talk.later(settings.confirmation_time + 0.1)
+    talk.answer(accepted=False)
+    talk.later(settings.confirmation_time + 0.1)
+    assert len(set(talk.sent)) == settings.resends + 1
+    (failed,) = talk.ends
+    assert isinstance(failed, DriveFailed)
+    assert failed.failure is DriveFailure.NOT_TAKEN_UP
+    assert "has refused" in failed.description
+
+
+def test_an_answer_that_is_lost_is_made_up_for_by_the_array(talk: Conversation) -> None:
+    talk.go_to(goal(1))
+    (goal_id,) = talk.sent
+    talk.answer(accepted=None)
+    talk.array(**{f"g{goal_id}": 2})
+    assert talk.tracker.goal_id == goal_id
+    assert AskResult(goal_id) in talk.said or talk.tracker.tick(talk.now) == [AskResult(goal_id)]
+    assert talk.sent == [goal_id]
+
+
+def test_the_answer_to_an_older_goal_does_not_bind_the_newer_one(talk: Conversation) -> None:
+    talk.go_to(goal(1))
+    (first,) = talk.sent
+    talk.go_to(goal(2, 9.0))
+    talk.answer(first)
+    assert talk.tracker.goal_id is None
+    assert len(talk.sent) == 2
+    talk.answer()
+    assert talk.tracker.goal_id == talk.sent[-1]
+
+
+def test_a_halt_cancels_by_the_id_that_was_accepted_though_no_array_came(talk: Conversation) -> None:
+    goal_id = talk.driving()
+    talk.said += talk.tracker.halt(talk.now)
+    assert CancelGoal(goal_id) in talk.said
+    talk.result(goal_id, GoalStatus.CANCELED)
+    talk.later(5.0)
+    assert talk.ends == [Halted()]
+
+
+def test_a_goal_of_somebody_else_takes_over(talk: Conversation) -> None:
+    goal_id = talk.driving()
+    talk.array(**{f"g{goal_id}": 6, f"g{THEIRS}": 2})
+    talk.result(goal_id, GoalStatus.ABORTED)
+    (failed,) = talk.ends
+    assert isinstance(failed, DriveFailed)
+    assert failed.failure is DriveFailure.TAKEN_OVER
+
+
+def test_a_goal_of_an_earlier_run_goes_on_and_its_result_is_asked_for() -> None:
+    goal_id = MARK.new()
+    talk = Conversation()
+    talk.tracker.reclaim(MapOwnGoals((goal_id,), goal(1).pose))
+    talk.ready()
+    talk.array(**{f"g{goal_id}": 2})
+    talk.go_to(goal(7))
+    talk.later(0.1)
+    assert talk.tracker.goal_id == goal_id
+    assert AskResult(goal_id) in talk.said
+    assert talk.sent == []
+    talk.result(goal_id, GoalStatus.ABORTED, 105)
+    (failed,) = talk.ends
+    assert isinstance(failed, DriveFailed)
+    assert (failed.generation, failed.failure) == (7, DriveFailure.ABORTED)
+
+
+def test_a_goal_sent_just_before_a_restart_is_taken_up_by_its_mark() -> None:
+    goal_id = MARK.new()
+    talk = Conversation()
+    talk.tracker.reclaim(MapOwnGoals((), goal(1).pose, goal(1).pose, ""))
+    talk.ready()
+    talk.array(**{f"g{goal_id}": 2})
+    talk.go_to(goal(7))
+    assert talk.tracker.goal_id == goal_id
+    assert talk.sent == []
+
+
+def test_a_running_goal_of_ours_that_nobody_knows_is_cancelled() -> None:
+    goal_id = MARK.new()
+    talk = Conversation().ready()
+    talk.array(**{f"g{goal_id}": 2})
+    assert CancelGoal(goal_id) in talk.said
+
+
+def test_without_the_action_goals_are_given_by_topic(talk: Conversation) -> None:
+    talk.tracker.by_action = False
+    talk.go_to(goal(1))
+    assert any(isinstance(command, PublishGoal) for command in talk.said)
+    talk.array(**{f"g{THEIRS}": 2})
+    assert talk.tracker.goal_id == THEIRS
+    talk.array(**{f"g{THEIRS}": 6})
+    (failed,) = talk.ends
+    assert isinstance(failed, DriveFailed)
+    assert failed.failure is DriveFailure.ABORTED
+
+
+def way(generation: int, *xs: float) -> MapGoal:
+    first, *rest = (MapPose(x, 0.0, 0.0, "hall") for x in xs)
+    return MapGoal(generation, first, deviation_xy=0.3, ahead=tuple(rest))
+
+
+def on_its_way(talk: Conversation, *xs: float) -> str:
+    talk.go_to(way(1, *xs))
+    talk.answer()
+    return talk.sent[-1]
+
+
+def test_the_next_place_of_a_way_needs_no_goal_of_its_own(talk: Conversation) -> None:
+    goal_id = on_its_way(talk, 5.0, 10.0, 15.0)
+    talk.go_to(way(2, 10.0, 15.0))
+    talk.go_to(way(3, 15.0))
+    talk.arrive(15.0)
+    talk.result(goal_id, GoalStatus.SUCCEEDED)
+    assert talk.sent == [goal_id]
+    assert talk.ends == [Arrived(3)]
+
+
+def test_a_way_that_has_become_longer_is_sent(talk: Conversation) -> None:
+    first = on_its_way(talk, 5.0, 10.0)
+    talk.go_to(way(2, 10.0, 15.0))
+    talk.answer()
+    talk.array(**{f"g{first}": 6, f"g{talk.sent[-1]}": 2})
+    assert len(talk.sent) == 2
+    assert talk.ends == []
+
+
+def test_a_place_that_the_robot_leaves_out_is_driven_to_alone(talk: Conversation) -> None:
+    goal_id = on_its_way(talk, 5.0, 10.0)
+    talk.tracker.on_places(goal_id, 1)
+    talk.said += talk.tracker.on_pose(MapPose(5.0, 0.6, 0.0, "hall"), talk.now)
+    talk.said += talk.tracker.on_pose(MapPose(6.0, 0.6, 0.0, "hall"), talk.now)
+    last = [command for command in talk.said if isinstance(command, SendGoal)][-1]
+    assert last.goal == way(1, 5.0)
+    assert len(talk.sent) == 2
+
+
+def test_the_end_of_a_way_waits_for_the_places_on_it(talk: Conversation) -> None:
+    goal_id = on_its_way(talk, 5.0, 10.0)
+    talk.arrive(10.0)
+    talk.result(goal_id, GoalStatus.SUCCEEDED)
+    assert talk.ends == []
+    talk.go_to(way(2, 10.0))
+    assert talk.ends == [Arrived(2)]
+    assert talk.sent == [goal_id]
+
+
+def test_a_place_that_nobody_saw_passed_is_driven_to_after_the_end(talk: Conversation) -> None:
+    goal_id = on_its_way(talk, 5.0, 10.0)
+    talk.arrive(10.0)
+    talk.result(goal_id, GoalStatus.SUCCEEDED)
+    talk.later(GoalSettings().pose_wait + 0.1)
+    assert talk.ends == []
+    assert len(talk.sent) == 2
+
+
+def test_goals_at_the_other_action_are_somebody_elses(talk: Conversation) -> None:
+    talk.said += talk.tracker.on_other_statuses([GoalEntry(THEIRS, GoalStatus.EXECUTING)], talk.now)
+    assert [goal.goal_id for goal in talk.tables[-1].external] == [THEIRS]
+    talk.said += talk.tracker.on_other_statuses([GoalEntry(THEIRS, GoalStatus.SUCCEEDED)], talk.now)
+    assert talk.tables[-1].external == ()
+
+
+@pytest.mark.parametrize(
+    ("code", "text"),
+    [
+        (105, "does not get on"),
+        (208, "no way to the place"),
+        (308, "no way to the place"),
+        (309, "names no places"),
+        (503, "smoother"),
+        (701, "recovery"),
+        (9001, "navigator"),
+        (42, "does not know"),
+    ],
+)
+def test_says_what_a_code_means_and_the_code(code: int, text: str) -> None:
+    reason = str(reason_of(code))
+    assert text in reason
+    assert f"error code {code}" in reason
+
+
+def test_adds_what_nav2_says_itself() -> None:
+    assert "Collision ahead" in str(reason_of(106, "Collision ahead"))
+
+
+def test_no_code_is_no_reason() -> None:
+    assert reason_of(0) is None
+
+
+def place(x: float, y: float = 0.0, theta: float = 0.0) -> MapPose:
+    return MapPose(x, y, theta, "hall")
+
+
+def goal_of_way_driven(*xs: float) -> MapGoal:
+    first, *rest = (place(x) for x in xs)
+    return MapGoal(1, first, deviation_xy=0.3, ahead=tuple(rest))
+
+
+def test_covers_what_is_left_of_its_way_whatever_the_headings() -> None:
+    way = WayDriven()
+    way.begin(goal_of_way_driven(1.0, 2.0, 3.0))
+    assert way.covers(goal_of_way_driven(2.0, 3.0))
+    assert way.covers(MapGoal(2, place(3.0, theta=1.0), deviation_xy=0.3))
+    assert not way.covers(goal_of_way_driven(2.0, 3.0, 4.0))
+    assert not way.covers(goal_of_way_driven(2.0))
+    assert not way.covers(goal_of_way_driven(0.0, 1.0, 2.0, 3.0))
+
+
+def test_a_single_place_is_no_way() -> None:
+    way = WayDriven()
+    way.begin(goal_of_way_driven(1.0))
+    assert not way.covers(goal_of_way_driven(1.0))
+
+
+def test_a_place_that_is_let_go_and_turned_away_from_is_missed() -> None:
+    way, wanted = WayDriven(), goal_of_way_driven(5.0, 10.0)
+    way.begin(wanted)
+    assert not way.missed(wanted, place(4.0, 1.0))
+    way.left(wanted, 2)
+    assert not way.missed(wanted, place(2.0, 1.0))
+    way.left(wanted, 1)
+    assert not way.missed(wanted, place(4.5, 0.6))
+    assert not way.missed(wanted, place(5.0, 0.6))
+    assert way.missed(wanted, place(6.0, 0.6))
+
+
+def test_a_place_that_was_met_is_not_missed() -> None:
+    way, wanted = WayDriven(), goal_of_way_driven(5.0, 10.0)
+    way.begin(wanted)
+    way.left(wanted, 1)
+    assert not way.missed(wanted, place(5.0, 0.2))
+    assert not way.missed(wanted, place(7.0))
+
+
+def test_each_place_is_looked_at_for_itself() -> None:
+    way = WayDriven()
+    way.begin(goal_of_way_driven(5.0, 10.0, 15.0))
+    way.left(goal_of_way_driven(5.0, 10.0, 15.0), 2)
+    assert not way.missed(goal_of_way_driven(5.0, 10.0, 15.0), place(5.0, 0.6))
+    way.go_on()
+    assert not way.missed(goal_of_way_driven(10.0, 15.0), place(7.0))
+
+
+READING = FeedbackReading("aa", 1.0, 2.0, 0.5, "map", 7.0, 0)
+
+
+def test_places_are_told_by_the_way_between_them() -> None:
+    told = FeedbackFilter()
+    assert told.moved(READING, 0.0)
+    assert not told.moved(READING, 1.0)
+    assert not told.moved(replace(READING, x=1.04), 1.1)
+    assert told.moved(replace(READING, x=1.06), 1.2)
+
+
+def test_turning_on_the_spot_is_told_too() -> None:
+    told = FeedbackFilter()
+    told.moved(replace(READING, yaw=3.1), 0.0)
+    assert not told.moved(replace(READING, yaw=-3.15), 0.1), "nearly the same heading, across the seam"
+    assert told.moved(replace(READING, yaw=-2.9), 0.2)
+    assert told.moved(replace(READING, yaw=-2.7), 0.3)
+
+
+def test_is_fresh_for_a_while() -> None:
+    told = FeedbackFilter()
+    assert not told.fresh(0.0)
+    told.moved(READING, 0.0)
+    assert told.fresh(0.4)
+    assert not told.fresh(0.6)
+
+
+def test_progress_is_told_each_second_and_recoveries_at_once() -> None:
+    told = FeedbackFilter()
+    assert told.progress(READING, "hall", 0.0) == DriveProgress(7.0, 0, "hall")
+    assert told.progress(replace(READING, left=6.0), "hall", 0.5) is None
+    assert told.progress(replace(READING, recoveries=1), "hall", 0.6) == DriveProgress(7.0, 1, "hall")
+    assert told.progress(replace(READING, recoveries=1, left=-0.1), "hall", 1.7) == DriveProgress(
+        0.0, 1, "hall"
+    )
+
+
+def test_another_drive_is_told_of_at_once() -> None:
+    told = FeedbackFilter()
+    told.progress(READING, "hall", 0.0)
+    assert told.progress(replace(READING, goal_id="bb"), "hall", 0.01) == DriveProgress(7.0, 0, "hall")
+
+
+pytestmark = pytest.mark.ros
+
+TRACKER = ActionTracker(GoalSettings(), GoalMark("agent"))
+
+
+def side(applied: list[Command] | None = None) -> ActionSide:
+    def apply(commands: Iterable[Command]) -> None:
+        (applied if applied is not None else []).extend(commands)
+
+    return ActionSide(TRACKER, apply=apply, on_feedback=lambda _reading: None, clock=SystemClock())
+
+
+def test_without_its_types_the_action_cannot_be_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(action_client, "action_type", lambda _navigation: None)
+    with pytest.raises(StartError, match=r"ros\.navigation = topics"):
+        side().check(RosSettings(navigation=Navigation.ACTION))
+    side().check(RosSettings(navigation=Navigation.AUTO))
+
+
+def test_without_its_types_there_is_no_door(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(action_client, "action_type", lambda _navigation: None)
+    alone = side()
+    assert alone.new_door(RosSettings()) == []
+    assert not alone.look()
+
+
+@needs_action_types
+@pytest.mark.parametrize(("navigation", "doors"), [("auto", 1), ("action", 1), ("topics", 0)])
+def test_a_node_gets_a_door_where_one_is_wanted(navigation: str, doors: int) -> None:
+    assert len(side().new_door(RosSettings(navigation=Navigation(navigation)))) == doors
+
+
+async def test_a_goal_that_no_door_takes_has_no_answer() -> None:
+    applied: list[Command] = []
+    goal = MapGoal(1, MapPose(1.0, 0.0, 0.0, "hall"), deviation_xy=0.5)
+    await side(applied).send(goal, GoalMark("agent").new())
+    side().ask_result("aa")
+    assert applied == []

@@ -1,0 +1,967 @@
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import pytest
+
+from nena_edge_agent.driver.map_port import MapDriverEvent, MapGoal, MapOwnGoals, MapPose
+from nena_edge_agent.driver.port import (
+    Arrived,
+    DriveFailed,
+    DriveFailure,
+    GoalReport,
+    GoalTable,
+    Halted,
+    HaltFailed,
+    NavigationReport,
+)
+from nena_edge_agent.nav2.commands import CancelGoal, Command, PublishGoal, Report, RequestPose, StopMotion
+from nena_edge_agent.nav2.goal_tracker import LATE_AT_MOST, Drive, GoalTracker
+from nena_edge_agent.nav2.goals import GoalEntry, GoalStatus
+from nena_edge_agent.nav2.settings import GoalSettings
+
+READY = NavigationReport(available=True, reason="")
+
+
+def goal(generation: int, x: float = 5.0, *, xy: float = 0.5, theta: float | None = None) -> MapGoal:
+    return MapGoal(generation, MapPose(x, 0.0, 0.0, "hall"), deviation_xy=xy, deviation_theta=theta)
+
+
+@dataclass
+class Conversation:
+    """A tracker, the time, and all that it has said."""
+
+    tracker: GoalTracker = field(default_factory=lambda: GoalTracker(GoalSettings()))
+    now: float = 0.0
+    said: list[Command] = field(default_factory=list)
+
+    def ready(self) -> Conversation:
+        """Nav2 is there, has no goals, and the robot is at x = 0."""
+        self.said += self.tracker.on_servers(frozenset({"gid"}), self.now)
+        self.said += self.tracker.on_navigation(READY, self.now)
+        self.at(0.0)
+        self.later(2.05)
+        return self
+
+    def go_to(self, wanted: MapGoal) -> None:
+        self.said += self.tracker.go_to(wanted, self.now)
+
+    def halt(self) -> None:
+        self.said += self.tracker.halt(self.now)
+
+    def array(self, text: str) -> None:
+        """Hear an array written as ``A:2 B:6``."""
+        entries = [
+            GoalEntry(name, GoalStatus.of(int(status)))
+            for name, status in (x.split(":") for x in text.split())
+        ]
+        self.said += self.tracker.on_statuses(entries, self.now)
+
+    def at(self, x: float, *, theta: float = 0.0) -> None:
+        self.said += self.tracker.on_pose(MapPose(x, 0.0, theta, "hall"), self.now)
+
+    def later(self, seconds: float) -> None:
+        for _ in range(round(seconds / 0.05)):
+            self.now += 0.05
+            self.said += self.tracker.tick(self.now)
+
+    @property
+    def events(self) -> list[MapDriverEvent]:
+        """What was reported, goals for information left out."""
+        reports = [command.event for command in self.said if isinstance(command, Report)]
+        return [event for event in reports if not isinstance(event, GoalTable)]
+
+    @property
+    def goal_reports(self) -> list[tuple[str, bool, str]]:
+        """Rows of the tables that were told, each when it was new or had changed."""
+        told: list[GoalReport] = []
+        table: tuple[GoalReport, ...] = ()
+        for event in (command.event for command in self.said if isinstance(command, Report)):
+            if isinstance(event, GoalTable):
+                told += [goal for goal in event.goals if goal not in table]
+                table = event.goals
+        return [(goal.goal_id, goal.external, goal.status) for goal in told]
+
+    @property
+    def given(self) -> list[int]:
+        return [command.goal.generation for command in self.said if isinstance(command, PublishGoal)]
+
+    @property
+    def cancelled(self) -> list[str]:
+        return [command.goal_id for command in self.said if isinstance(command, CancelGoal)]
+
+    def rolls(self, seconds: float, speed: float = 0.5) -> None:
+        """Hear from the odometry that the robot moves, as time passes."""
+        for _ in range(round(seconds / 0.1)):
+            self.tracker.on_velocity(speed, 0.0, self.now)
+            self.later(0.1)
+
+    def stands(self, seconds: float = 0.5) -> None:
+        self.rolls(seconds, speed=0.0)
+
+    @property
+    def motion_stopped(self) -> int:
+        """How often the controller was to be stopped."""
+        return sum(isinstance(command, StopMotion) for command in self.said)
+
+    @property
+    def poses_asked(self) -> int:
+        return sum(isinstance(command, RequestPose) for command in self.said)
+
+    def failure(self) -> DriveFailed:
+        (event,) = self.events
+        assert isinstance(event, DriveFailed)
+        return event
+
+
+@pytest.fixture
+def talk() -> Conversation:
+    return Conversation().ready()
+
+
+class TestGoldenTraces:
+    def test_plain_drive(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.at(4.9)
+        assert talk.events == []
+        talk.array("A:4")
+        assert talk.events == [Arrived(1)]
+        assert talk.given == [1]
+
+    def test_second_goal_while_driving(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.go_to(goal(2, 9.0))
+        for array in ("A:2 B:2", "A:6 B:2"):
+            talk.array(array)
+        assert talk.events == []
+        talk.at(9.1)
+        talk.array("A:6 B:4")
+        assert talk.events == [Arrived(2)]
+        assert talk.given == [1, 2]
+        assert talk.cancelled == []
+
+    def test_second_goal_in_one_array_with_the_end_of_the_first(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.go_to(goal(2, 9.0))
+        talk.at(9.0)
+        talk.array("A:6 B:4")
+        assert talk.events == [Arrived(2)]
+
+    def test_three_goals_at_once_give_the_last_after_the_first_is_confirmed(self, talk: Conversation) -> None:
+        for generation in (1, 2, 3):
+            talk.go_to(goal(generation))
+        assert talk.given == [1]
+        talk.array("A:2")
+        assert talk.given == [1, 3]
+        talk.at(5.0)
+        talk.array("A:6 B:4")
+        assert talk.events == [Arrived(3)]
+
+    def test_cancel_all_by_somebody_else(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        for array in ("E:2", "E:3"):
+            talk.array(array)
+        assert talk.events == []
+        talk.array("E:5")
+        assert talk.failure().failure is DriveFailure.CANCELED_FROM_OUTSIDE
+
+    def test_goal_that_cannot_start(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.array("A:6")
+        assert talk.failure().failure is DriveFailure.ABORTED
+        assert talk.failure().generation == 1
+
+    def test_cancel_and_a_new_goal_directly_after_waits_for_the_end(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("G:2")
+        talk.halt()
+        talk.go_to(goal(2))
+        talk.array("G:3")
+        assert talk.cancelled == ["G"]
+        assert talk.given == [1]
+        talk.array("G:5")
+        talk.later(3.1)
+        assert talk.events == [Halted()]
+        assert talk.given == [1, 2]
+
+    def test_deactivated_while_driving(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.said += talk.tracker.on_navigation(
+            NavigationReport(available=False, reason="inactive"), talk.now
+        )
+        assert talk.events == []
+        talk.array("A:6")
+        assert talk.failure().failure is DriveFailure.ABORTED
+
+    def test_old_entries_vanish_with_the_next_goal(self, talk: Conversation) -> None:
+        talk.at(5.0)
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.array("A:4")
+        talk.go_to(goal(2))
+        talk.array("B:2")
+        talk.array("B:4")
+        assert talk.events == [Arrived(1), Arrived(2)]
+
+    def test_server_restarted(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.array("X:2")
+        assert talk.failure().failure is DriveFailure.NAVIGATION_GONE
+        assert talk.goal_reports[-1] == ("X", True, "EXECUTING")
+
+
+class TestConfirmation:
+    @pytest.mark.parametrize("status", [1, 2, 3, 4])
+    def test_whatever_is_seen_first_is_ours(self, talk: Conversation, status: int) -> None:
+        talk.at(5.0)
+        talk.go_to(goal(1))
+        talk.array(f"A:{status}")
+        talk.later(4.0)
+        assert talk.given == [1]
+        talk.array("A:4")
+        assert talk.events == [Arrived(1)]
+
+    def test_is_given_again_at_most_three_times_and_then_fails(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.later(3.4)
+        assert talk.given == [1]
+        talk.later(0.2)
+        assert talk.given == [1, 1]
+        talk.later(10.2)
+        assert talk.events == []
+        talk.later(0.3)
+        assert talk.given == [1] * 4
+        assert talk.failure().failure is DriveFailure.NOT_TAKEN_UP
+        assert "4 times" in talk.failure().description
+        assert not talk.tracker.busy
+
+    def test_given_again_although_taken_both_ids_are_ours(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.later(3.6)
+        talk.array("A:2")
+        talk.array("A:2 B:2")
+        talk.array("A:6 B:2")
+        assert talk.events == []
+        talk.at(5.0)
+        talk.array("A:6 B:4")
+        assert talk.events == [Arrived(1)]
+        assert all(not external for _, external, _ in talk.goal_reports)
+
+    def test_given_again_although_taken_shown_in_one_array(self, talk: Conversation) -> None:
+        talk.array("old:5")
+        talk.go_to(goal(1))
+        talk.later(3.6)
+        talk.array("old:5 A:6 B:2")
+        assert talk.events == []
+        talk.at(5.0)
+        talk.array("old:5 A:6 B:4")
+        assert talk.events == [Arrived(1)]
+
+    def test_a_newer_goal_is_given_instead_of_the_swallowed_one(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.later(1.0)
+        talk.go_to(goal(2))
+        assert talk.given == [1]
+        talk.later(2.6)
+        assert talk.given == [1, 2]
+        talk.array("B:2")
+        talk.at(5.0)
+        talk.array("B:4")
+        assert talk.events == [Arrived(2)]
+
+    def test_a_late_id_of_a_finished_drive_is_cancelled(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.later(3.6)
+        talk.at(5.0)
+        talk.array("A:4")
+        assert talk.events == [Arrived(1)]
+        talk.array("A:4 B:2")
+        assert talk.cancelled == ["B"]
+
+    def test_waits_for_navigation_as_long_as_it_takes(self) -> None:
+        talk = Conversation()
+        nobody = NavigationReport(available=False, reason="no node publishes the status")
+        talk.said += talk.tracker.on_navigation(nobody, 0.0)
+        talk.go_to(goal(1))
+        talk.later(60.0)
+        assert (talk.given, talk.events) == ([], [])
+        talk.ready()
+        assert talk.given == [1]
+
+    def test_goals_given_before_navigation_was_away_do_not_count(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.later(8.0)
+        away = NavigationReport(available=False, reason="does not answer")
+        talk.said += talk.tracker.on_navigation(away, talk.now)
+        talk.later(60.0)
+        assert (talk.given, talk.events) == ([1, 1, 1], [])
+        talk.said += talk.tracker.on_navigation(READY, talk.now)
+        talk.later(13.0)
+        assert (len(talk.given), talk.events) == (7, [])
+        talk.array("A:2")
+        talk.at(5.0)
+        talk.array("A:4")
+        assert talk.events == [Arrived(1)]
+
+    def test_is_given_when_navigation_appears_and_has_settled(self) -> None:
+        talk = Conversation()
+        talk.go_to(goal(1))
+        talk.later(1.0)
+        talk.ready()
+        assert talk.given == [1]
+
+    def test_navigation_that_shows_its_goals_needs_no_time_to_settle(self) -> None:
+        talk = Conversation()
+        talk.said += talk.tracker.on_servers(frozenset({"gid"}), 0.0)
+        talk.said += talk.tracker.on_navigation(READY, 0.0)
+        talk.go_to(goal(1))
+        assert talk.given == []
+        talk.array("old:4")
+        assert talk.given == [1]
+
+
+class TestForeignGoals:
+    def test_stale_success_never_touches_a_new_goal(self) -> None:
+        talk = Conversation()
+        talk.array("old:6 older:4")
+        talk.ready()
+        talk.at(5.0)
+        talk.go_to(goal(1))
+        talk.array("old:6 older:4")
+        talk.later(1.0)
+        assert talk.events == []
+        assert talk.goal_reports == []
+
+    def test_first_array_of_a_late_subscription_gives_us_the_last_goal_only(self, talk: Conversation) -> None:
+        talk.at(5.0)
+        talk.go_to(goal(1))
+        talk.array("old:4 running:2 ours:2")
+        talk.array("old:4 running:6 ours:2")
+        assert talk.events == []
+        talk.array("old:4 running:6 ours:4")
+        assert talk.events == [Arrived(1)]
+
+    def test_external_goal_is_told_and_not_adopted(self, talk: Conversation) -> None:
+        talk.array("X:2")
+        talk.at(5.0)
+        talk.array("X:4")
+        assert talk.goal_reports == [("X", True, "EXECUTING"), ("X", True, "SUCCEEDED")]
+        assert talk.events == []
+        assert talk.cancelled == []
+
+    def test_external_goal_that_takes_over_ours_is_named(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.array("A:2 X:2")
+        talk.array("A:6 X:2")
+        assert talk.failure().failure is DriveFailure.TAKEN_OVER
+        assert "X" in talk.failure().description
+        assert talk.cancelled == []
+
+    def test_nothing_is_given_while_somebody_cancels(self, talk: Conversation) -> None:
+        talk.array("X:3")
+        talk.go_to(goal(1))
+        assert talk.given == []
+        talk.array("X:5")
+        assert talk.given == [1]
+
+
+class TestArrival:
+    def test_asks_for_a_fresh_pose_and_waits_for_it(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.at(4.2)
+        talk.array("A:4")
+        assert talk.events == []
+        assert talk.poses_asked == 1
+        talk.later(0.5)
+        talk.at(4.8)
+        assert talk.events == [Arrived(1)]
+
+    def test_fresh_pose_elsewhere_fails(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.array("A:4")
+        talk.later(0.1)
+        talk.at(4.3)
+        talk.later(1.8)
+        assert talk.events == []
+        talk.later(0.3)
+        assert talk.failure().failure is DriveFailure.OUTSIDE_TOLERANCE
+        assert "4.30" in talk.failure().description
+
+    def test_late_poses_of_a_robot_under_way_are_waited_out(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.at(2.0)
+        talk.array("A:4")
+        for x in (3.0, 3.3, 3.6, 3.9):
+            talk.later(1.5)
+            talk.at(x)
+        assert talk.events == []
+        talk.later(1.5)
+        talk.at(5.0)
+        assert talk.events == [Arrived(1)]
+
+    def test_poses_that_stay_away_while_the_robot_drives_are_waited_for(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.at(2.0)
+        talk.array("A:4")
+        talk.later(5.0)
+        assert talk.events == []
+        talk.at(3.0)
+        talk.later(1.0)
+        talk.at(5.0)
+        assert talk.events == [Arrived(1)]
+
+    def test_poses_that_stay_away_for_good_are_waited_for_so_long(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.at(2.0)
+        talk.array("A:4")
+        talk.later(LATE_AT_MOST - 0.1)
+        assert talk.events == []
+        talk.later(0.2)
+        assert talk.failure().failure is DriveFailure.OUTSIDE_TOLERANCE
+
+    def test_a_robot_that_drives_on_for_good_has_not_arrived(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.at(2.0)
+        talk.array("A:4")
+        seconds = 0
+        while not talk.events:
+            talk.later(1.0)
+            seconds += 1
+            if not talk.events:
+                talk.at(10.0 + seconds)
+        assert talk.failure().failure is DriveFailure.OUTSIDE_TOLERANCE
+        assert seconds == LATE_AT_MOST + GoalSettings().pose_wait
+
+    def test_heading_counts_where_it_is_asked_for(self, talk: Conversation) -> None:
+        talk.go_to(goal(1, theta=0.1))
+        talk.array("A:2")
+        talk.array("A:4")
+        talk.at(5.0, theta=0.3)
+        talk.later(2.1)
+        assert talk.failure().failure is DriveFailure.OUTSIDE_TOLERANCE
+
+    def test_silent_localisation_is_given_the_slack_of_its_habits(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.later(1.0)
+        talk.at(4.3)
+        talk.later(0.1)
+        talk.array("A:4")
+        talk.later(2.1)
+        assert talk.events == [Arrived(1)]
+
+    def test_silent_localisation_far_away_fails(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:4")
+        talk.later(2.1)
+        assert talk.failure().failure is DriveFailure.OUTSIDE_TOLERANCE
+
+    def test_a_goal_that_ended_with_the_one_before_it_is_given_again_once(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.at(4.8)
+        talk.go_to(goal(2, 9.0))
+        talk.array("A:6 B:4")
+        assert talk.given == [1, 2, 2]
+        talk.array("A:6 B:4 C:4")
+        talk.later(2.1)
+        assert talk.given == [1, 2, 2]
+        assert talk.failure().failure is DriveFailure.OUTSIDE_TOLERANCE
+
+    def test_a_goal_near_the_one_before_that_ended_with_it_is_given_again(self, talk: Conversation) -> None:
+        """Nodes 0.4 m apart: from the place that the localisation last showed it may have been reached."""
+        talk.go_to(goal(1, 5.0, xy=0.3))
+        talk.array("A:2")
+        talk.at(4.9)
+        talk.go_to(goal(2, 5.4, xy=0.3))
+        talk.array("A:6 B:2")
+        talk.later(0.8)
+        talk.array("A:6 B:4")
+        assert talk.poses_asked == 1
+        talk.at(4.95)
+        talk.later(2.1)
+        assert (talk.events, talk.given) == ([], [1, 2, 2])
+        talk.array("A:6 B:4 C:2")
+        talk.at(5.3)
+        talk.array("A:6 B:4 C:4")
+        assert talk.events == [Arrived(2)]
+
+    def test_a_goal_that_ended_with_that_of_somebody_else_is_given_again(self, talk: Conversation) -> None:
+        talk.array("X:2")
+        talk.go_to(goal(1))
+        talk.array("X:6 A:4")
+        assert talk.given == [1, 1]
+
+
+class TestStatuses:
+    @pytest.mark.parametrize("status", [0, 1, 2, 3, 7, -1])
+    def test_no_end_without_a_terminal_status(self, talk: Conversation, status: int) -> None:
+        talk.at(5.0)
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.array(f"A:{status}")
+        talk.later(20.0)
+        assert talk.events == []
+        assert talk.given == [1]
+
+    def test_an_end_stays_an_end(self, talk: Conversation) -> None:
+        talk.at(5.0)
+        talk.go_to(goal(1))
+        talk.array("A:4")
+        talk.array("A:2")
+        assert talk.events == [Arrived(1)]
+        assert talk.cancelled == []
+
+    @pytest.mark.parametrize(("status", "failed"), [(4, False), (6, True)])
+    def test_a_cancelled_goal_may_still_end_otherwise(
+        self, talk: Conversation, status: int, *, failed: bool
+    ) -> None:
+        talk.at(5.0)
+        talk.go_to(goal(1))
+        talk.array("A:3")
+        talk.array(f"A:{status}")
+        assert isinstance(talk.events[0], DriveFailed) is failed
+
+    def test_late_end_of_an_older_goal_does_not_touch_the_newer(self, talk: Conversation) -> None:
+        talk.at(5.0)
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.go_to(goal(2))
+        talk.array("A:4")
+        assert talk.events == []
+        talk.array("A:4 B:2")
+        talk.array("A:4 B:6")
+        assert talk.failure().generation == 2
+
+
+class TestHalt:
+    def test_nothing_runs(self, talk: Conversation) -> None:
+        talk.halt()
+        assert talk.events == [Halted()]
+
+    def test_waits_for_the_end_and_for_standstill_by_odometry(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.halt()
+        assert talk.cancelled == ["A"]
+        talk.tracker.on_velocity(0.5, 0.0, talk.now)
+        talk.array("A:3")
+        talk.array("A:5")
+        talk.later(0.2)
+        assert talk.events == []
+        for _ in range(5):
+            talk.tracker.on_velocity(0.0, 0.005, talk.now)
+            talk.later(0.1)
+        assert talk.events == [Halted()]
+
+    def test_robot_that_rolls_on_is_never_told_as_standing(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.halt()
+        talk.array("A:5")
+        talk.rolls(2.9)
+        assert talk.events == []
+        talk.rolls(20.0)
+        (failed,) = talk.events
+        assert isinstance(failed, HaltFailed)
+        assert "0.50 m/s" in failed.description
+        talk.stands()
+        assert talk.events[1:] == [Halted()]
+
+    def test_a_halt_that_is_asked_for_again_is_answered_again(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.halt()
+        talk.rolls(3.2)
+        talk.halt()
+        talk.rolls(3.2)
+        assert [type(event) for event in talk.events] == [HaltFailed, HaltFailed]
+
+    def test_a_robot_that_slows_down_is_waited_for(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.halt()
+        talk.array("A:5")
+        for step in range(60):
+            talk.rolls(0.1, speed=1.5 - 0.025 * step)
+        assert talk.events == []
+        assert talk.motion_stopped == 0
+        talk.stands()
+        assert talk.events == [Halted()]
+
+    def test_the_controller_is_stopped_where_the_navigator_does_not_do_it(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.halt()
+        talk.rolls(0.4)
+        assert talk.motion_stopped == 0
+        talk.rolls(0.2)
+        assert talk.motion_stopped == 1
+        talk.said += talk.tracker.on_stop_answer(talk.now, answered=True)
+        assert talk.events == []
+        talk.stands()
+        assert talk.events == [Halted()]
+        assert talk.cancelled == ["A"]
+
+    def test_a_standstill_does_not_count_while_a_navigator_that_hangs_may_drive_on(
+        self, talk: Conversation
+    ) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.halt()
+        talk.stands(5.0)
+        assert talk.events == []
+        talk.said += talk.tracker.on_stop_answer(talk.now, answered=True)
+        assert talk.events == [Halted()]
+
+    def test_goals_of_others_are_not_stopped_with_ours(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.array("A:6 X:2")
+        talk.halt()
+        talk.rolls(5.0)
+        assert talk.motion_stopped == 0
+        assert talk.events[1:] == [Halted()]
+
+    def test_unconfirmed_goal_is_awaited_and_then_cancelled(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.halt()
+        talk.later(1.0)
+        assert talk.cancelled == []
+        assert talk.events == []
+        talk.array("A:2")
+        assert talk.cancelled == ["A"]
+        talk.array("A:5")
+        talk.later(3.1)
+        assert talk.events == [Halted()]
+
+    def test_swallowed_goal_is_not_given_again(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.halt()
+        talk.later(7.0)
+        assert talk.given == [1]
+        assert talk.events == [Halted()]
+
+    def test_cancel_without_effect_is_asked_again(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.halt()
+        talk.said += talk.tracker.on_cancel_answer("A", None, talk.now)
+        talk.later(2.1)
+        assert talk.cancelled == ["A", "A"]
+        assert talk.events == []
+
+    def test_goal_unknown_to_the_server_is_over(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.halt()
+        talk.said += talk.tracker.on_cancel_answer("A", 2, talk.now)
+        talk.later(3.1)
+        assert talk.events == [Halted()]
+
+    @pytest.mark.parametrize("status", [4, 5, 6])
+    def test_any_end_will_do(self, talk: Conversation, status: int) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.halt()
+        talk.array(f"A:{status}")
+        talk.later(3.1)
+        assert talk.events == [Halted()]
+
+    def test_both_goals_are_cancelled_in_the_middle_of_a_replacement(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.go_to(goal(2))
+        talk.halt()
+        talk.array("A:3 B:2")
+        assert talk.cancelled == ["A", "B"]
+        talk.array("A:5 B:6")
+        talk.later(3.1)
+        assert talk.events == [Halted()]
+
+    def test_external_goal_is_left_alone(self, talk: Conversation) -> None:
+        talk.array("X:2")
+        talk.halt()
+        assert talk.cancelled == []
+        assert talk.events == [Halted()]
+
+
+class TestNavigationGone:
+    def test_publisher_gone(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.said += talk.tracker.on_servers(frozenset(), talk.now)
+        assert talk.failure().failure is DriveFailure.NAVIGATION_GONE
+
+    def test_a_goal_that_was_not_confirmed_is_given_again_to_the_next_server(
+        self, talk: Conversation
+    ) -> None:
+        talk.go_to(goal(1))
+        talk.said += talk.tracker.on_servers(frozenset({"other"}), talk.now)
+        talk.later(2.1)
+        assert (talk.events, talk.given) == ([], [1, 1])
+        talk.at(5.0)
+        talk.array("A:4")
+        assert talk.events == [Arrived(1)]
+
+    def test_second_publisher_is_a_navigation_that_has_crashed_and_come_back(
+        self, talk: Conversation
+    ) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.said += talk.tracker.on_servers(frozenset({"gid", "other"}), talk.now)
+        assert talk.failure().failure is DriveFailure.NAVIGATION_GONE
+
+    def test_drive_goes_on_when_the_crashed_publisher_disappears_at_last(self, talk: Conversation) -> None:
+        both, new = frozenset({"gid", "other"}), frozenset({"other"})
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.said += talk.tracker.on_servers(both, talk.now)
+        talk.later(3.0)
+        talk.go_to(goal(2))
+        talk.array("B:2")
+        told = len(talk.events)
+        for servers in (both, new, new):
+            talk.said += talk.tracker.on_servers(servers, talk.now)
+        assert talk.events[told:] == []
+        talk.array("B:4")
+        talk.at(5.0)
+        assert talk.events[-1] == Arrived(2)
+
+    def test_old_goal_that_still_runs_after_a_break_of_the_network_is_cancelled(
+        self, talk: Conversation
+    ) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.said += talk.tracker.on_servers(frozenset(), talk.now)
+        talk.later(1.0)
+        talk.said += talk.tracker.on_servers(frozenset({"gid"}), talk.now)
+        talk.array("A:2")
+        assert talk.cancelled == ["A"]
+
+    def test_halt_waits_for_what_a_navigation_that_is_back_has_to_show(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        for servers in ({"other"}, {"gid"}):
+            talk.said += talk.tracker.on_servers(frozenset(servers), talk.now)
+        talk.halt()
+        assert talk.events[1:] == []
+        talk.array("A:2")
+        assert talk.cancelled == ["A"]
+        talk.array("A:5")
+        talk.later(3.1)
+        assert talk.events[1:] == [Halted()]
+
+    def test_halt_is_answered_when_navigation_goes(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.halt()
+        talk.said += talk.tracker.on_servers(frozenset(), talk.now)
+        assert talk.motion_stopped == 1
+        talk.later(3.1)
+        (failed,) = talk.events
+        assert isinstance(failed, HaltFailed)
+        assert "no odometry comes" in failed.description
+        talk.said += talk.tracker.on_stop_answer(talk.now, answered=True)
+        assert talk.events[1:] == [Halted()]
+
+    def test_the_controller_is_stopped_until_the_robot_stands(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.rolls(0.1)
+        talk.said += talk.tracker.on_servers(frozenset(), talk.now)
+        assert talk.motion_stopped == 1
+        talk.rolls(2.1)
+        assert talk.motion_stopped == 2
+        talk.stands()
+        talk.later(5.0)
+        assert talk.motion_stopped == 2
+        assert talk.failure().failure is DriveFailure.NAVIGATION_GONE
+
+    @pytest.mark.parametrize("reason", ["not active", "does not answer"])
+    def test_the_controller_is_stopped_when_navigation_falls_silent(
+        self, talk: Conversation, reason: str
+    ) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.rolls(0.1)
+        talk.said += talk.tracker.on_navigation(NavigationReport(available=False, reason=reason), talk.now)
+        assert talk.motion_stopped == 1
+        talk.stands()
+        talk.said += talk.tracker.on_navigation(READY, talk.now)
+        talk.array("A:4")
+        assert (talk.events, talk.given) == ([], [1, 1]), "Nav2 takes a stopped controller for success"
+
+    def test_feedback_that_stays_away_fails_the_drive_and_stops_the_controller(
+        self, talk: Conversation
+    ) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.said += talk.tracker.on_silence(2.5, talk.now)
+        assert talk.motion_stopped == 1
+        assert talk.failure().failure is DriveFailure.NAVIGATION_GONE
+
+    def test_a_goal_of_an_earlier_run_whose_navigator_is_gone_is_stopped(self) -> None:
+        talk = Conversation()
+        talk.tracker.reclaim(MapOwnGoals(("A",), MapPose(5.0, 0.0, 0.0, "hall")))
+        for _ in range(6):
+            talk.said += talk.tracker.on_servers(frozenset(), talk.now)
+            assert talk.motion_stopped == 0
+            talk.rolls(1.0)
+        talk.said += talk.tracker.on_servers(frozenset(), talk.now)
+        assert talk.motion_stopped == 1
+
+    def test_goal_not_taken_up_ends_the_one_before_too(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.go_to(goal(2))
+        talk.later(14.2)
+        assert talk.failure().failure is DriveFailure.NOT_TAKEN_UP
+        assert talk.cancelled == ["A"]
+
+
+class TestRestartOfTheAgent:
+    @staticmethod
+    def after_restart(x: float = 5.0, *ids: str) -> Conversation:
+        """Give a tracker that knows of the goals of an earlier run, the last one at ``x``."""
+        talk = Conversation()
+        talk.tracker.reclaim(MapOwnGoals(ids or ("A",), MapPose(x, 0.0, 0.0, "hall")))
+        return talk
+
+    def test_a_goal_that_leads_to_the_same_place_goes_on(self) -> None:
+        talk = self.after_restart()
+        talk.array("old:4 A:2")
+        talk.ready()
+        talk.go_to(goal(1))
+        talk.at(5.0)
+        talk.array("old:4 A:4")
+        assert (talk.given, talk.cancelled, talk.events) == ([], [], [Arrived(1)])
+        assert ("A", False, "EXECUTING") in talk.goal_reports
+
+    def test_one_that_has_got_there_meanwhile_counts(self) -> None:
+        talk = self.after_restart()
+        talk.array("A:4")
+        talk.ready()
+        talk.at(5.0)
+        talk.go_to(goal(1))
+        talk.later(0.05)
+        assert (talk.given, talk.events) == ([], [Arrived(1)])
+
+    @pytest.mark.parametrize("array", ["A:4", "A:5", "A:6", "other:4"])
+    def test_one_that_has_ended_elsewhere_or_is_unknown_is_given_again(self, array: str) -> None:
+        talk = self.after_restart()
+        talk.array(array)
+        talk.ready()
+        talk.go_to(goal(1))
+        assert (talk.given, talk.events) == ([1], [])
+
+    @pytest.mark.parametrize(
+        ("behind", "array"), [("", "A:2"), ("old", "old:4 A:2"), ("old", "old:4 A:2 B:6")]
+    )
+    def test_one_that_was_given_and_not_listed_before_the_restart_goes_on(
+        self, behind: str, array: str
+    ) -> None:
+        talk = self.unlisted(behind)
+        talk.array(array)
+        talk.ready()
+        talk.go_to(goal(1))
+        talk.at(5.0)
+        talk.array(array.replace("A:2", "A:4"))
+        assert (talk.given, talk.cancelled, talk.events) == ([], [], [Arrived(1)])
+
+    @pytest.mark.parametrize(("behind", "array"), [("old", "old:4"), ("older", "old:4"), ("old", "")])
+    def test_one_that_was_never_given_is_given(self, behind: str, array: str) -> None:
+        talk = self.unlisted(behind)
+        talk.array(array)
+        talk.ready()
+        talk.go_to(goal(1))
+        assert (talk.given, talk.events) == ([1], [])
+
+    def test_one_that_was_not_listed_before_the_restart_is_cancelled_with_a_halt(self) -> None:
+        talk = self.unlisted("old")
+        talk.array("old:4 A:2")
+        talk.halt()
+        assert talk.cancelled == ["A"]
+
+    def unlisted(self, behind: str) -> Conversation:
+        """Give a tracker that knows of a goal to x = 5 m that an earlier run was about to give."""
+        talk = Conversation()
+        place = MapPose(5.0, 0.0, 0.0, "hall")
+        talk.tracker.reclaim(MapOwnGoals((), place, given=place, behind=behind))
+        return talk
+
+    def test_one_that_leads_elsewhere_is_replaced_without_a_cancel(self) -> None:
+        talk = self.after_restart(9.0)
+        talk.array("A:2")
+        talk.ready()
+        talk.go_to(goal(1))
+        assert (talk.given, talk.cancelled) == ([1], [])
+
+    def test_a_halt_cancels_all_of_them(self) -> None:
+        talk = self.after_restart(5.0, "A", "B")
+        talk.halt()
+        talk.array("A:2 B:2")
+        talk.ready()
+        assert set(talk.cancelled) == {"A", "B"}
+        talk.array("A:5 B:5")
+        talk.later(5.0)
+        assert talk.events == [Halted()]
+
+    def test_one_that_nobody_wants_is_cancelled_after_a_while(self) -> None:
+        talk = self.after_restart()
+        talk.array("A:2")
+        talk.ready()
+        assert talk.cancelled == []
+        talk.later(10.0)
+        assert talk.cancelled[:1] == ["A"]
+
+
+WAIT = 2.0
+
+
+def pose(x: float) -> MapPose:
+    return MapPose(x, 0.0, 0.0, "hall")
+
+
+@pytest.fixture
+def drive() -> Drive:
+    """Give one whose goal was reported reached at 100 s."""
+    return Drive(MapGoal(1, pose(5.0), deviation_xy=0.25), reached_at=100.0)
+
+
+def test_a_pose_is_waited_for_from_the_arrival_on(drive: Drive) -> None:
+    assert drive.pose_may_come(101.9, WAIT)
+    assert not drive.pose_may_come(102.0, WAIT)
+    assert not Drive(drive.goal).pose_may_come(0.0, WAIT)
+
+
+def test_a_pose_of_a_robot_under_way_is_a_late_one(drive: Drive) -> None:
+    drive.on_pose(pose(3.0), pose(2.0), 101.0)
+    assert drive.pose_may_come(102.9, WAIT)
+    drive.on_pose(pose(3.05), pose(3.0), 102.0)
+    assert not drive.pose_may_come(103.0, WAIT), "it stands"
+
+
+def test_poses_are_late_for_a_while_only(drive: Drive) -> None:
+    drive.on_pose(pose(3.0), pose(2.0), 150.0)
+    assert drive.late_at == 100.0 + LATE_AT_MOST
+
+
+def test_before_the_arrival_no_pose_is_late() -> None:
+    drive = Drive(MapGoal(1, pose(5.0), deviation_xy=0.25))
+    drive.on_pose(pose(3.0), pose(2.0), 1.0)
+    drive.reached_at = 2.0
+    assert not drive.pose_may_come(4.0, WAIT)

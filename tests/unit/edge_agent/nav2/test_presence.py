@@ -1,0 +1,89 @@
+from __future__ import annotations
+
+import pytest
+
+from nena_edge_agent.nav2.presence import Lifecycle, LifecycleWatch, Presence, judge
+from nena_edge_agent.nav2.settings import Navigation, RosSettings
+
+SETTINGS = RosSettings(namespace="r1", domain_id=7)
+GID = frozenset({"gid"})
+
+
+@pytest.mark.parametrize("lifecycle", [Lifecycle.ACTIVE, Lifecycle.ABSENT])
+def test_nav2_that_can_take_goals(lifecycle: Lifecycle) -> None:
+    report = judge(Presence(GID, 1, lifecycle), SETTINGS, pose_known=True)
+    assert report.available
+    assert report.reason == ""
+
+
+@pytest.mark.parametrize(
+    ("presence", "pose_known", "reason"),
+    [
+        (Presence(frozenset(), 0, Lifecycle.ABSENT), False, "is Nav2 running there?"),
+        (Presence(GID, 0, Lifecycle.ACTIVE), True, "no node listens to goal_pose"),
+        (Presence(GID, 1, Lifecycle.INACTIVE), True, "not active"),
+        (Presence(GID, 1, Lifecycle.SILENT), True, "does not answer"),
+        (Presence(GID, 1, Lifecycle.STARTING), True, "Nav2 is starting"),
+        (Presence(GID, 1, Lifecycle.ACTIVE), False, "no pose has come on amcl_pose"),
+    ],
+)
+def test_what_is_missing_is_said_in_words(presence: Presence, *, pose_known: bool, reason: str) -> None:
+    report = judge(presence, SETTINGS, pose_known=pose_known)
+    assert not report.available
+    assert reason in report.reason
+    assert "in namespace /r1, domain 7" in report.reason
+
+
+def test_one_answer_that_stays_out_is_chance_and_two_are_silence() -> None:
+    watch = LifecycleWatch()
+    answers: list[bool | None] = [True, None, True, None, None, None, False]
+    assert [watch.judge(there=True, active=active) for active in answers] == [
+        Lifecycle.ACTIVE,
+        Lifecycle.ACTIVE,
+        Lifecycle.ACTIVE,
+        Lifecycle.ACTIVE,
+        Lifecycle.SILENT,
+        Lifecycle.SILENT,
+        Lifecycle.INACTIVE,
+    ]
+
+
+def test_service_that_goes_takes_its_word_with_it() -> None:
+    watch = LifecycleWatch()
+    watch.judge(there=True, active=False)
+    assert watch.judge(there=False, active=None) is Lifecycle.ABSENT
+    assert watch.judge(there=True, active=None) is Lifecycle.STARTING
+
+
+def test_service_that_has_never_answered_is_of_a_nav2_that_starts() -> None:
+    watch = LifecycleWatch()
+    answers: list[bool | None] = [None, None, None, False, True]
+    assert [watch.judge(there=True, active=active) for active in answers] == [
+        *[Lifecycle.STARTING] * 3,
+        Lifecycle.INACTIVE,
+        Lifecycle.ACTIVE,
+    ]
+
+
+@pytest.mark.parametrize(
+    ("navigation", "listeners", "action", "available"),
+    [
+        ("auto", 1, False, True),
+        ("auto", 0, True, True),
+        ("auto", 0, False, False),
+        ("topics", 1, False, True),
+        ("topics", 0, True, False),
+        ("action", 0, True, True),
+        ("action", 1, False, False),
+    ],
+)
+def test_goals_are_taken_by_a_door_that_is_wanted(
+    navigation: Navigation, listeners: int, *, action: bool, available: bool
+) -> None:
+    settings = RosSettings(namespace="r1", domain_id=7, navigation=Navigation(navigation))
+    seen = Presence(GID, listeners, Lifecycle.ACTIVE, action)
+    report = judge(seen, settings, pose_known=True)
+    assert report.available is available
+    assert ("no node serves the action navigate_to_pose" in report.reason) is (
+        navigation == "action" and not action
+    )

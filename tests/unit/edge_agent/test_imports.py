@@ -1,0 +1,72 @@
+"""Which folder of the edge agent may import which: the core is pure, and there are no circles."""
+
+from __future__ import annotations
+
+import ast
+from collections import defaultdict
+from graphlib import TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+import nena_edge_agent
+
+PACKAGE = Path(nena_edge_agent.__file__).parent
+FOLDERS = sorted(each.name for each in PACKAGE.iterdir() if (each / "__init__.py").exists())
+ROS = ("rclpy", "_msgs", "_interfaces")
+"""What the name of a package of ROS holds."""
+PURE = {"driver": {"driver"}, "protocol": {"driver", "protocol"}}
+"""The folders that know no ROS, and what of the agent they may import."""
+
+
+def imported(module: Path) -> set[str]:
+    """Return all modules that a module imports, also within functions and for type checkers."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(module.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            found |= {node.module, *(f"{node.module}.{each.name}" for each in node.names)}
+        elif isinstance(node, ast.Import):
+            found |= {each.name for each in node.names}
+    return found
+
+
+def folders_of(folder: str) -> set[str]:
+    """Return the folders, and the modules beside them, that a folder imports."""
+    parts = [each.split(".") for module in (PACKAGE / folder).rglob("*.py") for each in imported(module)]
+    return {part[1] for part in parts if part[0] == PACKAGE.name and len(part) > 1}
+
+
+@pytest.mark.parametrize("folder", PURE)
+def test_the_core_imports_neither_ros_nor_the_shell(folder: str) -> None:
+    assert folders_of(folder) <= PURE[folder]
+    for module in (PACKAGE / folder).rglob("*.py"):
+        tops = {each.split(".")[0] for each in imported(module)}
+        assert [top for top in tops if any(word in top for word in ROS)] == [], module
+
+
+def test_no_folders_import_each_other_in_a_circle() -> None:
+    graph = defaultdict(set)
+    for folder in FOLDERS:
+        graph[folder] = (folders_of(folder) & set(FOLDERS)) - {folder}
+    order = list(TopologicalSorter(graph).static_order())
+    assert order.index("driver") < order.index("nav2") < order.index("actions")
+
+
+def test_no_modules_import_each_other_in_a_circle() -> None:
+    """Beside imports within functions and for type checkers, which wait until they are needed."""
+    graph: dict[str, set[str]] = {}
+    names = {
+        ".".join(("nena_edge_agent", *each.relative_to(PACKAGE).with_suffix("").parts)): each
+        for each in PACKAGE.rglob("*.py")
+        if each.name != "__init__.py"
+    }
+    for name, module in names.items():
+        body = ast.parse(module.read_text(encoding="utf-8")).body
+        found = {each for node in body if isinstance(node, ast.ImportFrom) for each in _names_in(node)}
+        graph[name] = (found & names.keys()) - {name}
+    TopologicalSorter(graph).prepare()
+
+
+def _names_in(node: ast.ImportFrom) -> list[str]:
+    module = node.module or ""
+    return [module, *(f"{module}.{each.name}" for each in node.names)]

@@ -1,0 +1,203 @@
+"""Maps in a folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from nena_edge_agent.map_store import DuplicateMapError, FolderMapStore, MapRefusedError, map_store
+from nena_edge_agent.settings import EdgeAgentSettings
+from nena_shared.program import StartError
+from nena_shared.settings import ConfigurationError
+from nena_shared.vda5050.state import Map, MapStatus
+from nena_shared.vda5050.topics import RobotKey
+
+pytestmark = pytest.mark.clause("6.3")
+
+FIRST = Map(map_id="hall", map_version="1", map_status=MapStatus.ENABLED)
+
+
+def store(folder: Path, *, maximum: int = 5) -> FolderMapStore:
+    return FolderMapStore(folder / "maps", FIRST, maximum=maximum)
+
+
+def files_of(folder: Path) -> list[str]:
+    return sorted(each.name for each in folder.iterdir())
+
+
+def _interrupted(*_: object) -> None:
+    raise KeyboardInterrupt
+
+
+def _interrupted_at_a_file(folder: Path, *, ignore_errors: bool = False) -> None:
+    """Delete one file of ``folder``, and no more."""
+    if not ignore_errors:
+        (folder / "map").unlink()
+        message = "interrupted"
+        raise OSError(message)
+
+
+def held(maps: FolderMapStore) -> dict[tuple[str, str], str]:
+    return {(each.map_id, each.map_version): each.map_status.value for each in maps.maps}
+
+
+def test_the_robots_own_map_is_there_and_enabled(tmp_path: Path) -> None:
+    assert held(store(tmp_path)) == {("hall", "1"): "ENABLED"}
+
+
+async def test_a_new_map_is_disabled_and_touches_no_other_one(tmp_path: Path) -> None:
+    maps = store(tmp_path)
+
+    await maps.install("hall", "2", b"picture")
+
+    assert held(maps) == {("hall", "1"): "ENABLED", ("hall", "2"): "DISABLED"}
+    assert maps.content("hall", "2") == b"picture"
+
+
+async def test_one_version_of_a_map_is_enabled(tmp_path: Path) -> None:
+    maps = store(tmp_path)
+    await maps.install("hall", "2", b"")
+    await maps.install("attic", "1", b"")
+
+    await maps.enable("hall", "2")
+    await maps.enable("attic", "1")
+
+    assert held(maps) == {("attic", "1"): "ENABLED", ("hall", "1"): "DISABLED", ("hall", "2"): "ENABLED"}
+
+
+async def test_all_is_there_again_after_a_restart(tmp_path: Path) -> None:
+    maps = store(tmp_path)
+    await maps.install("hall", "2", b"")
+    await maps.enable("hall", "2")
+
+    assert held(store(tmp_path)) == held(maps)
+
+
+async def test_an_enabled_map_is_not_deleted(tmp_path: Path) -> None:
+    maps = store(tmp_path)
+    await maps.install("hall", "2", b"")
+
+    with pytest.raises(MapRefusedError, match="is enabled"):
+        await maps.delete("hall", "1")
+    await maps.delete("hall", "2")
+
+    assert held(store(tmp_path)) == {("hall", "1"): "ENABLED"}
+
+
+async def test_what_is_there_is_not_installed_again(tmp_path: Path) -> None:
+    maps = store(tmp_path)
+
+    with pytest.raises(DuplicateMapError):
+        await maps.install("hall", "1", b"another")
+
+
+async def test_what_is_not_there_is_neither_enabled_nor_deleted(tmp_path: Path) -> None:
+    maps = store(tmp_path)
+
+    for change in (maps.enable, maps.delete):
+        with pytest.raises(MapRefusedError, match="no map 'hall' in version '9'"):
+            await change("hall", "9")
+
+
+async def test_there_is_room_for_so_many(tmp_path: Path) -> None:
+    maps = store(tmp_path, maximum=2)
+    await maps.install("hall", "2", b"")
+
+    with pytest.raises(MapRefusedError, match="holds 2 maps"):
+        await maps.install("hall", "3", b"")
+
+
+@pytest.mark.parametrize(
+    "name", ["../../up", "..", "", "a/b", "=x", "enabled", "x.new", "ü ß", "1\r\n", "a" * 60]
+)
+async def test_any_name_stays_within_the_folder(tmp_path: Path, name: str) -> None:
+    maps = store(tmp_path)
+
+    await maps.install(name, name, b"content")
+    await maps.enable(name, name)
+
+    assert held(store(tmp_path))[name, name] == "ENABLED"
+    assert files_of(tmp_path) == ["maps"]
+
+
+async def test_half_a_map_is_no_map(tmp_path: Path) -> None:
+    maps = store(tmp_path)
+    half = next((tmp_path / "maps").iterdir()) / "=2.new"
+    half.mkdir()
+    (half / "map").write_bytes(b"half")
+
+    assert held(store(tmp_path)) == {("hall", "1"): "ENABLED"}
+    await maps.install("hall", "2", b"whole")
+    assert maps.content("hall", "2") == b"whole"
+
+
+def test_the_robots_own_map_is_enabled_also_if_the_first_start_was_interrupted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for step in ("_write", "_mark"):
+        with monkeypatch.context() as interrupted:
+            interrupted.setattr(FolderMapStore, step, _interrupted)
+            with pytest.raises(KeyboardInterrupt):
+                store(tmp_path / step)
+
+        assert held(store(tmp_path / step)) == {("hall", "1"): "ENABLED"}
+
+
+async def test_a_map_that_is_half_deleted_is_no_map(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    maps = store(tmp_path)
+    await maps.install("hall", "2", b"picture")
+    monkeypatch.setattr("nena_edge_agent.map_store.rmtree", _interrupted_at_a_file)
+
+    with pytest.raises(OSError, match="interrupted"):
+        await maps.delete("hall", "2")
+
+    assert held(store(tmp_path)) == {("hall", "1"): "ENABLED"}
+
+
+def test_what_somebody_else_put_into_the_folder_is_no_map(tmp_path: Path) -> None:
+    store(tmp_path)
+    (tmp_path / "maps" / "lost+found").mkdir()
+    (tmp_path / "maps" / ".DS_Store").write_text("")
+
+    assert held(store(tmp_path)) == {("hall", "1"): "ENABLED"}
+
+
+def test_a_damaged_mark_enables_nothing(tmp_path: Path) -> None:
+    store(tmp_path)
+    next((tmp_path / "maps").glob("*/enabled")).write_bytes(b"\xff")
+
+    assert held(store(tmp_path)) == {("hall", "1"): "DISABLED"}
+
+
+def test_a_folder_that_cannot_be_used_is_said_at_the_start(tmp_path: Path) -> None:
+    (tmp_path / "maps").write_text("a file")
+
+    with pytest.raises(StartError, match=r"maps\.folder"):
+        store(tmp_path)
+
+
+ROBOT = RobotKey("ACME", "r.1")
+
+
+def settings(**maps: object) -> EdgeAgentSettings:
+    return EdgeAgentSettings.model_validate({"map_id": "hall", "map_version": "7", "maps": maps})
+
+
+def test_a_robot_has_its_one_map_unless_told_otherwise() -> None:
+    assert map_store(settings(), ROBOT) is None
+
+
+def test_each_robot_has_a_folder_of_its_own(tmp_path: Path) -> None:
+    one = map_store(settings(store="folder", folder=tmp_path), ROBOT)
+    two = map_store(settings(store="folder", folder=tmp_path), RobotKey("ACME", "r2"))
+
+    assert one is not None
+    assert two is not None
+    assert [(each.map_id, each.map_version) for each in one.maps] == [("hall", "7")]
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_a_plug_in_that_is_not_installed_is_an_error_of_the_settings() -> None:
+    with pytest.raises(ConfigurationError, match=r"nena\.maps"):
+        map_store(settings(store="acme_map_server"), ROBOT)
