@@ -95,6 +95,8 @@ class Operation(Generic[A]):
     """The field of the MQTT command that holds the request; empty: the command has the request's fields."""
     max_body: int | None = None
     """Longest body, bytes. None: ``max_body`` of the settings."""
+    opentcs: tuple[str, ...] = ()
+    """Routes of openTCS's web API that do the same, as ``METHOD path`` below ``opentcs_prefix``."""
 
     @property
     def tag(self) -> str:
@@ -132,6 +134,7 @@ CREATE_ORDER = Operation(
     versioned=True,
     creates=ORDERS,
     also=MADE_BEFORE,
+    opentcs=(f"POST {ORDERS}/{{name}}",),
 )
 LIST_ORDERS = Operation(
     "transportOrders",
@@ -141,6 +144,7 @@ LIST_ORDERS = Operation(
     TransportOrderPage,
     Role.VIEWER,
     request=TransportOrdersQuery,
+    opentcs=(f"GET {ORDERS}",),
 )
 SHOW_ORDER = Operation(
     "transportOrder",
@@ -150,6 +154,7 @@ SHOW_ORDER = Operation(
     TransportOrderStatus,
     Role.VIEWER,
     versioned=True,
+    opentcs=(f"GET {ORDERS}/{{name}}",),
 )
 DELIVERY = Operation(
     "delivery",
@@ -184,6 +189,10 @@ WITHDRAW = Operation(
     versioned=True,
     subject="transport_order",
     result="transport_order",
+    opentcs=(
+        f"POST {ORDERS}/{{name}}/withdrawal",
+        f"POST {VEHICLES}/{{name}}/withdrawal",
+    ),
 )
 HOLD = Operation(
     "hold",
@@ -224,6 +233,7 @@ CREATE_SEQUENCE = Operation(
     creates=SEQUENCES,
     also=MADE_BEFORE,
     result="order_sequence",
+    opentcs=(f"POST {SEQUENCES}/{{name}}",),
 )
 LIST_SEQUENCES = Operation(
     "orderSequences",
@@ -234,6 +244,7 @@ LIST_SEQUENCES = Operation(
     Role.VIEWER,
     request=OrderSequencesQuery,
     result="order_sequences",
+    opentcs=(f"GET {SEQUENCES}",),
 )
 SHOW_SEQUENCE = Operation(
     "orderSequence",
@@ -245,6 +256,7 @@ SHOW_SEQUENCE = Operation(
     versioned=True,
     subject="order_sequence",
     result="order_sequence",
+    opentcs=(f"GET {SEQUENCES}/{{name}}",),
 )
 COMPLETE_SEQUENCE = Operation(
     "completeOrderSequence",
@@ -256,6 +268,7 @@ COMPLETE_SEQUENCE = Operation(
     versioned=True,
     subject="order_sequence",
     result="order_sequence",
+    opentcs=(f"PUT {SEQUENCES}/{{name}}/complete",),
 )
 
 LIST_VEHICLES = Operation(
@@ -266,9 +279,16 @@ LIST_VEHICLES = Operation(
     VehicleList,
     Role.VIEWER,
     request=VehiclesQuery,
+    opentcs=(f"GET {VEHICLES}",),
 )
 SHOW_VEHICLE = Operation(
-    "vehicle", "Return a vehicle.", "GET", f"{VEHICLES}/{{name}}", VehicleStatus, Role.VIEWER
+    "vehicle",
+    "Return a vehicle.",
+    "GET",
+    f"{VEHICLES}/{{name}}",
+    VehicleStatus,
+    Role.VIEWER,
+    opentcs=(f"GET {VEHICLES}/{{name}}",),
 )
 INTEGRATION_LEVEL = Operation(
     "integrationLevel",
@@ -291,6 +311,10 @@ ORDER_TYPES = Operation(
     request=OrderTypesRequest,
     subject="vehicle",
     result="vehicle",
+    opentcs=(
+        f"PUT {VEHICLES}/{{name}}/acceptableOrderTypes",
+        f"PUT {VEHICLES}/{{name}}/allowedOrderTypes",
+    ),
 )
 DISPATCH = Operation(
     "dispatch",
@@ -315,6 +339,7 @@ INSTANT_ACTION = Operation(
     also={HTTPStatus.ACCEPTED: "It is still running."},
     subject="vehicle",
     result="instant_action",
+    opentcs=(f"PUT {VEHICLES}/{{name}}/paused",),
 )
 REROUTE = Operation(
     "reroute",
@@ -326,6 +351,7 @@ REROUTE = Operation(
     request=ReroutingRequest,
     subject="vehicle",
     result="rerouting",
+    opentcs=(f"POST {VEHICLES}/{{name}}/rerouteRequest",),
 )
 
 LIST_PATHS = Operation(
@@ -341,6 +367,7 @@ LOCK_PATH = Operation(
     request=PathLockRequest,
     subject="path",
     result="path",
+    opentcs=(f"PUT {PATHS}/{{name:path}}/locked",),
 )
 SHOW_PATH = Operation("path", "Return a path.", "GET", f"{PATHS}/{{name:path}}", PathStatus, Role.VIEWER)
 

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 from http import HTTPStatus
 from math import degrees
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Self, TypeVar
 
-from fastapi import APIRouter, FastAPI, Query, Request, Response
+from fastapi import FastAPI, Query, Request, Response
 from fastapi.exceptions import RequestValidationError
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 from starlette.datastructures import MutableHeaders
@@ -22,6 +22,7 @@ from nena_order_service.errors import NameTakenError, SequenceNameTakenError
 from nena_order_service.host_requests import HostRequests, HostServices, SequenceRequests
 from nena_order_service.path_locks import PathLocks
 from nena_order_service.store.database import OrderFilter, SequenceFilter
+from nena_shared.fleet_api import operations as table
 from nena_shared.fleet_api.base import CamelCase, Moment
 from nena_shared.fleet_api.requests import SOMEBODY, InstantActionAnswer, InstantActionRequest
 from nena_shared.fleet_api.transport_order import (
@@ -48,6 +49,8 @@ from nena_shared.plant import BoundingBox, PlantModel, Vehicle
 from nena_shared.web.problem import describe_problems
 
 log = get_logger(__name__)
+
+E = TypeVar("E", bound=Callable[..., Any])
 
 
 class NotPossibleError(Exception):
@@ -384,11 +387,8 @@ class OrderSequenceState(Body):
 _SEQUENCES = TypeAdapter(list[OrderSequenceState])
 
 
-def sequence_router(requests: SequenceRequests) -> APIRouter:
-    """Make the routes over what hosts may ask for."""
-    router = APIRouter()
-
-    @router.get("", response_model=list[OrderSequenceState])
+def _add_sequences(app: FastAPI, requests: SequenceRequests) -> None:
+    @_serve(app, table.LIST_SEQUENCES, response_model=list[OrderSequenceState])
     async def list_sequences(
         intended_vehicle: Annotated[str | None, Query(alias="intendedVehicle")] = None,
     ) -> Response:
@@ -396,28 +396,21 @@ def sequence_router(requests: SequenceRequests) -> APIRouter:
         states = [OrderSequenceState.of(each.status) for each in found]
         return Response(_SEQUENCES.dump_json(states, by_alias=True), media_type="application/json")
 
-    @router.get("/{name}", response_model=OrderSequenceState)
+    @_serve(app, table.SHOW_SEQUENCE, response_model=OrderSequenceState)
     async def show(name: str) -> Response:
-        return _sequence_answer(await requests.sequence(name))
+        return _json(OrderSequenceState.of(await requests.sequence(name)))
 
-    @router.post("/{name}", response_model=OrderSequenceState)
+    @_serve(app, table.CREATE_SEQUENCE, response_model=OrderSequenceState)
     async def create(name: str, body: OrderSequenceCreation) -> Response:
         sequence, new = await requests.create(body.request(name))
         if not new:
             raise SequenceNameTakenError(name)
-        return _sequence_answer(sequence)
+        return _json(OrderSequenceState.of(sequence))
 
-    @router.put("/{name}/complete", response_class=Response)
+    @_serve(app, table.COMPLETE_SEQUENCE, response_class=Response)
     async def complete(name: str) -> Response:
         await requests.complete(name)
-        return Response(status_code=HTTPStatus.OK)
-
-    return router
-
-
-def _sequence_answer(sequence: OrderSequenceStatus) -> Response:
-    body = OrderSequenceState.of(sequence).model_dump_json(by_alias=True)
-    return Response(body, media_type="application/json")
+        return _done()
 
 
 LISTED = 1000
@@ -457,10 +450,11 @@ def make_app(
     """Make the ASGI application; ``dispatch`` has the dispatcher look again."""
     app = FastAPI(title="openTCS web API, version 1, as NeNa serves it", docs_url=None, redoc_url=None)
     install(app)
-    app.include_router(_orders(hosts.requests, dispatch), prefix="/v1/transportOrders")
-    app.include_router(sequence_router(hosts.sequences), prefix="/v1/orderSequences")
-    app.include_router(_vehicles(hosts.requests, operations, plant), prefix="/v1/vehicles")
-    app.include_router(_plant(hosts.locks, dispatch), prefix="/v1")
+    _add_dispatcher(app, dispatch)
+    _add_orders(app, hosts.requests)
+    _add_sequences(app, hosts.sequences)
+    _add_vehicles(app, hosts.requests, operations, plant)
+    _add_paths(app, hosts.locks)
     return app
 
 
@@ -472,10 +466,27 @@ def _done() -> Response:
     return Response(status_code=HTTPStatus.OK)
 
 
-def _orders(requests: HostRequests, dispatch: Callable[[], None]) -> APIRouter:
-    router = APIRouter()
+def _serve(
+    app: FastAPI,
+    operation: table.Operation[Any],
+    alias: int = 0,
+    **options: Any,  # noqa: ANN401 - FastAPI's
+) -> Callable[[E], E]:
+    """Serve an operation of the table on one of the routes that openTCS has for it."""
+    method, path = operation.opentcs[alias].split(" ", 1)
+    return app.api_route(path, methods=[method], **options)
 
-    @router.get("", response_model=list[TransportOrderState])
+
+def _add_dispatcher(app: FastAPI, dispatch: Callable[[], None]) -> None:
+    @app.post("/v1/dispatcher/trigger", response_class=Response)
+    @app.post("/v1/transportOrders/dispatcher/trigger", response_class=Response)
+    async def trigger() -> Response:
+        dispatch()
+        return _done()
+
+
+def _add_orders(app: FastAPI, requests: HostRequests) -> None:
+    @_serve(app, table.LIST_ORDERS, response_model=list[TransportOrderState])
     async def list_orders(
         intended_vehicle: Annotated[str | None, Query(alias="intendedVehicle")] = None,
     ) -> Response:
@@ -483,35 +494,36 @@ def _orders(requests: HostRequests, dispatch: Callable[[], None]) -> APIRouter:
         orders = [TransportOrderState.of(each.status) for each in found]
         return Response(_ORDERS.dump_json(orders, by_alias=True), media_type="application/json")
 
-    @router.post("/dispatcher/trigger", response_class=Response)
-    async def trigger() -> Response:
-        dispatch()
-        return _done()
-
-    @router.get("/{name}", response_model=TransportOrderState)
+    @_serve(app, table.SHOW_ORDER, response_model=TransportOrderState)
     async def show(name: str) -> Response:
         return _json(TransportOrderState.of(await requests.order(name)))
 
-    @router.post("/{name}", response_model=TransportOrderState)
+    @_serve(app, table.CREATE_ORDER, response_model=TransportOrderState)
     async def create(name: str, body: CreationRequest) -> Response:
         order, new = await requests.create(TransportOrderRequest.model_validate(body.request(name)))
         if not new:
             raise NameTakenError(name)
         return _json(TransportOrderState.of(order))
 
-    @router.post("/{name}/withdrawal", response_class=Response)
+    @_serve(app, table.WITHDRAW, response_class=Response)
     async def withdraw(name: str) -> Response:
         await requests.withdraw(name, REASON)
         return _done()
 
-    return router
+    @_serve(app, table.WITHDRAW, 1, response_class=Response)
+    async def withdraw_from_vehicle(name: str) -> Response:
+        order = requests.vehicle(name).transport_order
+        if order is not None:
+            await requests.withdraw(order, REASON)
+        return _done()
 
 
-def _vehicles(requests: HostRequests, operations: HostOperations, plant: PlantModel) -> APIRouter:
-    router = APIRouter()
+def _add_vehicles(
+    app: FastAPI, requests: HostRequests, operations: HostOperations, plant: PlantModel
+) -> None:
     models = {vehicle.name: vehicle for vehicle in plant.vehicles}
 
-    @router.get("", response_model=list[VehicleState])
+    @_serve(app, table.LIST_VEHICLES, response_model=list[VehicleState])
     async def list_vehicles(
         proc_state: Annotated[ProcessingState | None, Query(alias="procState")] = None,
     ) -> Response:
@@ -519,23 +531,16 @@ def _vehicles(requests: HostRequests, operations: HostOperations, plant: PlantMo
         states = [VehicleState.of(each, models.get(each.name)) for each in chosen]
         return Response(_VEHICLES.dump_json(states, by_alias=True), media_type="application/json")
 
-    @router.get("/{name}", response_model=VehicleState)
+    @_serve(app, table.SHOW_VEHICLE, response_model=VehicleState)
     async def show(name: str) -> Response:
         return _json(VehicleState.of(requests.vehicle(name), models.get(name)))
 
-    @router.post("/{name}/withdrawal", response_class=Response)
-    async def withdraw(name: str) -> Response:
-        order = requests.vehicle(name).transport_order
-        if order is not None:
-            await requests.withdraw(order, REASON)
-        return _done()
-
-    @router.post("/{name}/rerouteRequest", response_class=Response)
+    @_serve(app, table.REROUTE, response_class=Response)
     async def reroute(name: str, *, forced: bool = False) -> Response:
         await requests.reroute(name, ReroutingType.FORCED if forced else ReroutingType.REGULAR)
         return _done()
 
-    @router.put("/{name}/paused", response_class=Response)
+    @_serve(app, table.INSTANT_ACTION, response_class=Response)
     async def pause(name: str, new_value: Annotated[bool, Query(alias="newValue")]) -> Response:
         request = InstantActionRequest(action_type="pause" if new_value else "resume")
         reply = await operations.instant_action(Call(name, request, SOMEBODY))
@@ -543,33 +548,19 @@ def _vehicles(requests: HostRequests, operations: HostOperations, plant: PlantMo
             raise NotPossibleError(reply.body.reason)
         return _done()
 
-    _add_order_types(router, requests)
-    return router
-
-
-def _add_order_types(router: APIRouter, requests: HostRequests) -> None:
-    @router.put("/{name}/acceptableOrderTypes", response_class=Response)
+    @_serve(app, table.ORDER_TYPES, response_class=Response)
     async def accept(name: str, body: AcceptableOrderTypes) -> Response:
         await requests.accept_order_types(name, body.acceptable_order_types)
         return _done()
 
-    @router.put("/{name}/allowedOrderTypes", response_class=Response)
+    @_serve(app, table.ORDER_TYPES, 1, response_class=Response)
     async def allow(name: str, body: AllowedOrderTypes) -> Response:
         await requests.accept_order_types(name, body.acceptable())
         return _done()
 
 
-def _plant(locks: PathLocks, dispatch: Callable[[], None]) -> APIRouter:
-    router = APIRouter()
-
-    @router.post("/dispatcher/trigger", response_class=Response)
-    async def trigger() -> Response:
-        dispatch()
-        return _done()
-
-    @router.put("/paths/{name:path}/locked", response_class=Response)
+def _add_paths(app: FastAPI, locks: PathLocks) -> None:
+    @_serve(app, table.LOCK_PATH, response_class=Response)
     async def lock(name: str, new_value: Annotated[bool, Query(alias="newValue")]) -> Response:
         await locks.set(name, locked=new_value)
         return _done()
-
-    return router
