@@ -46,7 +46,7 @@ class AggregatorProcess:
         return self._stderr.read_text(encoding="utf-8")
 
     def events(self, event: str) -> list[dict[str, Any]]:
-        """Give the log lines of one event."""
+        """Return the log lines of one event."""
         lines = [line for line in self.output.splitlines() if line.startswith("{") and line.endswith("}")]
         return [line for line in map(json.loads, lines) if line["event"] == event]
 

@@ -65,7 +65,7 @@ class EventReader:
         self.last_id = ""
 
     async def next(self, kind: str, accept: Callable[[Any], bool] = lambda _: True) -> Any:
-        """Give the data of the next event of ``kind`` that ``accept`` takes."""
+        """Return the data of the next event of ``kind`` that ``accept`` takes."""
         async with asyncio.timeout(PATIENCE):
             while True:
                 event = await self._event()

@@ -30,7 +30,7 @@ def _unmeasured(unmeasured: None) -> None:
 
 @pytest.fixture
 async def browser() -> AsyncIterator[Browser]:
-    """Give a Chromium of the machine's own; skip the test where there is none."""
+    """Return the installed Chromium; skip the test where there is none."""
     chromium = shutil.which("chromium") or shutil.which("chromium-browser")
     if chromium is None:
         pytest.skip("these tests need a real Chromium: apt-get install chromium")
@@ -42,6 +42,6 @@ async def browser() -> AsyncIterator[Browser]:
 
 @pytest.fixture
 def hall(broker: Broker, interface_name: str) -> Iterator[Hall]:
-    """Give a hall with topics of its own."""
+    """Return a hall with its own topics."""
     with MqttPeer(broker) as peer:
         yield Hall.of(broker, peer, interface_name)

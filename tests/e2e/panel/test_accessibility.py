@@ -61,7 +61,7 @@ UNMARKED = """() => {
 
 
 def populate(hall: Hall) -> None:
-    """Have something in every part of the page."""
+    """Publish something for every part of the page."""
     hall.publish_plant()
     hall.publish_map()
     hall.send(Topic.CONNECTION, connection(), retain=True)
@@ -236,7 +236,7 @@ async def test_a_robot_is_commanded_by_keys_alone(hall: Hall, browser: Browser) 
                     break
             await page.keyboard.press("Enter")
             await expect(page.get_by_text("Refused:")).to_be_visible()
-            await expect(page.get_by_text("The order service does not answer")).to_be_visible()
+            await expect(page.get_by_text("No answer from the order service")).to_be_visible()
 
 
 async def test_a_chain_of_causes_leads_from_one_robot_to_another(hall: Hall, browser: Browser) -> None:

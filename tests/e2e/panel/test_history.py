@@ -28,7 +28,7 @@ SLIDE = """(time) => {
 
 
 async def positions(hall: Hall) -> list[str]:
-    """Give the times of the positions in the history, oldest first."""
+    """Return the times of the positions in the history, oldest first."""
     async with httpx.AsyncClient(base_url=hall.url, timeout=PATIENCE) as client:
         found = (await client.get("/api/v1/history?code=position")).json()["entries"]
     return [entry["time"] for entry in reversed(found)]

@@ -31,7 +31,7 @@ class Site:
         self.set_users(*self.tokens)
 
     def set_users(self, *names: str) -> None:
-        """Have only these users."""
+        """Restrict the users to these."""
         users = [
             User(name=name, role=Role[name.upper()], token_sha256=hash_of(self.tokens[name]))
             for name in names

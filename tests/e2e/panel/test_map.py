@@ -41,7 +41,7 @@ COLOUR_NEAR = """([x, y, colour]) => {
 
 
 def busy_robot(hall: Hall) -> None:
-    """Have one robot on its way from South 1 over South 2 and South 3, which is not released yet."""
+    """Publish a robot on its way from South 1 over South 2 and South 3, which is not released yet."""
     hall.send(Topic.FACTSHEET, factsheet(at=seconds_now()), retain=True)
     ahead = way("South 2", "South 3", first=2, released=1)
     here = position(4, 2)
@@ -137,7 +137,7 @@ async def test_the_map_follows_a_robot_until_it_is_moved_by_hand(hall: Hall, bro
 
 
 async def many_robots(hall: Hall, seconds: float = 0.5) -> None:
-    """Have two hundred robots drive about, each with a state every half second."""
+    """Publish two hundred driving robots, each with a state every half second."""
     for number in count(1):
         for each in range(ROBOTS):
             robot = RobotKey("ACME", f"r{each + 1}")
@@ -183,7 +183,7 @@ async def test_two_hundred_robots_at_two_hertz_are_drawn_smoothly(hall: Hall, br
 
 
 async def share_of_a_core(page: Page, clock: CDPSession) -> float:
-    """Give what the page needs for its states, and to draw as many frames as are wanted besides."""
+    """Return what the page needs for its states, and to draw as many frames as are wanted besides."""
     before = await busy_seconds(clock)
     await frames_per_second(page, SECONDS, move=False)
     for_states = (await busy_seconds(clock) - before) / SECONDS

@@ -41,7 +41,7 @@ domain_id = {domain_id}
 
 @asynccontextmanager
 async def panel_of(broker: Broker, interface_name: str, folder: Path, domain_id: int) -> AsyncIterator[str]:
-    """Give the address of the page of a fleet of one robot with ROS, and no Nav2."""
+    """Return the address of the page of a fleet of one robot with ROS, and no Nav2."""
     fleet = Fleet(broker, interface_name, folder)
     with fleet.stack:
         fleet.agent_of(

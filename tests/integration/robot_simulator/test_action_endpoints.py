@@ -29,7 +29,7 @@ Fault = Callable[[str], None]
 
 @pytest.fixture
 def fault(domain_id: int, peer: RosPeer) -> Iterator[Fault]:
-    """Give a robot of its own, and what lets its faults begin."""
+    """Return a robot of its own, and what lets its faults begin."""
     with simulated_robot(domain_id):
         publisher = publisher_to(peer, String, "simulator/fault")
 

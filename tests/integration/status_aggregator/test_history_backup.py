@@ -49,7 +49,7 @@ class Panel:
         )
 
     async def history(self) -> list[dict[str, Any]]:
-        """Give all that is kept, oldest first."""
+        """Return all that is kept, oldest first."""
         lines = (await self.http.get("/api/v1/history.jsonl")).raise_for_status().text
         return [json.loads(line) for line in lines.splitlines()]
 
@@ -98,7 +98,7 @@ class Site:
 
 @pytest.fixture(params=["sqlite", "postgresql"])
 def keeper(request: pytest.FixtureRequest, tmp_path: Path) -> Keeper:
-    """Give a place for the history."""
+    """Return a place for the history."""
     if request.param == "sqlite":
         return SqliteKeeper(tmp_path, "history.db")
     return PostgresKeeper(request.getfixturevalue("postgres_server"), tmp_path)
@@ -141,7 +141,7 @@ async def test_an_older_aggregator_ends_at_a_newer_history_and_begins_a_new_one_
     with AggregatorProcess(*site.options) as older:
         assert older.process.wait(PATIENCE) == EXIT_FAILED
         (line,) = older.output.splitlines()
-        assert "the history has tables of version 99" in line
+        assert "the history database has schema version 99" in line
         assert "another history.url" in line
 
     file.rename(tmp_path / "aside.db")

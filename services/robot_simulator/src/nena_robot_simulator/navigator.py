@@ -1,11 +1,15 @@
-"""One action server of bt_navigator without its behaviour tree: one current goal, one pending goal, one loop.
+"""The navigator: an action server of bt_navigator without its behaviour tree, and the drive to a target.
 
-The rules are those of Nav2's SimpleActionServer. A goal that comes while another one runs waits in the
-pending slot until the loop has ticked, then takes over without a stop; the old goal ends ABORTED. A cancel
-request is looked for on the pending goal only, while there is one: that is Nav2's own race, and an agent has
-to live with it. Cancelling halts the tree first, which takes a moment; then everything there is ends at once.
-Another race: a goal that takes over in the very round in which the tree ends gets the old drive's result.
-bt_navigator has two such servers, and one of them alone drives: a goal for the other ends ABORTED at once.
+The server follows Nav2's SimpleActionServer: one current goal, one pending goal, one loop.
+
+- A goal that arrives while another one is running is pending until the next cycle, then takes over without a
+  stop; the old goal ends ABORTED.
+- While a goal is pending, a cancel request is checked on it only. This is a race in Nav2, which an
+  agent must handle.
+- Cancelling halts the behaviour tree first, which takes a moment; then all goals end at once.
+- A goal that takes over in the cycle in which the tree ends gets the old drive's result,
+  another race in Nav2.
+- bt_navigator has two such servers, of which only one drives: a goal for the other one ends ABORTED at once.
 """
 
 from __future__ import annotations
@@ -51,9 +55,9 @@ class Progress(Enum):
 class Navigator:
     """Accepts goals and decides when and with which status each one ends.
 
-    ``resolve`` turns a pose of a frame into one in the map frame, or gives None where the frame is unknown or
-    the robot not localised. ``halting`` gives the seconds that halting the behaviour tree takes, ``barred``
-    tells whether the other server drives. All times are monotonic seconds.
+    ``resolve`` transforms a pose from a frame to the map frame, or returns None if the frame is unknown or
+    the robot is not localised. ``halting`` returns the seconds that halting the behaviour tree takes,
+    ``barred`` whether the other server drives. All times are monotonic seconds.
     """
 
     def __init__(

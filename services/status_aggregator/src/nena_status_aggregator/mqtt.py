@@ -35,29 +35,9 @@ from nena_status_aggregator.fleet.model import FleetModel
 from nena_status_aggregator.fleet.robot import Timestamp
 from nena_status_aggregator.settings import AggregatorSettings, Share
 
-
-def schemes(settings: AggregatorSettings) -> tuple[TopicScheme, ...]:
-    """Return the topic schemes of all major versions."""
-    return TopicScheme(settings.interface_name, "v2"), TopicScheme(settings.interface_name_v3, "v3")
-
-
-def schemes_of(vehicles: Iterable[Vehicle]) -> tuple[TopicScheme, ...]:
-    """Return the topic schemes of the vehicles' interface names; invalid names are skipped."""
-    names = dict.fromkeys(each.interface_name for each in vehicles if each.interface_name)
-    return tuple(TopicScheme(name, major) for name in names if _is_prefix(name) for major in ("v2", "v3"))
-
-
-def _is_prefix(name: str) -> bool:
-    try:
-        TypeAdapter(TopicPrefix).validate_python(name)
-    except ValidationError:
-        return False
-    return True
-
-
 log = get_logger(__name__)
 
-PROBLEMS_REMEMBERED = 1000
+PROBLEM_LIMIT = 1000
 """Topics whose last problem is remembered, so that a repeated problem is logged once."""
 
 TOPIC_LENGTH = 300
@@ -66,7 +46,7 @@ TOPIC_LENGTH = 300
 SCHEMES_LIMIT = 100
 """Maximum number of subscribed pairs of interface name and major version."""
 
-KEPT_AT_THE_BROKER = (MessageKind.CONNECTION, MessageKind.FACTSHEET)
+RETAINED = (MessageKind.CONNECTION, MessageKind.FACTSHEET)
 
 KEY_LENGTH = 200
 """Maximum length of manufacturer and serial number together, characters."""
@@ -150,7 +130,7 @@ class FleetSubscriber:
             key = scheme.robot_of(inbound.topic)
             if key is None or not self._share.has(key):
                 return
-            if not inbound.payload and kind in KEPT_AT_THE_BROKER:
+            if not inbound.payload and kind in RETAINED:
                 return  # it only clears the retained message
             at = Timestamp.of(self._clock)
             if len(str(key)) > KEY_LENGTH:
@@ -236,7 +216,7 @@ class FleetSubscriber:
         self._model.on_malformed(kind, topic, problem, at, key=key)
         if self._problems.get(topic) == problem:
             return
-        if len(self._problems) >= PROBLEMS_REMEMBERED:
+        if len(self._problems) >= PROBLEM_LIMIT:
             self._problems.clear()
         self._problems[topic] = problem
         log.warning("unreadable message", topic=topic, robot=str(key) if key else None, problem=problem)
@@ -252,3 +232,22 @@ def _summary(problems: Sequence[str]) -> str:
     """Return the first problem and the number of further ones."""
     more = len(problems) - 1
     return f"{problems[0]} (and {more} more)" if more else problems[0]
+
+
+def schemes(settings: AggregatorSettings) -> tuple[TopicScheme, ...]:
+    """Return the topic schemes of all major versions."""
+    return TopicScheme(settings.interface_name, "v2"), TopicScheme(settings.interface_name_v3, "v3")
+
+
+def schemes_of(vehicles: Iterable[Vehicle]) -> tuple[TopicScheme, ...]:
+    """Return the topic schemes of the vehicles' interface names; invalid names are skipped."""
+    names = dict.fromkeys(each.interface_name for each in vehicles if each.interface_name)
+    return tuple(TopicScheme(name, major) for name in names if _is_prefix(name) for major in ("v2", "v3"))
+
+
+def _is_prefix(name: str) -> bool:
+    try:
+        TypeAdapter(TopicPrefix).validate_python(name)
+    except ValidationError:
+        return False
+    return True

@@ -27,7 +27,7 @@ def aggregator(clock: ManualClock) -> Aggregator:
 
 @pytest.fixture
 def populated(aggregator: Aggregator) -> Aggregator:
-    """Give the aggregator with a robot and an order."""
+    """Return the aggregator with a robot and an order."""
     aggregator.model.on_link(connected=True, at=aggregator.now())
     aggregator.model.on_state(ROBOT, state(), aggregator.now())
     aggregator.model.on_order_status(order_status(), aggregator.now())

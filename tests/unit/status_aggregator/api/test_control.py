@@ -60,7 +60,7 @@ def far() -> Iterator[Far]:
             self.wfile.write(b'{"name": "TO-1"}')
 
         def log_message(self, *_: Any) -> None:
-            """Say nothing."""
+            """Log nothing."""
 
     with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
         far.port = server.server_address[1]

@@ -23,7 +23,7 @@ SECRET = "s3cr3t&:%/+"
 
 @pytest.fixture
 def issuer() -> Iterator[OidcIssuer]:
-    """Give an issuer on loopback, which stands in for Keycloak and its like."""
+    """Return an issuer on loopback, which stands in for Keycloak and its like."""
     with oidc_issuer() as made:
         made.register(PANEL)
         yield made

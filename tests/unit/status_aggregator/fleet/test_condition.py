@@ -210,7 +210,7 @@ BLIND = state(errors=({"error_type": "NAVIGATION_NOT_AVAILABLE", "error_level": 
 
 
 def reporting(name: str, **fields: Any) -> State:
-    """Give a state of a robot whose edge agent tells of its ROS session."""
+    """Return a state of a robot whose edge agent reports its ROS session."""
     facts = {"state": name, "namespace": "/r1", "domainId": "7"}
     references = [{"reference_key": key, "reference_value": value} for key, value in facts.items()]
     entry = {"info_type": "rosSession", "info_level": "INFO", "info_references": references}

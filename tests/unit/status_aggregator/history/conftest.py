@@ -22,7 +22,7 @@ def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
 
 @pytest.fixture
 def engine(url: str) -> Iterator[Engine]:
-    """Give an empty history."""
+    """Return an empty history."""
     made = database.make_engine(url)
     database.metadata.drop_all(made)
     database.prepare(made)

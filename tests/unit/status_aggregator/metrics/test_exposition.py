@@ -29,7 +29,7 @@ PARTS_OF_HISTOGRAM = {"le"}
 
 @pytest.fixture
 def aggregator() -> Aggregator:
-    """Give an aggregator that has met one of everything."""
+    """Return an aggregator that has received one of everything."""
     made = Aggregator(AggregatorSettings(), ManualClock(start=START))
     model, now = made.model, made.now()
     broken = RobotKey("ACME", 'r"2\\')

@@ -18,7 +18,7 @@ def robot(key: RobotKey = ROBOT) -> Robot:
 
 
 def figures(*robots: Robot, after: float = 0.0) -> dict[str, dict[str, float]]:
-    """Give what is written of each robot, by its serial number."""
+    """Return what is written of each robot, by its serial number."""
     found: dict[str, dict[str, float]] = {each.key.serial_number: {} for each in robots}
     text = "".join(RobotSeries().families(robots, Timestamp.of(ManualClock(seconds=after, start=START))))
     for family in text_string_to_metric_families(text):

@@ -76,10 +76,10 @@ class EventStream:
             return
         self.clients += 1
         try:
-            place = self._place_of(last_id)
+            position = self._position_of(last_id)
             while not self._closed:
                 news = self._news.next
-                frames, place = self._next(place)
+                frames, position = self._next(position)
                 if frames:
                     yield frames
                 elif await nothing_within(news, HEARTBEAT):
@@ -87,16 +87,16 @@ class EventStream:
         finally:
             self.clients -= 1
 
-    def _next(self, place: int | None) -> tuple[bytes, int]:
-        """Return the next frames for a client at ``place``, and its new position."""
-        behind = None if place is None else self._last - place
+    def _next(self, position: int | None) -> tuple[bytes, int]:
+        """Return the next frames for a client at ``position``, and its new position."""
+        behind = None if position is None else self._last - position
         if behind is None or behind > min(self._settings.backlog, len(self._ring)):
             number, data = self._snapshot()
             self.snapshots += 1
             return self._frame("snapshot", number, data), number
         return b"".join(islice(self._ring, len(self._ring) - behind, None)), self._last
 
-    def _place_of(self, last_id: str | None) -> int | None:
+    def _position_of(self, last_id: str | None) -> int | None:
         epoch, _, number = (last_id or "").partition("-")
         if epoch != self._epoch or not number.isdecimal() or int(number) > self._last:
             return None

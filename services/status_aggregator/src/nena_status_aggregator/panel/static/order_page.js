@@ -54,7 +54,7 @@ class OrderPage extends HTMLElement {
   // Withdrawing takes two clicks, to prevent accidents.
   #commands() {
     this.result = element("output", { class: "result", role: "status" });
-    this.sure = button(t("order.withdrawSure", { name: this.#name }), () => run(this.sure, this.result, () => this.#withdraw()), { class: "danger" });
+    this.sure = button(t("order.withdrawSure", { name: this.#name }), () => run(this.sure, this.result, () => this.#ask("withdrawal", "withdrawn")), { class: "danger" });
     this.withdraw = button(t("order.withdraw"), () => {
       this.sure.hidden = !this.sure.hidden;
       if (!this.sure.hidden) this.sure.focus();
@@ -67,13 +67,9 @@ class OrderPage extends HTMLElement {
     return element("div", {}, element("div", { class: "actions" }, this.hold, this.resume, this.withdraw, this.sure), this.off, this.result);
   }
 
-  async #withdraw() {
-    return this.#ask("withdrawal", "withdrawn");
-  }
-
   async #ask(verb, done) {
-    const answer = await command(["transportOrders", this.#name, verb], { reason: `${done} at the control panel` });
-    return [`done.${done}`, { name: this.#name }, answer.reason];
+    await command(["transportOrders", this.#name, verb], { reason: `${done} at the control panel` });
+    return [`done.${done}`, { name: this.#name }];
   }
 
   #update() {

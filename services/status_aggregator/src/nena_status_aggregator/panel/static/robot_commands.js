@@ -256,8 +256,8 @@ class RobotCommands extends HTMLElement {
   async #cancel() {
     const order = this.#robot.vehicle.transportOrder;
     if (!order) return this.#act("cancelOrder", "cancel");
-    const answer = await command(["transportOrders", order, "withdrawal"], { reason: "withdrawn at the control panel" });
-    return ["done.withdrawn", { name: order }, answer.reason];
+    await command(["transportOrders", order, "withdrawal"], { reason: "withdrawn at the control panel" });
+    return ["done.withdrawn", { name: order }];
   }
 }
 
