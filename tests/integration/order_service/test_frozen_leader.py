@@ -9,7 +9,7 @@ import signal
 import httpx
 import pytest
 
-from nena_shared.fleet_api.epoch import epoch_of
+from nena_shared.fleet_api.epoch import epoch_of, with_epoch
 from support.broker import Broker, MqttPeer
 from support.instant_robot import InstantRobot, instant_robot
 from support.order_service_fleet import Fleet, every_order_ended, order_in, vehicle_idle
@@ -93,3 +93,12 @@ async def test_a_leader_that_wakes_after_a_takeover_sends_nothing(shared: Fleet,
     with MqttPeer(broker, f"{shared.prefix}/vehicles/robot-01/status") as now:
         retained = json.loads((await now.wait_for()).payload)
         assert retained["state"] == (await standby.get("/v1/vehicles/Robot-01")).json()["state"]
+
+
+async def test_statuses_that_an_older_epoch_left_at_the_broker_are_cleared(shared: Fleet) -> None:
+    gone = f"{shared.prefix}/vehicles/gone/status"
+    with MqttPeer(shared.broker, f"{shared.prefix}/vehicles/+/status") as statuses:
+        statuses.publish(gone, with_epoch(b'{"name":"Gone"}', 0), retain=True)
+        await statuses.wait_for(gone)
+        await active(await shared.order_service().client())
+        await statuses.wait_for(gone, lambda message: message.payload == b"")

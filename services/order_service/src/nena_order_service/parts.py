@@ -80,10 +80,7 @@ def build(
     term: Term = always,
     change_plant: ChangePlant | None = None,
 ) -> OrderService:
-    """Wire up the order service.
-
-    ``epoch`` counts the takeovers of a store that others share, and ``term`` says whether this program has
-    the lead of it and may publish.
+    """Wire up the order service; for ``epoch`` and ``term`` see :class:`StatusPublisher` and :data:`Term`.
 
     Raises:
         ConfigurationError: the plant model names a version that is not spoken here.
@@ -101,37 +98,26 @@ def build(
     fleet = _make_fleet(settings, mqtt, engine, clock)
     hosts = _make_host_services(engine, fleet)
     topics = FleetTopics(settings.topic_prefix)
-    plant_json = plant.to_json().encode()
-    publisher = StatusPublisher(
-        mqtt, topics, engine, plant_json=plant_json, end_kept=settings.end_kept, epoch=epoch
-    )
+    plant_json, end_kept = plant.to_json().encode(), settings.end_kept
+    publisher = StatusPublisher(mqtt, topics, engine, plant_json=plant_json, end_kept=end_kept, epoch=epoch)
     stream = EventStream(engine, settings.events)
     engine.unit_of_work.listeners += [publisher, stream]
+    sweep_id = f"{client_id}-sweep"
     sweep = RetainedSweep(
-        settings.mqtt,
-        topics,
-        client_id=f"{client_id}-sweep",
-        mqtt=mqtt,
-        engine=engine,
-        publisher=publisher,
-        epoch=epoch,
+        settings.mqtt, topics, client_id=sweep_id, mqtt=mqtt, engine=engine, publisher=publisher, epoch=epoch
     )
     operations = HostOperations(hosts)
-    mqtt_api = MqttApi(
-        mqtt, topics, operations, limits=MqttLimits(settings.hosts, clock), max_body=settings.max_body
+    limits = MqttLimits(settings.hosts, clock)
+    mqtt_api = MqttApi(mqtt, topics, operations, limits=limits, max_body=settings.max_body)
+    service = Service(
+        plant_json=plant_json,
+        change_plant=change_plant,
+        asyncapi=json.dumps(document(topics)).encode(),
+        readiness=lambda: readiness(mqtt, store),
+        max_body=settings.max_body,
+        mounted=_mounted(settings, plant, engine, hosts, operations),
     )
-    app = make_app(
-        operations,
-        stream,
-        Service(
-            plant_json=plant_json,
-            change_plant=change_plant,
-            asyncapi=json.dumps(document(topics)).encode(),
-            readiness=lambda: readiness(mqtt, store),
-            max_body=settings.max_body,
-            mounted=_mounted(settings, plant, engine, hosts, operations),
-        ),
-    )
+    app = make_app(operations, stream, service)
     return OrderService(store, engine, fleet, publisher, sweep, mqtt, app, mqtt_api, stream, hosts)
 
 

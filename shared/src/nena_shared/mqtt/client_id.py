@@ -1,8 +1,7 @@
-"""MQTT client ids that nobody else can take.
+"""MQTT client IDs that cannot be guessed.
 
-A broker gives a client id to whoever asks for it last, and throws out who had it. Where robots have
-identities, a robot that knew the client id of another one could so keep it off the line. So the id ends in a
-digest of what only its owner has.
+When a client connects with the ID of another one, the broker disconnects the other one. A robot that knew the
+client ID of another robot could keep it offline. So the ID ends in a digest of a secret of its owner.
 """
 
 from __future__ import annotations
@@ -13,13 +12,13 @@ from hashlib import scrypt, sha256
 from nena_shared.settings import ConfigurationError, MqttSettings
 
 DIGITS = 16
-"""Of the end, hexadecimal: 64 bits."""
+"""Hexadecimal digits of the digest: 64 bits."""
 
 
 def private_client_id(name: str, settings: MqttSettings) -> str:
-    """Give ``name`` an end that only who has the key or the password in ``settings`` can know.
+    """Return ``name`` with a digest of the key or the password in ``settings``.
 
-    It is the same after a restart. Without key and password it is ``name`` alone: nobody is known there.
+    It is the same after a restart. Without key and password it is ``name`` alone: clients have no identity.
 
     Raises:
         ConfigurationError: a file with the secret cannot be read.
@@ -42,5 +41,5 @@ def _secret(settings: MqttSettings) -> bytes:
 
 @lru_cache(maxsize=1)
 def _hardened(secret: bytes) -> bytes:
-    """Make it slow to try out passwords by an id that stands in a broker's log."""
+    """Return a slow hash, so that passwords cannot be tried against an ID from a broker's log."""
     return scrypt(secret, salt=b"NeNa client id", n=2**14, r=8, p=1, dklen=32)

@@ -237,6 +237,20 @@ def test_nothing_is_sent_and_nothing_fails_while_our_own_link_is_down() -> None:
     assert bench.told(VdaOrderFinished)
 
 
+def test_in_a_new_term_of_leadership_a_robot_is_sent_nothing_before_it_has_reported() -> None:
+    bench = Bench().online()
+    bench.start(make_vda_order("m", "A", "B"))
+    bench.lose()
+    bench.take(bench.fleet.on_broker(connected=False, now=bench.now))
+    bench.take(bench.fleet.on_broker(connected=True, now=bench.now, unread=True))
+    bench.cancel()
+    bench.wait(20)
+    assert (bench.orders_sent(), bench.instants_sent()) == (["m"], [])
+    bench.report()
+    bench.run()
+    assert bench.ends() == {"m": 1}
+
+
 @pytest.mark.clause("6.5/fleet")
 def test_an_order_to_a_robot_that_is_silent_without_a_will_fails_in_the_end() -> None:
     bench = Bench().online()
