@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from nena_order_service.fleet.outgoing import Outgoing
+from nena_order_service.fleet.link import Outgoing
 from nena_order_service.fleet.outputs import PublishOrder
 from nena_order_service.orders.vda_orders import SentOrder
 from nena_shared.clock import SystemClock

@@ -11,7 +11,7 @@ from nena_order_service.fleet import RobotView, VdaOrder
 from nena_order_service.orders.vda_orders import OrderPlanner
 from nena_order_service.routing.vehicle_routes import VehicleRoutes
 from nena_order_service.state import FleetState
-from nena_order_service.traffic.desk import TrafficManager
+from nena_order_service.traffic.manager import TrafficManager
 from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry
 from nena_shared.clock import Clock
 from nena_shared.fleet_api.transport_order import FailurePolicy

@@ -9,7 +9,7 @@ from collections.abc import AsyncIterator
 import pytest
 
 from nena_order_service.fleet import FleetSettings, LinkStatus, VdaOrderFailed
-from nena_order_service.fleet.addresses import KEY_LENGTH
+from nena_order_service.fleet.link import KEY_LENGTH
 from nena_shared.plant import Vehicle
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme

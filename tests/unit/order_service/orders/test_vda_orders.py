@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from nena_order_service.orders.vda_orders import SentOrder
-from nena_order_service.traffic.desk import Journey
+from nena_order_service.traffic.manager import Journey
 from nena_order_service.traffic.resources import ResourceSet
 from support.fleet import make_vda_order
 from support.scripted_fleet import key

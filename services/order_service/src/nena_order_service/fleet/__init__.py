@@ -3,11 +3,10 @@
 The core is pure: messages and the time, in monotonic seconds, go in; messages to send and news come out.
 """
 
-from nena_order_service.fleet.addresses import RobotAddresses
 from nena_order_service.fleet.controller import FleetController
 from nena_order_service.fleet.failures import FailureKind, RobotBusyError
 from nena_order_service.fleet.instant_actions import retry_or_skip
-from nena_order_service.fleet.link import FleetLink
+from nena_order_service.fleet.link import FleetLink, RobotAddresses
 from nena_order_service.fleet.outputs import (
     ActionRetriable,
     BaseWanted,

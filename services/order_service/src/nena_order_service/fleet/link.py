@@ -1,38 +1,202 @@
-"""Fleet control's shell over MQTT: reads what robots say, sends what the core decides, hands its news on."""
+"""Robots over MQTT: reads what they send, in their version, and sends what the core decides."""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterable
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from functools import partial
-from typing import Final, TypeVar
+from typing import Any, Final, TypeVar
 
-from pydantic import ValidationError
+from pydantic import TypeAdapter, ValidationError
 
-from nena_order_service.fleet.addresses import KEY_LENGTH, RobotAddresses
 from nena_order_service.fleet.controller import FleetController
-from nena_order_service.fleet.outgoing import Outgoing
-from nena_order_service.fleet.outputs import FleetOutput, Outputs, Publish, PublishZoneSet
+from nena_order_service.fleet.outputs import (
+    FleetOutput,
+    Outputs,
+    Publish,
+    PublishInstantActions,
+    PublishOrder,
+    PublishResponses,
+    PublishZoneSet,
+)
 from nena_order_service.fleet.robot import RobotView
 from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.fleet.vda_order import VdaOrder
 from nena_shared.clock import Clock
 from nena_shared.log import get_logger
 from nena_shared.mqtt import Inbound, MqttLink, Outbound
+from nena_shared.plant import Vehicle
+from nena_shared.settings import ConfigurationError, TopicPrefix
 from nena_shared.tasks import forever
-from nena_shared.vda5050.action import Action
+from nena_shared.vda5050.action import Action, InstantActions
+from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.deviations import Deviations
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.malformed import MalformedMessageError
 from nena_shared.vda5050.message_reader import MessageReader
+from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.repair import Repair
+from nena_shared.vda5050.responses import Responses
+from nena_shared.vda5050.robot_sources import Dated, RobotSources
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
-from nena_shared.vda5050.versions import nearest_codec
-from nena_shared.vda5050.zone_set import ZoneSet
+from nena_shared.vda5050.versions import UnknownVersionError, codec_named, nearest_codec
+from nena_shared.vda5050.zone_set import ZoneSet, ZoneSetTransfer
 
 log = get_logger(__name__)
+
+KEY_LENGTH: Final = 400
+"""Characters of manufacturer and serial number together, with a sign between, that the store can hold."""
+
+_INTERFACE_NAME: Final[TypeAdapter[str | None]] = TypeAdapter(TopicPrefix | None)
+
+
+@dataclass(frozen=True, slots=True)
+class RobotAddress:
+    """The version that a robot speaks, and its topics."""
+
+    codec: Codec
+    scheme: TopicScheme
+
+
+class RobotAddresses:
+    """Remembers where each robot's last good message came from; at first, what the plant model says.
+
+    ``schemes`` are the topics of robots of which the plant model says no others, one per major version.
+    """
+
+    def __init__(self, schemes: Sequence[TopicScheme]) -> None:
+        self._defaults = {scheme.major_version: scheme for scheme in schemes}
+        self._schemes = dict.fromkeys(schemes)
+        self._addresses: dict[RobotKey, RobotAddress] = {}
+        self._sources = RobotSources()
+
+    @property
+    def schemes(self) -> tuple[TopicScheme, ...]:
+        """All topics that robots may be found under."""
+        return tuple(self._schemes)
+
+    def expect(self, vehicles: Iterable[tuple[RobotKey, Vehicle]]) -> None:
+        """Note what the plant model says of its vehicles' versions and interface names.
+
+        Raises:
+            ConfigurationError: it names a version that is not spoken here, an interface name that is no
+                topic, or a robot that the store cannot hold.
+
+        """
+        for robot, vehicle in vehicles:
+            _require_storable(robot, vehicle)
+            for major, default in self._defaults.items():
+                name = _interface_name(vehicle) or default.interface_name
+                self._schemes[TopicScheme(name, major)] = None
+            if vehicle.protocol_version:
+                address = self._addresses[robot] = self._expected(vehicle, vehicle.protocol_version)
+                self._sources.expect(robot, address.scheme)
+
+    def of(self, robot: RobotKey) -> RobotAddress | None:
+        """Give where to speak to ``robot``; None for one that has said nothing yet and nobody knows of."""
+        return self._addresses.get(robot)
+
+    def learn(
+        self, robot: RobotKey, codec: Codec, scheme: TopicScheme, message: Dated, *, retained: bool
+    ) -> bool:
+        """Note that ``robot`` has spoken there; from now on it is answered there.
+
+        False: the message says nothing of it now, as :class:`RobotSources` has it.
+        """
+        if not self._sources.accepts(robot, scheme, message, retained=retained):
+            return False
+        known = self._addresses.get(robot)
+        if known and known.codec is codec and known.scheme == scheme:
+            return True
+        self._addresses[robot] = RobotAddress(codec, scheme)
+        log.info(
+            "a robot's version of VDA 5050",
+            robot=str(robot),
+            version=codec.version,
+            interface_name=scheme.interface_name,
+            before=known.codec.version if known else None,
+        )
+        return True
+
+    def _expected(self, vehicle: Vehicle, version: str) -> RobotAddress:
+        try:
+            codec = codec_named(version)
+        except UnknownVersionError as error:
+            message = f"plant: vehicle '{vehicle.name}', property vda5050:version: {error}"
+            raise ConfigurationError([message]) from error
+        default = self._defaults[codec.major_version]
+        return RobotAddress(
+            codec, TopicScheme(vehicle.interface_name or default.interface_name, codec.major_version)
+        )
+
+
+def _interface_name(vehicle: Vehicle) -> str | None:
+    try:
+        return _INTERFACE_NAME.validate_python(vehicle.interface_name or None)
+    except ValidationError as error:
+        problem = error.errors()[0]["msg"]
+        message = f"plant: vehicle '{vehicle.name}', property vda5050:interfaceName: {problem}"
+        raise ConfigurationError([message]) from error
+
+
+def _require_storable(robot: RobotKey, vehicle: Vehicle) -> None:
+    if len(str(robot)) > KEY_LENGTH:
+        message = (
+            f"plant: vehicle '{vehicle.name[:60]}': manufacturer and serial number have more than "
+            f"{KEY_LENGTH} characters together"
+        )
+        raise ConfigurationError([message])
+
+
+Message = Order | InstantActions | Responses | ZoneSetTransfer
+
+HEADER_ID_COUNT: Final = 2**32
+
+
+class Outgoing:
+    """Makes the messages; headerIds are counted for each robot and topic (section 7.2)."""
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._header_ids: dict[tuple[RobotKey, Topic], int] = defaultdict(int)
+
+    def message(self, output: Publish, version: str) -> tuple[Topic, Message]:
+        """Give the message, and the topic that it belongs to."""
+        match output:
+            case PublishOrder():
+                header = self._header(output.robot, Topic.ORDER, version)
+                return Topic.ORDER, Order(
+                    **header,
+                    order_id=output.vda_order.order_id,
+                    order_update_id=output.order_update_id,
+                    nodes=output.vda_order.nodes,
+                    edges=output.vda_order.edges,
+                )
+            case PublishInstantActions():
+                header = self._header(output.robot, Topic.INSTANT_ACTIONS, version)
+                return Topic.INSTANT_ACTIONS, InstantActions(**header, actions=output.actions)
+            case PublishResponses():
+                header = self._header(output.robot, Topic.RESPONSES, version)
+                return Topic.RESPONSES, Responses(**header, responses=output.responses)
+            case PublishZoneSet():
+                header = self._header(output.robot, Topic.ZONE_SET, version)
+                return Topic.ZONE_SET, ZoneSetTransfer(**header, zone_set=output.zone_set)
+
+    def _header(self, robot: RobotKey, topic: Topic, version: str) -> dict[str, Any]:
+        header_id = self._header_ids[robot, topic]
+        self._header_ids[robot, topic] = (header_id + 1) % HEADER_ID_COUNT
+        return {
+            "header_id": header_id,
+            "timestamp": self._clock.now(),
+            "version": version,
+            "manufacturer": robot.manufacturer,
+            "serial_number": robot.serial_number,
+        }
+
 
 M = TypeVar("M", Connection, Factsheet, State)
 Take = Callable[[RobotKey, M, float], Outputs]

@@ -22,7 +22,7 @@ from nena_order_service.fleet.position import NotLocatedError
 from nena_order_service.fleet.vda_order import DROP, PICK, fresh_id, released_to
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.routing import NoRouteError, Route
-from nena_order_service.traffic.desk import Journey
+from nena_order_service.traffic.manager import Journey
 from nena_order_service.traffic.resources import ResourceSet
 from nena_order_service.traffic.traffic_control import Wish
 from nena_order_service.vehicles.registry import FleetVehicle

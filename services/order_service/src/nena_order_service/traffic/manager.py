@@ -1,4 +1,4 @@
-"""The traffic desk: who holds what, and how far each vehicle may drive on the way that it was granted."""
+"""The traffic manager: who holds what, and how far each vehicle may drive on its granted route."""
 
 from __future__ import annotations
 

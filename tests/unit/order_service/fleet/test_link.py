@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from nena_order_service.fleet.addresses import KEY_LENGTH, RobotAddresses
+from nena_order_service.fleet.link import KEY_LENGTH, RobotAddresses
 from nena_shared.plant import Vehicle
 from nena_shared.settings import ConfigurationError
 from nena_shared.vda5050.connection import ConnectionState

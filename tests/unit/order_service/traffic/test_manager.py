@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping
 import pytest
 
 from nena_order_service.routing import NoRouteError, Route, Router
-from nena_order_service.traffic.desk import TrafficManager
+from nena_order_service.traffic.manager import TrafficManager
 from nena_order_service.traffic.resources import Found
 from nena_order_service.traffic.traffic_control import NoWay, Wish
 from nena_shared.plant import PlantModel
