@@ -40,7 +40,7 @@ def frame_of(settings: EdgeAgentSettings) -> str:
 
 
 def braking_distance(description: DescriptionSettings) -> float:
-    """Return the way in m in which the robot stops, with half a second to begin to."""
+    """Return the braking distance in m, with half a second of reaction time."""
     speed, deceleration = description.maximum_speed, description.maximum_deceleration
     return speed * 0.5 + (speed * speed / (2 * deceleration) if deceleration else 0.0)
 

@@ -68,7 +68,7 @@ async def _run(name: str, make: Callable[[], Robot], stop: asyncio.Event) -> boo
     try:
         await make().run(stop)
     except (StartError, TaskFailedError) as error:
-        log.error("robot failed", robot=name, reason=str(error))  # noqa: TRY400 - its reason says it all
+        log.error("robot failed", robot=name, reason=str(error))  # noqa: TRY400 - the reason suffices
     except Exception:
         log.exception("robot failed", robot=name)
     else:

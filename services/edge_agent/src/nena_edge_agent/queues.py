@@ -137,7 +137,7 @@ def _ends(effect: Effect, waiting: Effect) -> bool:
 
 
 class StateSchedule:
-    """Times in s of a monotonic clock; requests that come too fast are answered by one state."""
+    """Times in s of a monotonic clock; requests in quick succession are answered by one state."""
 
     def __init__(self, *, minimum: float, maximum: float) -> None:
         self._minimum = minimum

@@ -23,7 +23,7 @@ Outcome = Callable[[Action], str | None]
 
 
 class SimulatedAction:
-    """Takes its ``duration`` in s, by default none, and ends as ``outcome`` says."""
+    """Runs for ``duration`` s, by default 0, and ends with ``outcome``."""
 
     def __init__(self, declaration: ActionDeclaration, outcome: Outcome) -> None:
         self.declaration = declaration
@@ -112,7 +112,7 @@ class ChargingWatch:
         def watched(told: ActionReport) -> None:
             charging = getattr(
                 told, "charging", None
-            )  # a plug-in may tell anything; the agent judges it later
+            )  # a plug-in may report anything; the agent checks it later
             if isinstance(charging, bool):
                 self._switch(charging)
                 told = replace(told, charging=None)

@@ -347,10 +347,10 @@ LONGEST_PAYLOAD = 10_000
 
 
 class ControlApi:
-    """One for all robots of the program, on a link of its own: a robot whose link is cut hears it still.
+    """The MQTT side of simulation control, for all robots of the program, on a connection of its own.
 
-    A command stands under ``<interface name>/loopback/<manufacturer>/<serial number>/control``, its answer
-    under ``.../answer``. Robots that are not of this program are another program's matter.
+    Commands are received under ``<interface name>/loopback/<manufacturer>/<serial number>/control``, and
+    answered under ``.../answer``. Commands for robots of another program are ignored.
     """
 
     def __init__(

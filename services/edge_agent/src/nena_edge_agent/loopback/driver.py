@@ -84,7 +84,7 @@ class Motion:
 
     @property
     def end(self) -> float:
-        """The time in s at which the robot is there."""
+        """The time in s at which the robot arrives."""
         return self.begin + self._first_turn_time + self._line_time + abs(self._last_turn) / self.rate
 
     def at(self, now: float) -> tuple[Pose, float, float]:
@@ -134,7 +134,7 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class Braking:
-    """Straight on from ``start`` at ``speed`` m/s, coming to a stand evenly within ``distance`` m."""
+    """Straight from ``start`` at ``speed`` m/s, decelerating evenly to a stop within ``distance`` m."""
 
     start: Pose
     begin: float
@@ -143,7 +143,7 @@ class Braking:
 
     @property
     def end(self) -> float:
-        """The time in s at which the robot stands."""
+        """The time in s at which the robot has stopped."""
         return self.begin + 2 * self.distance / self.speed
 
     def at(self, now: float) -> tuple[Pose, float, float]:
@@ -156,9 +156,9 @@ class Braking:
 
 
 def braking(motion: Motion, now: float, deceleration: float) -> Braking | None:
-    """Return how a robot in ``motion`` comes to a stand, at ``deceleration`` m/s²; None: it does at once.
+    """Return how a robot in ``motion`` stops, at ``deceleration`` m/s²; None: at once.
 
-    It never goes beyond the goal: near to it the robot brakes harder.
+    It never drives beyond the goal: near it the robot brakes harder.
     """
     pose, speed, _ = motion.at(now)
     if not speed or not deceleration:
@@ -172,13 +172,13 @@ def _turn(start: float, end: float) -> float:
 
 
 SLOWEST = 0.01
-"""Metres per second: a limit of 0 would be a robot that never comes out of its zone again."""
+"""Lowest speed limit, m/s: with 0 a robot would never leave its zone."""
 BATTERY_STEP = 1.0
 """Percent of charge between two reports."""
 
 
 class LoopbackDriver:
-    """One robot; costs nothing while it stands.
+    """One simulated robot; it uses no CPU while it stands.
 
     Beside the port of all drivers it has a method for each thing that people and the world may do to it.
     """
@@ -298,7 +298,7 @@ class LoopbackDriver:
         self._tell_pose(0.0, 0.0)
 
     def set_navigation(self, *, available: bool, reason: str) -> None:
-        """Lose what drives the robot, or have it back; the robot stands meanwhile."""
+        """Make navigation unavailable or available; the robot stops meanwhile."""
         if not available:
             self.stop_at_once()
         self._navigation = NavigationReport(available=available, reason=reason)

@@ -13,7 +13,7 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
 class StartPose(SettingsGroup):
-    """Where a loopback robot stands at first, in the plant's frame."""
+    """Start pose of a loopback robot, in the plant's frame."""
 
     x: Finite = Field(0.0, description="m")
     y: Finite = Field(0.0, description="m")

@@ -67,7 +67,7 @@ class DriveStrategy(StrEnum):
 
     STOP_AT_NODES = "stop_at_nodes"
     """Each node is a goal of its own, at which the robot stops."""
-    PASS_THROUGH = "pass_through"  # noqa: S105 - a way to drive, no password
+    PASS_THROUGH = "pass_through"  # noqa: S105 - a drive strategy, no password
     """The next goal is sent within the deviation of a node that needs no stop."""
 
 
@@ -84,9 +84,9 @@ class ExternalGoals(StrEnum):
 class Capabilities:
     """A robot's set-up; distances in m, angles in rad, speeds in m/s.
 
-    ``maximum_speed`` is the robot's own; ``limits_speed`` tells whether its driver can keep it below that.
+    ``maximum_speed`` is the robot's own; ``limits_speed``: its driver can limit it further.
 
-    ``drives_ahead``: its driver goes over several places at once, and is told which come.
+    ``drives_ahead``: its driver drives over several poses of one goal without a stop.
 
     Navigation takes a new goal up in time where it comes ``hand_over_distance`` m and the way of
     ``hand_over_time`` s before the end of the old one.
@@ -142,7 +142,7 @@ class Capabilities:
 SPEED = "edges.maximumSpeed"
 """Optional field that only a driver which can limit the speed acts on."""
 ZONE_SET = "zoneSetId"
-"""Optional field of a 2.x order, which no robot here acts on: 2.x has no way to bring it a zone set."""
+"""Optional field of a 2.x order, which no robot here acts on: 2.x has no zone sets."""
 
 _ALWAYS: tuple[OptionalParameter, ...] = (
     OptionalParameter(

@@ -7,7 +7,7 @@ from enum import Enum, auto
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType
 
 LIMIT = 50
-"""Errors shown at the same time; beyond it the oldest refusal goes."""
+"""Active errors at most; beyond it the oldest refusal is dropped."""
 
 ErrorKey = tuple[str, frozenset[tuple[str, str]]]
 
@@ -98,7 +98,7 @@ class ActiveErrors:
         return [key for key, (_, until) in self._active.items() if until is Until.CONDITION_OVER]
 
     def _least_needed(self) -> ErrorKey:
-        """Return the oldest refusal, else the oldest error: why the robot stands must stay."""
+        """Return the oldest refusal, else the oldest error: the reason of a stop is kept longest."""
         refusals = (key for key, (_, until) in self._active.items() if until in REFUSED)
         return next(refusals, next(iter(self._active)))
 

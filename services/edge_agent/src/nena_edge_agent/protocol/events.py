@@ -62,7 +62,7 @@ class MapsReport:
 class MessageRefused:
     """A message that could not be read, or was not meant for this robot.
 
-    ``error`` says so in the state, ``until`` the next message of its kind is taken.
+    ``error`` is shown in the state, ``until`` the next message of its kind is accepted.
     """
 
     error: ErrorEntry
@@ -71,11 +71,11 @@ class MessageRefused:
 
 @dataclass(frozen=True, slots=True)
 class ActionReport:
-    """What an action plug-in tells of an action that it was given.
+    """The report of a plug-in about one of its actions.
 
-    ``loads`` and ``charging`` say what the robot carries, and whether it charges, from now on; None: as
+    ``loads`` and ``charging`` are what the robot carries, and whether it charges, from now on; None: as
     before. ``maps`` are the maps that the robot holds from now on, ``zone_set`` is one that the action has
-    brought. ``error`` says in the state what went wrong, until the next instant action.
+    brought. ``error`` is shown in the state until the next instant action.
     """
 
     action_id: str
@@ -97,7 +97,7 @@ class OperatingModeSwitched:
 
 @dataclass(frozen=True, slots=True)
 class SafetyReport:
-    """Emergency stop and protective field as they are now; the robot stands while either is active."""
+    """Present state of emergency stop and protective field; the robot stops while either is active."""
 
     emergency_stop: EmergencyStop = EmergencyStop.NONE
     field_violation: bool = False
@@ -112,10 +112,10 @@ class PauseButton:
 
 @dataclass(frozen=True, slots=True)
 class ErrorSwitched:
-    """A person or a device has found something wrong, or (``active`` False) has put it right.
+    """A person or a device reports an error, or (``active`` False) withdraws it.
 
-    While an error of the level CRITICAL or FATAL is active the robot stands, and with FATAL it takes no
-    orders. The type and the references say which error is put right.
+    While an error of the level CRITICAL or FATAL is active the robot stops, and with FATAL it takes no
+    orders. Type and references identify the error.
     """
 
     error: ErrorEntry

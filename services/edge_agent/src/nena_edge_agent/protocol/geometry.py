@@ -65,7 +65,7 @@ def overlap(one: Polygon, other: Polygon) -> bool:
 
 
 def contains(polygon: Polygon, point: Point) -> bool:
-    """Return whether ``point`` lies inside; on the very border either answer may come."""
+    """Return whether ``point`` lies inside; on the border the result is undefined."""
     x, y = point
     inside = False
     for (x1, y1), (x2, y2) in _sides(polygon):

@@ -22,11 +22,11 @@ from nena_shared.vda5050.topics import Topic
 from nena_shared.vda5050.zone_set import ZoneSet
 
 FORMAT = 1
-"""Of a memory; one of another format is not understood."""
+"""Version of the record; another one is refused."""
 
 
 class ActionMemory(BaseModel):
-    """An action and where it stood."""
+    """An action and its status."""
 
     model_config = ConfigDict(frozen=True, from_attributes=True)
 
@@ -97,7 +97,7 @@ class AccessMemory(BaseModel):
 
 
 class PoseMemory(BaseModel):
-    """A place of the robot's map; the fields are those of ``Pose``."""
+    """A pose on the robot's map; the fields are those of ``Pose``."""
 
     model_config = ConfigDict(frozen=True, from_attributes=True)
 
@@ -119,7 +119,7 @@ class OwnGoalsMemory(BaseModel):
 
 
 class Memory(BaseModel):
-    """All that is durable of one robot."""
+    """The journal's record of one robot."""
 
     model_config = ConfigDict(frozen=True)
 

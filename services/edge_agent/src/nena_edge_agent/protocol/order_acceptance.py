@@ -32,7 +32,7 @@ class Situation:
     ``off`` says why the robot's ROS session keeps it from taking orders, empty if it does not.
     ``fatal``: a reported error keeps the robot from taking orders. ``cancelled``: the held order
     was cancelled, or is being ended; ``cleared``: it was ended before its end, perhaps far from its base.
-    ``pose`` is None unless it can be trusted, ``no_route`` are the areas that navigation knows no way into.
+    ``pose`` is None unless it can be trusted, ``no_route`` are the areas that navigation has no route to.
     ``maps`` are the areas that the robot has a map of, ``closed`` the zones that it must not drive in.
     ``stands_on`` is the node that the robot has reached and not left, or empty. ``loaded``: whether it will
     carry something when all that was released to it is done. ``history`` knows the orders that have ended.
@@ -60,7 +60,7 @@ class Situation:
 
 
 STRAY = 1.0
-"""Metres that a robot may have come to rest beside the node that it has reached, at most."""
+"""Maximum distance of a stopped robot from the node that it has reached, metres."""
 
 
 def general_fault(order: Order, situation: Situation, capabilities: Capabilities) -> ErrorEntry | None:
@@ -161,7 +161,7 @@ def _action_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | None
 def load_fault(
     order: Order, situation: Situation, capabilities: Capabilities, *, skip: int = 0
 ) -> ErrorEntry | None:
-    """Check that each action which takes or gives a load will find the robot so that it can.
+    """Check that each action which picks up or drops a load fits the load at that time.
 
     The robot's actions are done one after the other in driving order; the first ``skip`` nodes do not count.
     """
@@ -172,7 +172,7 @@ def load_fault(
     if found is None:
         return None
     action, problem = found
-    hint = "the state's loads say what the robot carries; order the actions so that they fit it"
+    hint = "see the state's loads for what the robot carries, and send actions that fit"
     return refusal(ErrorType.INVALID_ORDER_ACTION, order, problem, hint=hint, action_id=action.action_id)
 
 
@@ -192,7 +192,7 @@ def map_fault(order: Order, situation: Situation) -> ErrorEntry | None:
 
 
 def route_fault(order: Order, situation: Situation, capabilities: Capabilities) -> ErrorEntry | None:
-    """Check A5: a way has to lead to each node. The first one is where the robot is."""
+    """Check A5: a route leads to each node. The first one is where the robot is."""
     for before, node in pairwise(order.nodes):
         fault = _way_fault(before.node_position, node, situation, capabilities.footprint)
         if fault is not None:
@@ -204,7 +204,7 @@ def route_fault(order: Order, situation: Situation, capabilities: Capabilities) 
 def _way_fault(
     start: NodePosition | None, node: Node, situation: Situation, footprint: Footprint
 ) -> tuple[str, str] | None:
-    """Return why no way leads to ``node``, and what to do about it."""
+    """Return why no route leads to ``node``, and what to do about it."""
     place = node.node_position
     if place is None:
         hint = "the robot drives to coordinates only; send nodePosition with every node"
@@ -233,7 +233,7 @@ def map_list(maps: Iterable[str]) -> str:
 
 
 def repeated_action_fault(order: Order, used: frozenset[str], *, skip: int = 0) -> ErrorEntry | None:
-    """Check that no id of an action would stand for two; the first ``skip`` nodes do not count."""
+    """Check that no actionId is used twice; the first ``skip`` nodes do not count."""
     for _, action in _scoped_actions(order, skip=skip):
         if action.action_id in used:
             return refusal(
@@ -350,13 +350,13 @@ def _stitching_fault(order: Order, situation: Situation, capabilities: Capabilit
 def _absence_fault(
     first: Node, order: Order, situation: Situation, capabilities: Capabilities
 ) -> ErrorEntry | None:
-    """Check that a robot whose order was cleared stands where its base ended."""
+    """Check that a robot whose order was cleared is where its base ended."""
     if stands_on(first, situation, capabilities):
         return None
     return refusal(
         capabilities.rules.wrong_stitching_node,
         order,
-        f"the order was cleared, and the robot does not stand on '{first.node_id}', where its base ended",
+        f"the order was cleared, and the robot is not at '{first.node_id}', where its base ended",
         hint="send a new order",
         node_id=first.node_id,
     )
@@ -419,7 +419,7 @@ def judge(order: Order, situation: Situation, capabilities: Capabilities) -> Ver
 
 
 def _identity_fault(order: Order) -> ErrorEntry | None:
-    """Check 1 as far as a schema cannot say it: the empty orderId stands for "no order" in the state."""
+    """Check 1, beyond the schema: an empty orderId means "no order" in the state."""
     if order.order_id:
         return None
     return refusal(
@@ -473,7 +473,7 @@ def _update_id_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | N
 
 
 def _numbering_fault(order: Order) -> ErrorEntry | None:
-    """Check that the order comes from its beginning: one whose first message was lost lacks a part."""
+    """Check that the order starts at its beginning: the first message may have been lost."""
     first = order.nodes[0].sequence_id
     if first == 0:
         return None
@@ -497,8 +497,8 @@ def _start_fault(
     return refusal(
         ErrorType.START_NODE_OUT_OF_RANGE,
         order,
-        f"the robot does not stand on the first node '{first.node_id}'; {place}",
-        hint="begin the order where the robot stands, or give the first node a larger allowedDeviationXY"
+        f"the robot is not at the first node '{first.node_id}'; {place}",
+        hint="start the order where the robot is, or give the first node a larger allowedDeviationXY"
         if pose
         else "set the robot's initial position",
         node_id=first.node_id,

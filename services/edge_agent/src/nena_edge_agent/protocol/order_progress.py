@@ -46,7 +46,7 @@ class BasePath:
         return PlannedPath(trajectory=trajectory, traversed_nodes=self._ids[index:])
 
     def _index_of(self, sequence_id: int) -> int | None:
-        """Return the place of a node in the base: its nodes are numbered without gaps, by twos."""
+        """Return the index of a node in the base: sequenceIds of nodes rise by 2 without gaps."""
         index = (sequence_id - self._base[0].sequence_id) // 2 if self._base else -1
         return index if 0 <= index < len(self._base) else None
 
@@ -276,7 +276,7 @@ class OrderProgress:
             self.revision += 1
 
     def traverse(self) -> tuple[Node, Edge]:
-        """Count the next node as traversed; returns it, and the edge that led there."""
+        """Count the next node as traversed; return it, and the edge that led there."""
         node, edge = self.nodes.popleft(), self.edges.popleft()
         before = self._ahead
         self._reach(node)

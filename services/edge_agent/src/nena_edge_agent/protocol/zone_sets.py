@@ -14,7 +14,7 @@ from nena_shared.vda5050.state import ZoneSetState, ZoneSetStatus
 from nena_shared.vda5050.zone_set import Zone, ZoneSet, ZoneType
 
 CLOSED = (ZoneType.BLOCKED, ZoneType.LINE_GUIDED)
-"""Zones that a robot must not drive in when it chooses its way itself: it cannot keep to a trajectory."""
+"""Zones that a freely navigating robot must not drive in: it cannot follow a trajectory."""
 
 
 def zones_in(ground: Iterable[Polygon], map_id: str, zones: Iterable[EnabledZone]) -> list[EnabledZone]:
@@ -39,7 +39,7 @@ VERTICES_OF_A_ZONE: Final = 100
 
 
 class ZoneSetRefusedError(Exception):
-    """A zone set cannot be taken, enabled or deleted; the text says why."""
+    """A zone set cannot be added, enabled or deleted; the text is the reason."""
 
 
 class DuplicateZoneSetError(ZoneSetRefusedError):
