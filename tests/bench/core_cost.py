@@ -12,12 +12,11 @@ from time import process_time
 
 from bench.figures import Figures
 from nena_edge_agent.driver.port import Arrived, PoseReport
-from nena_edge_agent.protocol.capabilities import RULES
 from nena_edge_agent.protocol.events import OrderReceived
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.records import read_record
 from nena_shared.vda5050.state import State
-from nena_shared.vda5050.versions import CODECS
+from nena_shared.vda5050.versions import CODECS, RULES
 from support.robot_core import HEADER, Bench, action, order
 
 ROUNDS = 7

@@ -146,7 +146,7 @@ class Bench:
 
     def __init__(self, *, memory: Memory | None = None, ready: bool = True, **capabilities: Any) -> None:
         chosen = replace(CAPABILITIES, **capabilities)
-        self.capabilities = replace(chosen, actions=supported_actions(chosen.actions, chosen.rules.standard))
+        self.capabilities = replace(chosen, actions=supported_actions(chosen.actions, chosen.rules))
         self.core = RobotCore(self.capabilities, memory)
         self.now = 100.0
         self.effects: list[Effect] = []

@@ -16,10 +16,9 @@ import pytest
 
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType
 from nena_shared.vda5050.order import Order
-from nena_shared.vda5050.rules import RULES
 from nena_shared.vda5050.state import OperatingMode, State
 from nena_shared.vda5050.topics import Topic
-from nena_shared.vda5050.versions import codec_for
+from nena_shared.vda5050.versions import RULES, codec_for
 from support.broker import Broker
 from support.loopback_bench import BenchRobot, idle, place, shared_robot
 from support.robot_core import MAP, action, order, position

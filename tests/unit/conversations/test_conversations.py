@@ -12,7 +12,6 @@ from nena_conversations.checker import check
 from nena_conversations.message import ReceivedMessage, Sender, parse
 from nena_conversations.recording import read_file
 from nena_conversations.rules import Rule
-from nena_edge_agent.protocol.capabilities import RULES
 from nena_edge_agent.protocol.events import (
     ActionReport,
     InstantActionsReceived,
@@ -28,6 +27,7 @@ from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.responses import Responses
 from nena_shared.vda5050.state import State
+from nena_shared.vda5050.versions import RULES
 from nena_shared.vda5050.zone_set import ZoneSetTransfer
 from support.conversations import FOLDER, STORIES
 from support.robot_core import ACTIONS, WORK, Bench, at

@@ -17,7 +17,7 @@ from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.actions.settings import OperationSettings
 from nena_edge_agent.factsheet import braking_distance, make_capabilities, make_factsheet
 from nena_edge_agent.loopback.control import SimulationControl
-from nena_edge_agent.protocol.capabilities import RULES, Capabilities
+from nena_edge_agent.protocol.capabilities import Capabilities
 from nena_edge_agent.protocol.instant_actions import MESSAGE_LIMIT
 from nena_edge_agent.protocol.zone_sets import ZONES_IN_A_SET
 from nena_edge_agent.settings import DescriptionSettings, EdgeAgentSettings
@@ -28,7 +28,7 @@ from nena_shared.vda5050.codec import MAXIMUM_PAYLOAD
 from nena_shared.vda5050.factsheet import ActionScope, Factsheet, MobileRobotAction, ValueDataType
 from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.v2_1 import CODEC
-from nena_shared.vda5050.versions import CODECS
+from nena_shared.vda5050.versions import CODECS, RULES
 from support.robot_core import HEADER, action
 from support.ros_port import ScriptedRos
 from support.schemas import schema_problems

@@ -11,9 +11,9 @@ import shutil
 from pathlib import Path
 
 from nena_edge_agent.journal import Journal
-from nena_edge_agent.protocol.capabilities import RULES
 from nena_edge_agent.protocol.memory import Memory
 from nena_shared.vda5050.topics import RobotKey
+from nena_shared.vda5050.versions import RULES
 from support.robot_core import Bench
 
 FOLDER = Path(__file__).parents[2] / "fixtures/journals/format-1"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from nena_edge_agent.actions.registry import ActionRegistry
-from nena_edge_agent.protocol.capabilities import RULES, Capabilities, supported
+from nena_edge_agent.protocol.capabilities import Capabilities, supported
 from nena_edge_agent.protocol.declaration import ActionDeclaration, Parameter, supported_actions
 from nena_edge_agent.protocol.geometry import Footprint
 from nena_edge_agent.protocol.instant_actions import MESSAGE_LIMIT
@@ -30,6 +30,7 @@ from nena_shared.vda5050.factsheet import (
     Timing,
     TypeSpecification,
 )
+from nena_shared.vda5050.versions import RULES
 
 
 def frame_of(settings: EdgeAgentSettings) -> str:
@@ -52,7 +53,7 @@ def make_capabilities(settings: EdgeAgentSettings, registry: ActionRegistry) -> 
     return Capabilities(
         map_id=settings.map_id,
         map_version=settings.map_version,
-        actions=supported_actions(registry.declarations, RULES[settings.version].standard),
+        actions=supported_actions(registry.declarations, RULES[settings.version]),
         maximum_speed=settings.description.maximum_speed,
         limits_speed=settings.driver == "loopback",  # Nav2 takes no limit by its topics
         default_deviation_xy=drive.deviation_xy,

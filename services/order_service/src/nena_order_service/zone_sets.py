@@ -21,9 +21,9 @@ from nena_shared.log import get_logger
 from nena_shared.tasks import forever
 from nena_shared.vda5050 import state as vda_state
 from nena_shared.vda5050.action import Action, ActionParameter, ActionStatus, BlockingType
-from nena_shared.vda5050.rules import RULES
 from nena_shared.vda5050.state import ZoneSetState
 from nena_shared.vda5050.topics import RobotKey
+from nena_shared.vda5050.versions import nearest_codec
 from nena_shared.vda5050.zone_set import ZoneSet
 
 FIRST_PAUSE = 10.0
@@ -259,7 +259,8 @@ class ZoneSets:
 
     def _knows_zones(self, vehicle: FleetVehicle) -> bool:
         state = self._engine.view(vehicle).state
-        rules = RULES.get(state.version) if state else None
+        codec = nearest_codec(state.version) if state else None
+        rules = codec.rules if codec else None
         return rules is not None and rules.zones
 
     def _status(self, wanted: Wanted) -> ZoneSetStatus:

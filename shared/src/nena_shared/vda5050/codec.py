@@ -17,6 +17,7 @@ from nena_shared.vda5050.graph import violations
 from nena_shared.vda5050.malformed import MalformedMessageError, problems_of, received_in
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.responses import Responses
+from nena_shared.vda5050.rules import Rules
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import Topic
 from nena_shared.vda5050.visualization import Visualization
@@ -50,6 +51,7 @@ class Codec:
     interface_name: str
     """The first level of the topics, as the standard suggests it."""
     forms: Mapping[type[Header], type[Header]]
+    rules: Rules
 
     @property
     def major_version(self) -> str:

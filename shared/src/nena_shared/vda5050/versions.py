@@ -5,20 +5,38 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from functools import lru_cache
+from importlib import import_module
+from pkgutil import iter_modules
 from types import MappingProxyType
 from typing import Final
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from nena_shared.vda5050 import v2_0, v2_1, v3_0
+from nena_shared import vda5050
 from nena_shared.vda5050.base import Version
 from nena_shared.vda5050.codec import Codec
+from nena_shared.vda5050.rules import Rules
 from nena_shared.vda5050.topics import TopicScheme
 
-CODECS: Final[Mapping[str, Codec]] = MappingProxyType(
-    {codec.version: codec for codec in (v2_0.CODEC, v2_1.CODEC, v3_0.CODEC)}
-)
+_PACKAGE: Final = re.compile(r"v\d+_\d+", re.ASCII)
+
+
+def find_codecs() -> dict[str, Codec]:
+    """Return the codecs of all packages here that are named after a version, the oldest first."""
+    names = (each.name for each in iter_modules(vda5050.__path__) if _PACKAGE.fullmatch(each.name))
+    found: list[Codec] = [import_module(f"{vda5050.__name__}.{name}").CODEC for name in names]
+    return {each.version: each for each in sorted(found, key=lambda each: _numbers(each.version))}
+
+
+def _numbers(version: str) -> tuple[int, ...]:
+    return tuple(map(int, version.split(".")))
+
+
+CODECS: Final[Mapping[str, Codec]] = MappingProxyType(find_codecs())
 """By version number, the oldest first."""
+
+RULES: Final[Mapping[str, Rules]] = MappingProxyType({name: each.rules for name, each in CODECS.items()})
+"""What each version can say and means, by version number."""
 
 _WRITTEN: Final = re.compile(r"v?(\d{1,3})(?:\.(\d{1,3}))?(?:\.(\d{1,3}))?", re.ASCII)
 """A version number of which the end may be missing."""
@@ -127,7 +145,3 @@ def reader_for(version: str | None, major_version: str) -> Codec:
     if not of_topic:
         raise UnknownVersionError(major_version)
     return of_topic[-1]
-
-
-def _numbers(version: str) -> tuple[int, ...]:
-    return tuple(map(int, version.split(".")))

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from nena_edge_agent.protocol.capabilities import RULES
 from nena_edge_agent.protocol.events import LocalTrigger, StartAction
 from nena_edge_agent.protocol.memory import Memory
+from nena_shared.vda5050.versions import RULES
 from support.robot_core import Bench, action, order
 
 

@@ -6,9 +6,10 @@ from typing import Any
 
 import pytest
 
-from nena_edge_agent.protocol.capabilities import DEMANDS, RULES, supported
+from nena_edge_agent.protocol.capabilities import DEMANDS, supported
 from nena_shared.vda5050.factsheet import Support
 from nena_shared.vda5050.order import ControlPoint, Corridor, Trajectory
+from nena_shared.vda5050.versions import RULES
 from support.robot_core import Bench, order
 
 VALUES: dict[str, tuple[str, Any]] = {

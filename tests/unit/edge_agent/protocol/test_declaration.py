@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 from pydantic import JsonValue
 
-from nena_edge_agent.protocol.capabilities import RULES
 from nena_edge_agent.protocol.declaration import (
     MAP_ACTIONS,
     PREDEFINED,
@@ -16,6 +15,7 @@ from nena_edge_agent.protocol.declaration import (
 )
 from nena_shared.vda5050.action import BlockingType
 from nena_shared.vda5050.factsheet import ActionScope, ValueDataType
+from nena_shared.vda5050.versions import RULES
 from support.robot_core import Bench, action
 
 HEIGHT = Parameter("height", ValueDataType.NUMBER, minimum=0.0, maximum=2.0, description="m")
@@ -148,7 +148,7 @@ OF_PLUG_INS = {
     ],
 )
 def test_a_robot_knows_those_of_its_version(version: str, known: set[str]) -> None:
-    assert set(supported_actions(PREDEFINED | OF_PLUG_INS, RULES[version].standard)) == known
+    assert set(supported_actions(PREDEFINED | OF_PLUG_INS, RULES[version])) == known
 
 
 @pytest.mark.clause("6.2.3/cancelOrder")

@@ -8,13 +8,13 @@ from datetime import UTC, datetime
 import pytest
 
 from nena_edge_agent.driver.port import DriveFailed, DriveFailure
-from nena_edge_agent.protocol.capabilities import RULES
 from nena_edge_agent.protocol.events import (
     OperatingModeSwitched,
     ResponsesReceived,
     ZoneSetReceived,
 )
 from nena_shared.vda5050.state import OperatingMode
+from nena_shared.vda5050.versions import RULES
 from support.robot_core import Bench, action, at, order, position
 from support.zones import responses, transfer, zone
 

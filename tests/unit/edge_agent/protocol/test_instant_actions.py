@@ -6,7 +6,6 @@ import pytest
 
 from nena_edge_agent.driver.port import Pose, PositionInitialized
 from nena_edge_agent.protocol.action_states import DESCRIPTOR_SHOWN
-from nena_edge_agent.protocol.capabilities import RULES
 from nena_edge_agent.protocol.events import (
     ActionReport,
     Halt,
@@ -21,6 +20,7 @@ from nena_edge_agent.protocol.events import (
 from nena_edge_agent.protocol.instant_actions import INSTANT_ACTIONS_SHOWN, MESSAGE_LIMIT
 from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.error import ErrorLevel, ErrorType
+from nena_shared.vda5050.versions import RULES
 from support.robot_core import MAP, Bench, action, at, order
 
 

@@ -7,7 +7,6 @@ from dataclasses import replace
 import pytest
 
 from nena_edge_agent.driver.port import Circle, NoRouteReport, Pose
-from nena_edge_agent.protocol.capabilities import RULES
 from nena_edge_agent.protocol.events import MapsReport, MessageRefused, OperatingModeSwitched, ReportState
 from nena_edge_agent.protocol.memory import Memory
 from nena_edge_agent.protocol.order_acceptance import Rejected, Situation, judge
@@ -15,6 +14,7 @@ from nena_shared.vda5050.action import BlockingType
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType, error
 from nena_shared.vda5050.order import ControlPoint, Corridor, Order, Trajectory
 from nena_shared.vda5050.state import Map, MapStatus, OperatingMode
+from nena_shared.vda5050.versions import RULES
 from support.robot_core import CAPABILITIES, MAP, PRESS, Bench, action, at, order, position
 
 FREE = Situation(

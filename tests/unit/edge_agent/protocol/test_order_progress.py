@@ -7,11 +7,11 @@ from datetime import datetime, timedelta
 import pytest
 
 from nena_edge_agent.driver.port import NavigationReport
-from nena_edge_agent.protocol.capabilities import RULES
 from nena_edge_agent.protocol.events import Started
 from nena_edge_agent.protocol.memory import Memory
 from nena_edge_agent.protocol.order_progress import CLOCK_TOLERANCE, ENDED_ORDERS_KEPT, BasePath, OrderHistory
 from nena_shared.vda5050.order import Order
+from nena_shared.vda5050.versions import RULES
 from support.robot_core import HEADER, Bench, at, order
 
 TIME: datetime = HEADER["timestamp"]

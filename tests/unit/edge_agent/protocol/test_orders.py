@@ -7,11 +7,11 @@ from typing import Any
 import pytest
 
 from nena_edge_agent.driver.port import DriveFailed, DriveFailure
-from nena_edge_agent.protocol.capabilities import RULES
 from nena_edge_agent.protocol.events import CancelAction, ErrorSwitched, Halt, OperatingModeSwitched
 from nena_edge_agent.protocol.memory import Memory
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType
 from nena_shared.vda5050.state import OperatingMode
+from nena_shared.vda5050.versions import RULES
 from support.robot_core import Bench, action, at, order, position
 
 

@@ -29,7 +29,7 @@ from nena_edge_agent.driver.port import (
     NavigationReport,
     PoseReport,
 )
-from nena_edge_agent.protocol.capabilities import RULES, DriveStrategy
+from nena_edge_agent.protocol.capabilities import DriveStrategy
 from nena_edge_agent.protocol.events import (
     ActionReport,
     CancelAction,
@@ -46,6 +46,7 @@ from nena_edge_agent.protocol.memory import Memory
 from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
 from nena_shared.vda5050.order import Node, Order
 from nena_shared.vda5050.state import OperatingMode
+from nena_shared.vda5050.versions import RULES
 from support.examples import EXAMPLES
 from support.robot_core import Bench, action, at, order
 from support.robot_oracle import Oracle
@@ -75,7 +76,7 @@ class RobotMachine(RuleBasedStateMachine):
         super().__init__()
         self.robot_rules = RULES[self.version]
         self.bench = Bench(strategy=self.strategy, rules=self.robot_rules)
-        self.oracle = Oracle(self.robot_rules.standard)
+        self.oracle = Oracle(self.robot_rules)
         self.count = 0
         self.starts: Counter[str] = Counter()
         self.ended: set[str] = set()
@@ -111,7 +112,7 @@ class RobotMachine(RuleBasedStateMachine):
 
     @rule(data=st.data(), back=st.booleans())
     def person_switches_the_mode(self, data: st.DataObject, back: bool) -> None:  # noqa: FBT001
-        modes = sorted(self.robot_rules.standard.operating_modes)
+        modes = sorted(self.robot_rules.operating_modes)
         mode = OperatingMode.AUTOMATIC if back else data.draw(st.sampled_from(modes))
         self.switch(mode)
 

@@ -8,7 +8,6 @@ from datetime import UTC, datetime
 import pytest
 
 from nena_edge_agent.driver.port import Arrived, BatteryReport, Halted
-from nena_edge_agent.protocol.capabilities import RULES
 from nena_edge_agent.protocol.events import (
     ActionReport,
     ErrorSwitched,
@@ -24,6 +23,7 @@ from nena_edge_agent.protocol.events import (
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel
 from nena_shared.vda5050.state import EmergencyStop, Load, Map, MapStatus, OperatingMode, State
+from nena_shared.vda5050.versions import RULES
 from support.robot_core import Bench, action, at, order
 from support.zones import responses, transfer, zone
 

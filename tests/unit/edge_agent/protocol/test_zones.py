@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 
 from nena_edge_agent.driver.port import Halted
-from nena_edge_agent.protocol.capabilities import RULES
 from nena_edge_agent.protocol.events import (
     ActionReport,
     Halt,
@@ -21,6 +20,7 @@ from nena_edge_agent.protocol.events import (
 from nena_edge_agent.protocol.zone_sets import PAUSE_AFTER_REFUSAL
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.state import OperatingMode
+from nena_shared.vda5050.versions import RULES
 from nena_shared.vda5050.zone_set import (
     BidirectedLimitation,
     DirectedLimitation,

@@ -12,11 +12,10 @@ from nena_shared.vda5050.action import Action, ActionParameter, ActionState, Act
 from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.error import ErrorLevel, ErrorType, error
 from nena_shared.vda5050.order import Node, Order
-from nena_shared.vda5050.rules import RULES
 from nena_shared.vda5050.state import Map, MapStatus, OperatingMode, State
 from nena_shared.vda5050.topics import Topic
 from nena_shared.vda5050.v2_1 import CODEC
-from nena_shared.vda5050.versions import CODECS
+from nena_shared.vda5050.versions import CODECS, RULES
 
 EACH_VERSION = pytest.mark.parametrize("version", CODECS)
 

@@ -23,7 +23,7 @@ from pydantic import JsonValue, ValidationError
 from nena_edge_agent.actions.plugin import ActionPlugin, ActionTimeouts, RunningAction
 from nena_edge_agent.actions.run import flaw_of
 from nena_edge_agent.factsheet import make_factsheet
-from nena_edge_agent.protocol.capabilities import RULES, Capabilities
+from nena_edge_agent.protocol.capabilities import Capabilities
 from nena_edge_agent.protocol.declaration import PREDEFINED, ActionDeclaration, LoadChange, Parameter
 from nena_edge_agent.protocol.events import ActionReport
 from nena_edge_agent.settings import EdgeAgentSettings
@@ -31,7 +31,7 @@ from nena_shared.vda5050.action import Action, ActionParameter, ActionStatus, Bl
 from nena_shared.vda5050.factsheet import ActionScope, ValueDataType
 from nena_shared.vda5050.malformed import MalformedMessageError
 from nena_shared.vda5050.state import Load
-from nena_shared.vda5050.versions import CODECS
+from nena_shared.vda5050.versions import CODECS, RULES
 
 LOOK_EVERY: Final = 0.01
 """Seconds between two looks at a condition."""

@@ -24,9 +24,8 @@ from nena_shared.mqtt import Inbound, MqttLink
 from nena_shared.mqtt.tls import tls_context
 from nena_shared.settings import MqttSettings
 from nena_shared.tasks import end
-from nena_shared.vda5050.rules import RULES
 from nena_shared.vda5050.topics import RobotKey, Topic
-from nena_shared.vda5050.versions import codec_for, topics_for
+from nena_shared.vda5050.versions import RULES, codec_for, topics_for
 from nena_shared.vda5050.visualization import Visualization
 
 ANSWER_WITHIN = 5.0

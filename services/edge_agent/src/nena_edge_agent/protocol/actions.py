@@ -230,7 +230,7 @@ def _is_retriable(robot: RobotState, report: ActionReport) -> bool:
         and record.status is ActionStatus.RUNNING
         and bool(record.action.retriable)
         and not robot.clearing
-        and ActionStatus.RETRIABLE in robot.capabilities.rules.standard.action_statuses
+        and ActionStatus.RETRIABLE in robot.capabilities.rules.action_statuses
     )
 
 

@@ -5,50 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from types import MappingProxyType
-from typing import Final
 
 from nena_edge_agent.protocol.declaration import ActionDeclaration
 from nena_edge_agent.protocol.geometry import Footprint
 from nena_shared.vda5050.action import ActionStatus
-from nena_shared.vda5050.error import ErrorType
 from nena_shared.vda5050.factsheet import OptionalParameter, Support
 from nena_shared.vda5050.order import Edge, Order, OrientationType
-from nena_shared.vda5050.rules import RULES as STANDARD
-from nena_shared.vda5050.rules import Rules as StandardRules
-from nena_shared.vda5050.state import OperatingMode
+from nena_shared.vda5050.rules import Rules
+from nena_shared.vda5050.versions import RULES
 from nena_shared.vda5050.zone_set import ZoneType
-
-
-@dataclass(frozen=True, slots=True)
-class Rules:
-    """How one version decides where the others decide differently; ``standard`` is what both sides know."""
-
-    standard: StandardRules
-    wrong_stitching_node: ErrorType
-    """The neutral error of an update that does not begin at the decision point; no version names it, and 2.x
-    has one name for all errors of updates."""
-    node_forgotten_in: frozenset[OperatingMode] = frozenset()
-    """Modes that are entered with an empty lastNodeId."""
-    node_left_in: frozenset[OperatingMode] = frozenset()
-    """Modes in which lastNodeId becomes empty where the node cannot be the start of an order any more."""
-
-
-RULES: Final[Mapping[str, Rules]] = MappingProxyType(
-    {
-        "2.0.0": Rules(STANDARD["2.0.0"], wrong_stitching_node=ErrorType.OUTDATED_ORDER_UPDATE),
-        "2.1.0": Rules(STANDARD["2.1.0"], wrong_stitching_node=ErrorType.OUTDATED_ORDER_UPDATE),
-        "3.0.0": Rules(
-            STANDARD["3.0.0"],
-            wrong_stitching_node=ErrorType.VALIDATION_FAILURE,
-            node_forgotten_in=frozenset(
-                {OperatingMode.STARTUP, OperatingMode.SERVICE, OperatingMode.TEACH_IN}
-            ),
-            node_left_in=frozenset({OperatingMode.MANUAL}),
-        ),
-    }
-)
-"""By version number."""
 
 
 class LinkLossPolicy(StrEnum):
@@ -133,7 +98,7 @@ class Capabilities:
     @property
     def zones(self) -> frozenset[ZoneType]:
         """The types of zones that the robot supports."""
-        if not self.rules.standard.zones:
+        if not self.rules.zones:
             return frozenset()
         limit = {ZoneType.SPEED_LIMIT} if self.limits_speed else set()
         return frozenset({ZoneType.BLOCKED, ZoneType.LINE_GUIDED, ZoneType.RELEASE} | limit)
@@ -197,7 +162,7 @@ def supported(capabilities: Capabilities) -> tuple[OptionalParameter, ...]:
     more: list[str] = []
     if capabilities.limits_speed:
         more.append(SPEED)
-    if ActionStatus.RETRIABLE in capabilities.rules.standard.action_statuses:
+    if ActionStatus.RETRIABLE in capabilities.rules.action_statuses:
         more += ["nodes.actions.retriable", "edges.actions.retriable"]
     listed = (OptionalParameter(parameter=f"order.{each}", support=Support.SUPPORTED) for each in more)
     return (*_ALWAYS, *listed)

@@ -317,7 +317,7 @@ def _outdated_fault(order: Order, situation: Situation) -> ErrorEntry | None:
 
 def _same_id_fault(order: Order, situation: Situation, capabilities: Capabilities) -> ErrorEntry | None:
     """Check B3: a repeated message is ignored, another one must not reuse its orderUpdateId."""
-    held = situation.content if capabilities.rules.standard.equal_update_id_compared else None
+    held = situation.content if capabilities.rules.equal_update_id_compared else None
     if held is None or held.whole == fingerprint(order):
         return None
     return refusal(
@@ -366,7 +366,7 @@ def _changed_fault(
     first: Node, order: Order, situation: Situation, capabilities: Capabilities
 ) -> ErrorEntry | None:
     """Check that the stitching node is repeated as it was, where the version asks for that."""
-    held = situation.content if capabilities.rules.standard.stitching_node_repeated else None
+    held = situation.content if capabilities.rules.stitching_node_repeated else None
     if held is None or held.decision_node == fingerprint(first):
         return None
     return refusal(
@@ -462,7 +462,7 @@ def _replay_fault(order: Order, situation: Situation) -> ErrorEntry | None:
 
 def _update_id_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | None:
     """Check A2."""
-    if order.order_update_id == 0 or not capabilities.rules.standard.first_update_id_is_zero:
+    if order.order_update_id == 0 or not capabilities.rules.first_update_id_is_zero:
         return None
     return refusal(
         ErrorType.VALIDATION_FAILURE,

@@ -96,7 +96,7 @@ def _loaded_at_the_end(robot: RobotState) -> bool:
 
 def _begin(robot: RobotState, order: Order) -> None:
     _clear_errors(robot)
-    if not robot.capabilities.rules.standard.instant_states_until_cleared:
+    if not robot.capabilities.rules.instant_states_until_cleared:
         robot.instant_actions.remove(lambda record: record.status.ended)
     robot.actions.remove(lambda _: True)
     robot.queue.clear()
@@ -151,7 +151,7 @@ def cancel(robot: RobotState, action: Action) -> None:
 
 def _order_to_cancel(robot: RobotState, action: Action) -> JsonValue:
     """Return the orderId to cancel, None: whichever is active."""
-    return action.parameter("orderId") if robot.capabilities.rules.standard.cancel_names_order else None
+    return action.parameter("orderId") if robot.capabilities.rules.cancel_names_order else None
 
 
 def _refuse_cancel(robot: RobotState, action: Action) -> None:

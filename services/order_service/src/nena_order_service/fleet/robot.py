@@ -19,7 +19,7 @@ from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.factsheet import ActionParameterDescription, Factsheet, MobileRobotAction, Support
 from nena_shared.vda5050.malformed import QUOTE
 from nena_shared.vda5050.own_actions import transforms_itself
-from nena_shared.vda5050.rules import RULES, Rules
+from nena_shared.vda5050.rules import Rules
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.versions import nearest_codec
@@ -189,7 +189,7 @@ class Abilities:
     @cached_property
     def takes_retries(self) -> bool:
         """Whether an action that has failed may be tried again by ``retry``."""
-        rules = RULES[self.codec.version] if self.codec else None
+        rules = self.codec.rules if self.codec else None
         known = rules is not None and ActionStatus.RETRIABLE in rules.action_statuses
         listed = not self.lists_actions or bool(self.declarations(RETRY))
         return known and listed and self.takes_field("nodes.actions.retriable")
@@ -317,7 +317,7 @@ class Robot:
     def rules(self) -> Rules | None:
         """What the version that the robot's states are of can say; None before the first one."""
         codec = nearest_codec(self.state.version) if self.state else None
-        return RULES[codec.version] if codec else None
+        return codec.rules if codec else None
 
     @property
     def reachable(self) -> bool:

@@ -1,5 +1,7 @@
 """VDA 5050 2.0.0: 2.1.0 without what came with that."""
 
+from dataclasses import replace
+
 from nena_shared.vda5050.action import InstantActions
 from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.connection import Connection
@@ -11,6 +13,7 @@ from nena_shared.vda5050.v2_0.order import OrderV20
 from nena_shared.vda5050.v2_0.state import StateV20
 from nena_shared.vda5050.v2_1.connection import ConnectionV21
 from nena_shared.vda5050.v2_1.instant_actions import InstantActionsV21
+from nena_shared.vda5050.v2_1.rules import RULES
 from nena_shared.vda5050.v2_1.visualization import VisualizationV21
 from nena_shared.vda5050.visualization import Visualization
 
@@ -25,4 +28,5 @@ CODEC = Codec(
         Connection: ConnectionV21,
         Factsheet: FactsheetV20,
     },
+    rules=replace(RULES, maps=False),
 )

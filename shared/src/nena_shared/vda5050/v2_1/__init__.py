@@ -10,6 +10,7 @@ from nena_shared.vda5050.v2_1.connection import ConnectionV21
 from nena_shared.vda5050.v2_1.factsheet import FactsheetV21
 from nena_shared.vda5050.v2_1.instant_actions import InstantActionsV21
 from nena_shared.vda5050.v2_1.order import OrderV21
+from nena_shared.vda5050.v2_1.rules import RULES
 from nena_shared.vda5050.v2_1.state import StateV21
 from nena_shared.vda5050.v2_1.visualization import VisualizationV21
 from nena_shared.vda5050.visualization import Visualization
@@ -25,4 +26,5 @@ CODEC = Codec(
         Connection: ConnectionV21,
         Factsheet: FactsheetV21,
     },
+    rules=RULES,
 )

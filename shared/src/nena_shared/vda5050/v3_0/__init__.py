@@ -12,6 +12,7 @@ from nena_shared.vda5050.v3_0.factsheet import FactsheetV30
 from nena_shared.vda5050.v3_0.instant_actions import InstantActionsV30
 from nena_shared.vda5050.v3_0.order import OrderV30
 from nena_shared.vda5050.v3_0.responses import ResponsesV30
+from nena_shared.vda5050.v3_0.rules import RULES
 from nena_shared.vda5050.v3_0.state import StateV30
 from nena_shared.vda5050.v3_0.visualization import VisualizationV30
 from nena_shared.vda5050.v3_0.zone_set import ZoneSetTransferV30
@@ -31,4 +32,5 @@ CODEC = Codec(
         ZoneSetTransfer: ZoneSetTransferV30,
         Responses: ResponsesV30,
     },
+    rules=RULES,
 )
