@@ -2,14 +2,15 @@
 
 import { element, emptyBox, icon, setAttribute, setText } from "../dom.js";
 import { number, t } from "../i18n.js";
-import { Grids, Painter, readColours } from "./painter.js";
+import { Grids } from "./grids.js";
+import { Painter, readColours } from "./painter.js";
 import { drawPlan, extent } from "./plan_painter.js";
 import { Gestures, Viewport } from "./viewport.js";
 
 const KEY = "nena-layers";
 
 /** The layers from bottom to top; named by the texts under `layer.`. */
-export const LAYERS = ["grids", "blocks", "ways", "points", "locations", "names", "ahead", "goals", "plans", "robots", "robotNames"];
+export const LAYERS = ["grids", "blocks", "paths", "points", "locations", "names", "routes", "goals", "plans", "robots", "robotNames"];
 
 /** Return the stored choice; layers are visible by default. */
 export function readLayers() {

@@ -1,6 +1,6 @@
 // Paints the plant model: blocks, paths, locations, points and labels.
 
-import { paintGrids } from "./painter.js";
+import { paintGrids } from "./grids.js";
 
 const MM = 1000;
 
@@ -12,19 +12,19 @@ export function drawPlan(plant) {
       { name: each.name, x: each.xMm / MM, y: each.yMm / MM, parking: each.type === "PARK_POSITION" },
     ]),
   );
-  const courses = new Map(plant.paths.flatMap((path) => courseOf(path, points)));
+  const shapes = new Map(plant.paths.flatMap((path) => shapeOf(path, points)));
   return {
     name: plant.name,
     points,
-    ways: ways(plant.paths, courses),
+    paths: paths(plant.paths, shapes),
     locations: plant.locations.map((each) => location(each, points)),
-    blocks: plant.blocks.map((each) => block(each, points, courses)),
-    between: between(plant.paths, courses),
+    blocks: plant.blocks.map((each) => block(each, points, shapes)),
+    between: between(plant.paths, shapes),
   };
 }
 
-// Name and line of a path.
-function courseOf(path, points) {
+// Name and shape of a path: its line, which may be a Bézier curve.
+function shapeOf(path, points) {
   const [from, to] = [points.get(path.source), points.get(path.destination)];
   if (!from || !to) return [];
   const corners = path.layout.controlPoints.map((each) => [each.xMm / MM, each.yMm / MM]);
@@ -32,19 +32,19 @@ function courseOf(path, points) {
   return [[path.name, { line: [[from.x, from.y], ...corners, [to.x, to.y]], curved }]];
 }
 
-function ways(paths, courses) {
+function paths(published, shapes) {
   const found = new Map();
-  for (const path of paths) {
-    const course = courses.get(path.name);
-    if (!course) continue;
+  for (const path of published) {
+    const shape = shapes.get(path.name);
+    if (!shape) continue;
     const opposite = found.get(`${path.destination} ${path.source}`);
-    if (opposite && course.line.length === 2 && opposite.line.length === 2) {
+    if (opposite && shape.line.length === 2 && opposite.line.length === 2) {
       opposite.forward ||= path.maxReverseVelocityMmS > 0;
       opposite.backward ||= path.maxVelocityMmS > 0;
       opposite.locked &&= path.locked;
     } else {
       found.set(`${path.source} ${path.destination}`, {
-        ...course,
+        ...shape,
         forward: path.maxVelocityMmS > 0,
         backward: path.maxReverseVelocityMmS > 0,
         locked: path.locked,
@@ -65,23 +65,23 @@ function location(each, points) {
   };
 }
 
-function block(each, points, courses) {
+function block(each, points, shapes) {
   const corners = each.members.map((name) => points.get(name)).filter(Boolean);
-  const lines = each.members.map((name) => courses.get(name)).filter(Boolean);
+  const lines = each.members.map((name) => shapes.get(name)).filter(Boolean);
   const places = [...corners.map(({ x, y }) => [x, y]), ...lines.flatMap(({ line }) => [line[0], line.at(-1)])];
   const mean = (axis) => places.reduce((sum, place) => sum + place[axis], 0) / places.length;
   return { name: each.name, colour: each.color, corners, lines, x: mean(0), y: mean(1), empty: !places.length };
 }
 
-// Lines by start and end point, for both directions of a path.
-function between(paths, courses) {
+// Shapes by start and end point, for both directions of a path.
+function between(published, shapes) {
   const found = new Map();
-  for (const path of paths) {
-    const course = courses.get(path.name);
-    if (!course) continue;
-    if (path.maxVelocityMmS > 0) found.set(`${path.source} ${path.destination}`, course);
+  for (const path of published) {
+    const shape = shapes.get(path.name);
+    if (!shape) continue;
+    if (path.maxVelocityMmS > 0) found.set(`${path.source} ${path.destination}`, shape);
     if (path.maxReverseVelocityMmS > 0) {
-      found.set(`${path.destination} ${path.source}`, { ...course, line: [...course.line].reverse() });
+      found.set(`${path.destination} ${path.source}`, { ...shape, line: [...shape.line].reverse() });
     }
   }
   return found;
@@ -193,7 +193,7 @@ export function paintPlan(context, view, { plan, grids, colours, layers }) {
   if (!plan) return [];
   context.lineCap = "round";
   if (layers.blocks) for (const block of plan.blocks) paintBlock(context, view, block, colours);
-  if (layers.ways) for (const way of plan.ways) paintWay(context, view, way, colours);
+  if (layers.paths) for (const path of plan.paths) paintPath(context, view, path, colours);
   if (layers.locations) for (const location of plan.locations) paintLocation(context, view, location, colours);
   if (layers.points) for (const point of plan.points.values()) paintPoint(context, view, point, colours);
   const labels = new Labels(context, view.width, colours);
@@ -231,14 +231,14 @@ function screenLine(view, line) {
   return line.map(([x, y]) => view.toScreen(x, y));
 }
 
-function paintWay(context, view, way, colours) {
-  const line = screenLine(view, way.line);
-  context.strokeStyle = way.locked ? colours.bad : colours.way;
+function paintPath(context, view, path, colours) {
+  const line = screenLine(view, path.line);
+  context.strokeStyle = path.locked ? colours.bad : colours.path;
   context.lineWidth = 2;
-  context.setLineDash(way.locked ? [5, 5] : []);
-  stroke(context, line, way.curved);
+  context.setLineDash(path.locked ? [5, 5] : []);
+  stroke(context, line, path.curved);
   context.setLineDash([]);
-  if (way.forward !== way.backward) paintArrow(context, middle(line, way.curved), way.forward, colours.way);
+  if (path.forward !== path.backward) paintArrow(context, middle(line, path.curved), path.forward, colours.path);
 }
 
 function paintArrow(context, [x, y, angle], forward, colour) {

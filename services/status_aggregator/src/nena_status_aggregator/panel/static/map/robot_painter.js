@@ -10,10 +10,10 @@ const LEAST_ROBOT = 16;
 export function paintRobots(context, view, places, scene) {
   const { layers, colours } = scene;
   for (const { robot, at } of places) {
-    const ahead = aheadOf(robot, at, view, scene.plan);
-    if (layers.ahead) paintAhead(context, ahead, colourOf(robot, colours));
+    const route = routeOf(robot, at, view, scene.plan);
+    if (layers.routes) paintRoute(context, route, colourOf(robot, colours));
     if (layers.plans && robot.plan) paintPlan(context, view, robot.plan, colourOf(robot, colours));
-    if (layers.goals && ahead.length) paintGoal(context, ahead.at(-1), colourOf(robot, colours));
+    if (layers.goals && route.length) paintGoal(context, route.at(-1), colourOf(robot, colours));
   }
   if (!layers.robots) return;
   for (const { robot, at } of places) paintRobot(context, view, robot, at, scene);
@@ -27,7 +27,7 @@ function colourOf(robot, colours) {
 }
 
 // The remaining steps of the order, each with the line to its node.
-function aheadOf(robot, at, view, plan) {
+function routeOf(robot, at, view, plan) {
   if (!robot.order?.active) return [];
   const steps = [];
   let [from, last] = [at, null];
@@ -35,16 +35,16 @@ function aheadOf(robot, at, view, plan) {
     const place = node.x === null ? plan?.points.get(node.nodeId) : node;
     if (!place) continue;
     const to = view.toScreen(place.x, place.y);
-    const course = last && plan?.between.get(`${last} ${node.nodeId}`);
-    const between = course?.line.slice(1, -1).map(([x, y]) => view.toScreen(x, y)) ?? [];
-    steps.push({ line: [from, ...between, to], curved: Boolean(course?.curved), released: node.released });
+    const shape = last && plan?.between.get(`${last} ${node.nodeId}`);
+    const between = shape?.line.slice(1, -1).map(([x, y]) => view.toScreen(x, y)) ?? [];
+    steps.push({ line: [from, ...between, to], curved: Boolean(shape?.curved), released: node.released });
     [from, last] = [to, node.nodeId];
   }
   return steps;
 }
 
 // The base is solid, the horizon dashed.
-function paintAhead(context, steps, colour) {
+function paintRoute(context, steps, colour) {
   context.strokeStyle = colour;
   context.lineWidth = 3;
   context.globalAlpha = 0.6;

@@ -68,11 +68,11 @@ export const TEXTS = {
 
   "layer.grids": "Roboterkarten",
   "layer.blocks": "Blöcke",
-  "layer.ways": "Pfade",
+  "layer.paths": "Pfade",
   "layer.points": "Punkte",
   "layer.locations": "Stationen",
   "layer.names": "Namen",
-  "layer.ahead": "Geplante Routen",
+  "layer.routes": "Geplante Routen",
   "layer.goals": "Ziele",
   "layer.plans": "Nav2-Pläne",
   "layer.robots": "Roboter",

@@ -68,11 +68,11 @@ export const TEXTS = {
 
   "layer.grids": "Robot maps",
   "layer.blocks": "Blocks",
-  "layer.ways": "Paths",
+  "layer.paths": "Paths",
   "layer.points": "Points",
   "layer.locations": "Locations",
   "layer.names": "Names",
-  "layer.ahead": "Planned routes",
+  "layer.routes": "Planned routes",
   "layer.goals": "Goals",
   "layer.plans": "Nav2 plans",
   "layer.robots": "Robots",

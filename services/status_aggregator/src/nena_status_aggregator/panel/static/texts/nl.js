@@ -68,11 +68,11 @@ export const TEXTS = {
 
   "layer.grids": "Robotkaarten",
   "layer.blocks": "Blokken",
-  "layer.ways": "Paden",
+  "layer.paths": "Paden",
   "layer.points": "Punten",
   "layer.locations": "Locaties",
   "layer.names": "Namen",
-  "layer.ahead": "Geplande routes",
+  "layer.routes": "Geplande routes",
   "layer.goals": "Doelen",
   "layer.plans": "Nav2-plannen",
   "layer.robots": "Robots",
