@@ -18,7 +18,7 @@ async def test_it_ends_also_when_its_link_forgets_that_it_is_to_end(monkeypatch:
     cancel_again_at_once(monkeypatch)
     monkeypatch.setattr(MqttLink, "run", forgetful)
     sweep = RetainedSweep(
-        MqttSettings(), FleetTopics(), client_id="sweep", mqtt=Mock(), engine=Mock(), publisher=Mock()
+        MqttSettings(), client_id="sweep", engine=Mock(), publisher=Mock(topics=FleetTopics())
     )
     running = asyncio.create_task(sweep.run(), name="sweep")
     await turn_passes()

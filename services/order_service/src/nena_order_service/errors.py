@@ -1,4 +1,4 @@
-"""What the order service refuses to its hosts; each error is one answer, see :mod:`problems`."""
+"""Errors that are answers to hosts; :mod:`nena_order_service.api.problems` maps each to one problem."""
 
 from __future__ import annotations
 
@@ -6,23 +6,23 @@ from collections.abc import Iterable, Sequence
 
 
 class NameTakenError(Exception):
-    """An order of this name exists already, made by another request."""
+    """Another request has already created an order of this name."""
 
     def __init__(self, name: str) -> None:
         super().__init__(
-            f"A transport order {name!r} exists already, and names are never used twice. "
-            "Choose another name, or set incompleteName to have it completed."
+            f"Transport order {name!r} already exists, and a name is used only once. "
+            "Choose another name, or set incompleteName to have a suffix added."
         )
         self.name = name
 
 
 class KeyReusedError(Exception):
-    """The idempotency key has made something else than what is asked for now."""
+    """The idempotency key was used for a different request."""
 
     def __init__(self, key: str, name: str) -> None:
         super().__init__(
-            f"The idempotencyKey {key!r} has made {name!r} by a request that said "
-            "something else. Nothing was created; take a new key for something new."
+            f"idempotencyKey {key!r} was already used for {name!r} with a different body. "
+            "Nothing was created. Use a new key for a new request."
         )
         self.key = key
         self.name = name
@@ -45,12 +45,12 @@ class UnknownVehicleError(Exception):
 
 
 class SequenceNameTakenError(Exception):
-    """An order sequence of this name exists already, made by another request."""
+    """Another request has already created an order sequence of this name."""
 
     def __init__(self, name: str) -> None:
         super().__init__(
-            f"An order sequence {name!r} exists already, and names are never used twice. "
-            "Choose another name, or set incompleteName to have it completed."
+            f"Order sequence {name!r} already exists, and a name is used only once. "
+            "Choose another name, or set incompleteName to have a suffix added."
         )
         self.name = name
 
@@ -64,56 +64,54 @@ class UnknownSequenceError(Exception):
 
 
 class SequenceRefusesError(Exception):
-    """The order sequence does not take this order."""
+    """The order sequence refuses this order."""
 
     def __init__(self, name: str, reasons: Iterable[str]) -> None:
         self.reasons = tuple(reasons)
-        super().__init__(f"Order sequence {name!r} does not take this order: {'; '.join(self.reasons)}.")
+        super().__init__(f"Order sequence {name!r} refuses this order: {'; '.join(self.reasons)}.")
         self.name = name
 
 
 class UnknownDependencyError(Exception):
-    """An order would wait for one that there is not."""
+    """An order depends on one that does not exist."""
 
     def __init__(self, names: Iterable[str]) -> None:
         self.names = tuple(names)
         super().__init__(
-            f"There is no transport order {' or '.join(map(repr, self.names))}, so nothing can depend on it. "
-            "Create those first on which others depend."
+            f"There is no transport order {' or '.join(map(repr, self.names))} to depend on. "
+            "Create the dependencies first."
         )
 
 
 class OrderEndedError(Exception):
-    """The order is in a final state; nothing can be changed about it."""
+    """The order is in a final state and cannot be changed."""
 
     def __init__(self, name: str, state: str) -> None:
-        super().__init__(f"Transport order {name!r} is {state} already; nothing about it can be changed.")
+        super().__init__(f"Transport order {name!r} is {state} already and cannot be changed.")
         self.name = name
         self.state = state
 
 
 class OrderWithdrawnError(Exception):
-    """The order is about to end; it cannot be held."""
+    """The order is about to end and cannot be held."""
 
     def __init__(self, name: str) -> None:
         super().__init__(
-            f"Transport order {name!r} is withdrawn already, and ends when its vehicle lets it go."
+            f"Transport order {name!r} is already withdrawn. It ends when its vehicle has released it."
         )
         self.name = name
 
 
 class VehicleNotReachedError(Exception):
-    """The robot is not there to be told something."""
+    """The robot cannot be reached."""
 
     def __init__(self, name: str, reason: str) -> None:
-        super().__init__(
-            f"Vehicle {name!r} cannot be told anything now: {reason}. Try again when it is back."
-        )
+        super().__init__(f"Vehicle {name!r} cannot be reached: {reason}. Try again when it is online.")
         self.name = name
 
 
 class NotReroutableError(Exception):
-    """The vehicle has nothing whose way could change."""
+    """The vehicle has no order whose route could change."""
 
     def __init__(self, name: str, reason: str) -> None:
         super().__init__(f"Vehicle {name!r} cannot be rerouted: {reason}.")
@@ -122,22 +120,22 @@ class NotReroutableError(Exception):
 
 
 class InvalidPlantError(Exception):
-    """What was sent is no plant model that can be used."""
+    """The plant model cannot be used."""
 
     def __init__(self, problems: Sequence[str]) -> None:
         super().__init__(
-            "This is no plant model that can be used. Correct what errors names; nothing was changed."
+            "The plant model cannot be used; nothing was changed. Fix the problems listed in errors."
         )
         self.problems = tuple(problems)
 
 
 class PlantInUseError(Exception):
-    """Orders or vehicles use what a new plant model does not have."""
+    """Orders or vehicles use parts that a new plant model lacks."""
 
     def __init__(self, problems: Sequence[str]) -> None:
         super().__init__(
-            "Orders or vehicles use what the new plant model does not have. Wait for their end, withdraw the "
-            "orders, or keep what errors names; nothing was changed."
+            "Orders or vehicles use parts that the new plant model lacks; nothing was changed. Wait for the "
+            "orders to end, withdraw them, or keep the parts listed in errors."
         )
         self.problems = tuple(problems)
 
@@ -151,42 +149,42 @@ class UnknownZoneSetError(Exception):
 
 
 class ZoneSetChangedError(Exception):
-    """Another zone set was put here under this id."""
+    """Another zone set has this id."""
 
     def __init__(self, name: str) -> None:
         super().__init__(
-            f"Another zone set {name!r} was put here before, and what stands under an id never changes. "
+            f"A different zone set {name!r} already exists, and a stored zone set never changes. "
             "Choose a new zoneSetId."
         )
         self.name = name
 
 
 class StoreNotReadyError(Exception):
-    """Nothing can be kept, so nothing is promised."""
+    """The store cannot be written; the request was not saved."""
 
     def __init__(self, reason: str) -> None:
         super().__init__(
-            f"The store takes nothing at present ({reason}), so nothing is promised. "
-            "Try again with the same idempotencyKey; /readyz tells when the store is back."
+            f"Database unavailable ({reason}); the request was not saved. "
+            "Retry with the same idempotencyKey; /readyz shows when the database is available again."
         )
 
 
 class TooManyClientsError(Exception):
-    """There is no room for another client of the event stream."""
+    """The event stream has the most clients that it may have."""
 
     def __init__(self, limit: int) -> None:
         super().__init__(
-            f"{limit} clients follow the events already. Try again later, or raise events.clients."
+            f"The event stream already has {limit} clients. Try again later, or raise events.clients."
         )
 
 
 class VersionChangedError(Exception):
-    """What is to be changed is not any more as the request has seen it."""
+    """The object has changed since the request has seen it."""
 
     def __init__(self, name: str, wanted: str, present: int) -> None:
         super().__init__(
-            f"{name!r} has changed: it is version {present} now, and {wanted} is asked for. "
-            "Read it again, and ask again if it still shall be changed."
+            f"{name!r} has changed: it is at version {present}, the request expects {wanted}. "
+            "Fetch the latest version and retry."
         )
         self.name = name
         self.present = present

@@ -102,10 +102,7 @@ def build(
     publisher = StatusPublisher(mqtt, topics, engine, plant_json=plant_json, end_kept=end_kept, epoch=epoch)
     stream = EventStream(engine, settings.events)
     engine.unit_of_work.listeners += [publisher, stream]
-    sweep_id = f"{client_id}-sweep"
-    sweep = RetainedSweep(
-        settings.mqtt, topics, client_id=sweep_id, mqtt=mqtt, engine=engine, publisher=publisher, epoch=epoch
-    )
+    sweep = RetainedSweep(settings.mqtt, client_id=f"{client_id}-sweep", engine=engine, publisher=publisher)
     operations = HostOperations(hosts)
     limits = MqttLimits(settings.hosts, clock)
     mqtt_api = MqttApi(mqtt, topics, operations, limits=limits, max_body=settings.max_body)
@@ -163,16 +160,16 @@ def _client_id(settings: OrderServiceSettings, epoch: int) -> str:
 
 
 def readiness(mqtt: MqttLink, store: Store) -> Readiness:
-    """Tell whether broker and store are there."""
+    """Return whether the broker is connected and the store can be written."""
     problems = []
     if not mqtt.state.connected:
         why = mqtt.state.last_error or "not yet"
-        problems.append(f"The MQTT broker is not connected ({why}). Orders are taken and wait.")
+        problems.append(f"The MQTT broker is not connected ({why}). Orders are accepted and wait.")
     elif mqtt.state.refused:
         topics = ", ".join(mqtt.state.refused)
-        problems.append(f"The MQTT broker refuses to tell of {topics}: look at its access list.")
+        problems.append(f"The MQTT broker refuses the subscription to {topics}: check its access list.")
     if not store.ready:
-        problems.append(f"The store takes nothing ({store.why_not_ready}). Orders are refused.")
+        problems.append(f"Database unavailable ({store.why_not_ready}). Orders are refused.")
     return Readiness(
         ready=not problems,
         broker_connected=mqtt.state.connected,

@@ -107,7 +107,7 @@ class MqttLimits:
             detail = f"Too many requests. Ask again in {seconds:.1f} s."
             return _too_many(HTTPStatus.TOO_MANY_REQUESTS, detail)
         if in_work >= REQUESTS_LIMIT:
-            detail = f"{REQUESTS_LIMIT} requests are in work already. Send again when they are answered."
+            detail = f"{REQUESTS_LIMIT} requests are in work already. Retry when they are answered."
             return _too_many(HTTPStatus.SERVICE_UNAVAILABLE, detail)
         return None
 
@@ -262,7 +262,7 @@ def read_request(message: Inbound, model: type[M], *, max_body: int) -> M | Prob
         return Problem(
             title="Not JSON" if no_json else "Request does not fit",
             status=HTTPStatus.BAD_REQUEST if no_json else HTTPStatus.UNPROCESSABLE_ENTITY,
-            detail="The request has not the form that it needs. Correct what errors names.",
+            detail="The request is malformed. Fix the problems listed in errors.",
             errors=tuple(problems),
         )
 

@@ -43,7 +43,7 @@ FORESEEN: tuple[type[Exception], ...] = (InvalidRequestError, *STATUS)
 
 
 def problem_of(error: Exception) -> Problem:
-    """Say what went wrong; an error that nobody foresaw gives no inside view."""
+    """Return the problem of an error; one of an unexpected error shows nothing of the inside."""
     if isinstance(error, InvalidRequestError):
         return _invalid(error)
     status = STATUS.get(type(error))
@@ -51,7 +51,7 @@ def problem_of(error: Exception) -> Problem:
         return Problem(
             title="Internal error",
             status=HTTPStatus.INTERNAL_SERVER_ERROR,
-            detail="The order service failed at this request; its log says why. Please report it.",
+            detail="Internal error; the log of the order service has the details. Please report it.",
         )
     problems: tuple[str, ...] = getattr(error, "problems", ())
     return Problem(title=status.phrase, status=status, detail=str(error), errors=problems)
@@ -62,7 +62,7 @@ def _invalid(error: InvalidRequestError) -> Problem:
     return Problem(
         title="Not possible in this plant",
         status=status,
-        detail="The plant does not allow this request. Correct what errors names; nothing was created.",
+        detail="The request does not fit the plant model; nothing was created. Fix what errors lists.",
         errors=tuple(finding.text for finding in error.findings),
     )
 
@@ -71,7 +71,7 @@ log = get_logger(__name__)
 
 
 def install(app: FastAPI) -> None:
-    """Let every error of ``app`` be answered as a problem."""
+    """Answer every error of ``app`` with a problem."""
 
     @app.exception_handler(RequestValidationError)
     async def invalid(request: Request, error: RequestValidationError) -> Response:
@@ -112,15 +112,15 @@ def _problem_of_validation(request: Request, error: RequestValidationError) -> P
     return Problem(
         title="Request does not fit",
         status=HTTPStatus.UNPROCESSABLE_ENTITY,
-        detail="The request has not the form that it needs. Correct what errors names; see /openapi.json.",
+        detail="The request is malformed. Fix the problems listed in errors; see /openapi.json.",
         errors=tuple(in_words(found, whole="body", root="body", most=TOLD)),
     )
 
 
 def _problem_of_status(request: Request, error: HTTPException) -> Problem:
     details = {
-        HTTPStatus.NOT_FOUND: f"There is nothing at {request.url.path}. /openapi.json lists what there is.",
-        HTTPStatus.METHOD_NOT_ALLOWED: f"{request.method} is not possible there; see /openapi.json.",
+        HTTPStatus.NOT_FOUND: f"There is nothing at {request.url.path}. /openapi.json lists all paths.",
+        HTTPStatus.METHOD_NOT_ALLOWED: f"{request.method} is not supported at this path; see /openapi.json.",
     }
     status = HTTPStatus(error.status_code)
     return Problem(title=status.phrase, status=status, detail=details.get(status, str(error.detail)))

@@ -22,23 +22,23 @@ from nena_shared.web.server import SHUTDOWN_TIMEOUT, HttpServer
 from nena_shared.web.settings import HttpSettings
 
 DETAIL = (
-    "Commands of web pages (Origin) are not taken where nobody has to log in. Use the control panel; or set "
-    "http.users, and send a token."
+    "Requests of web pages (with Origin) may not change anything while no login is required. Use the control "
+    "panel, or set http.users and send a token."
 )
 
 
 class NoPages:
-    """ASGI middleware: answers 403 to whatever a browser says that a page has asked for.
+    """ASGI middleware: answers 403 to changes that a web page asks for, as a browser tells by ``Origin``.
 
-    A browser asks on behalf of any page that is open in it. A request without a body it sends to other sites
-    unasked, and to a name that a page has made to point here anything: only a token tells people from pages.
+    Any page that is open in a browser can send requests here: simple ones to any address, and any to a host
+    name that it lets point here. Only a token tells users from pages.
     """
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass on what programs ask, and what changes nothing."""
+        """Pass on requests of programs, and those that change nothing."""
         asks = scope["type"] == "http" and scope["method"] not in READING
         if asks and "origin" in Headers(scope=scope):
             await refusal(HTTPStatus.FORBIDDEN, DETAIL)(scope, receive, send)
@@ -56,8 +56,8 @@ def make_standby_app(active_url: Callable[[], str], problem: Callable[[], str]) 
     """Make the ASGI application.
 
     Args:
-        active_url: tells where the active order service is; empty where that is not known.
-        problem: tells why the database cannot be asked for that; empty where it can.
+        active_url: returns the URL of the active order service; empty while it is not known.
+        problem: returns why the database does not answer; empty while it does.
 
     """
     app = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
@@ -69,8 +69,8 @@ def make_standby_app(active_url: Callable[[], str], problem: Callable[[], str]) 
 
     @app.get("/readyz")
     async def ready() -> Response:
-        where = f"The active one is {active_url()}." if active_url() else "It is not known which is active."
-        said = [f"This order service stands by. {where}"]
+        where = f"The active one is {active_url()}." if active_url() else "The active one is not known."
+        said = [f"This order service is a standby. {where}"]
         if problem():
             said.append(f"The database does not answer ({problem()}): no takeover is possible now.")
         body = Readiness(
@@ -96,9 +96,9 @@ def _go_there(active_url: str, path: str) -> Response:
     where = (
         f"Send the request to the active one: {active_url}{path}"
         if active_url
-        else "It is not known yet which is active. Try again in a moment, here and at the others"
+        else "The active one is not known yet. Retry in a moment, here and at the others"
     )
-    problem = Problem(title="Standing by", status=status, detail=f"This order service stands by. {where}.")
+    problem = Problem(title="Standing by", status=status, detail=f"This order service is a standby. {where}.")
     headers = {"Retry-After": RETRY_AFTER}
     if active_url:
         headers["Link"] = f'<{active_url}{path}>; rel="alternate"'
@@ -106,7 +106,7 @@ def _go_there(active_url: str, path: str) -> Response:
 
 
 def make_starting_app(problem: Callable[[], str]) -> FastAPI:
-    """Make the ASGI application; ``problem`` tells why the store takes nothing."""
+    """Make the ASGI application; ``problem`` returns why the store cannot be written."""
     app = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
     problems.install(app)
     status = HTTPStatus.SERVICE_UNAVAILABLE
@@ -114,8 +114,8 @@ def make_starting_app(problem: Callable[[], str]) -> FastAPI:
     def said() -> str:
         why = f" ({problem()})" if problem() else ""
         return (
-            f"This order service starts, and waits until its store takes something{why}. "
-            "Look at the disk or server of store.url; it goes on by itself."
+            f"This order service is starting and waits for its database{why}. "
+            "Check the disk or server of store.url; it continues automatically."
         )
 
     @app.get("/healthz")
@@ -138,39 +138,39 @@ def make_starting_app(problem: Callable[[], str]) -> FastAPI:
 
 
 class RestServer:
-    """Has the port from its making on.
+    """Listens on the port from its creation on; the application that answers can be replaced.
 
-    What answers may be changed; users, an issuer's keys and what limits of requests have counted stay.
+    Users, the keys of an issuer and the counts of rate limits stay when it is.
     """
 
     def __init__(self, app: ASGIApp, settings: HttpSettings) -> None:
-        """Take the port.
+        """Bind the port.
 
         Raises:
             ConfigurationError: the address is not protected as it must be, or a file cannot be used.
-            StartError: somebody else has the port, or the address is not ours.
+            StartError: the port is taken, or the address is not one of this machine.
 
         """
         self._guard = protect(app, settings, role_needed)
-        asks = settings.users is not None or settings.oidc is not None
-        self._http = HttpServer(AccessKey(self._guard if asks else NoPages(self._guard)), settings)
+        has_users = settings.users is not None or settings.oidc is not None
+        self._http = HttpServer(AccessKey(self._guard if has_users else NoPages(self._guard)), settings)
         self._answering: asyncio.Task[None] | None = None
 
     @property
     def url(self) -> str:
-        """Where it is found, as far as the settings tell."""
+        """The URL, by the settings."""
         return self._http.url
 
     def show(self, app: ASGIApp) -> None:
-        """Have ``app`` answer from the next request on."""
+        """Let ``app`` answer from the next request on."""
         self._guard.app = app
 
     def open(self, supervisor: Supervisor) -> None:
-        """Answer requests from now on; nothing happens where that is so already."""
+        """Start to answer requests, unless that is done already."""
         self._answering = self._answering or supervisor.start("http", self._http.run())
 
     async def close(self) -> None:
-        """Take no more requests, and give those that are open a moment to end."""
+        """Stop accepting requests, and wait a moment for open ones."""
         answering, self._answering = self._answering, None
         if answering is None:
             self._http.close()

@@ -80,16 +80,16 @@ class StatusPublisher:
         end_kept: float,
         epoch: int = 0,
     ) -> None:
-        self._mqtt = mqtt
-        self._topics = topics
+        self.mqtt = mqtt
+        self.topics = topics
         self._engine = engine
         self._plant_json = plant_json
-        self._epoch = epoch
+        self.epoch = epoch
         self._ended = EndedOrders(end_kept, self._clear)
 
     def greeting(self) -> Iterator[Outbound]:
         """Return what is published at each connect, for the broker may have lost its data."""
-        yield Outbound(self._topics.plant_model, self._plant_json, retain=True)
+        yield Outbound(self.topics.plant_model, self._plant_json, retain=True)
         for vehicle in self._engine.registry:
             yield self._of_vehicle(self._engine.status(vehicle))
         for sequence in self._engine.state.sequences.unfinished():
@@ -101,39 +101,39 @@ class StatusPublisher:
 
     def order_changed(self, status: TransportOrderStatus) -> None:
         """Publish an order's new version; the topic is cleared some time after the last one."""
-        self._mqtt.publish(self._of_order(status))
+        self.mqtt.publish(self._of_order(status))
         if status.state.final:
             self._ended.add(status)
 
     def sequence_changed(self, status: OrderSequenceStatus) -> None:
         """Publish an order sequence's new version; the last one is followed by what clears the topic."""
-        self._mqtt.publish(self._of_sequence(status))
+        self.mqtt.publish(self._of_sequence(status))
         if status.finished:
-            self._mqtt.publish(Outbound(self._topics.sequence_status(status.name), b"", retain=True))
+            self.mqtt.publish(Outbound(self.topics.sequence_status(status.name), b"", retain=True))
 
     def vehicle_changed(self, status: VehicleStatus) -> None:
         """Publish a vehicle's status."""
-        self._mqtt.publish(self._of_vehicle(status))
+        self.mqtt.publish(self._of_vehicle(status))
 
     def close(self) -> None:
         """Clear no more topics; the next start clears those of ended orders."""
         self._ended.close()
 
     def _clear(self, name: str) -> None:
-        self._mqtt.publish(Outbound(self._topics.order_status(name), b"", retain=True))
+        self.mqtt.publish(Outbound(self.topics.order_status(name), b"", retain=True))
 
     def _of_order(self, status: TransportOrderStatus) -> Outbound:
-        return self._status(self._topics.order_status(status.name), status)
+        return self._status(self.topics.order_status(status.name), status)
 
     def _of_sequence(self, status: OrderSequenceStatus) -> Outbound:
-        return self._status(self._topics.sequence_status(status.name), status)
+        return self._status(self.topics.sequence_status(status.name), status)
 
     def _of_vehicle(self, status: VehicleStatus) -> Outbound:
-        return self._status(self._topics.vehicle_status(status.serial_number), status)
+        return self._status(self.topics.vehicle_status(status.serial_number), status)
 
     def _status(self, topic: str, status: BaseModel) -> Outbound:
         body = status.model_dump_json(by_alias=True).encode()
-        return Outbound(topic, with_epoch(body, self._epoch), retain=True)
+        return Outbound(topic, with_epoch(body, self.epoch), retain=True)
 
 
 TERM_POLL = 0.25
@@ -152,17 +152,14 @@ class RetainedSweep:
     def __init__(
         self,
         settings: MqttSettings,
-        topics: FleetTopics,
         *,
         client_id: str,
-        mqtt: MqttLink,
         engine: Engine,
         publisher: StatusPublisher,
-        epoch: int = 0,
     ) -> None:
-        self._epoch = epoch
-        self._mqtt = mqtt
-        self._topics = topics
+        self._epoch = publisher.epoch
+        self._mqtt = publisher.mqtt
+        self._topics = publisher.topics
         self._engine = engine
         self._publisher = publisher
         self._settings = settings.model_copy(update={"client_id": None})
@@ -202,9 +199,9 @@ class RetainedSweep:
         for serial_number in sorted(self._vehicles):
             self._correct_vehicle(serial_number)
         for name in sorted(self._names):
-            await self._put_right(name)
+            await self._correct_order(name)
         for name in sorted(self._sequences):
-            await self._put_sequence_right(name)
+            await self._correct_sequence(name)
         self._names.clear()
         self._sequences.clear()
         self._vehicles.clear()
@@ -236,29 +233,29 @@ class RetainedSweep:
             log.warning("clearing the status of an unknown vehicle", serial_number=serial_number)
             self._mqtt.publish(Outbound(self._topics.vehicle_status(serial_number), b"", retain=True))
 
-    async def _put_sequence_right(self, name: str) -> None:
+    async def _correct_sequence(self, name: str) -> None:
         if sequence := self._engine.state.sequences.visible(name):
             self._publisher.sequence_changed(sequence.status)
             return
         stored = await self._engine.store.sequence(name=name)
         if stored and stored.status.finished:
-            log.info("the end of an order sequence is told again", sequence=name)
+            log.info("publishing the end of an order sequence again", sequence=name)
             self._publisher.sequence_changed(stored.status)
         elif stored is None:
-            log.warning("the status of a sequence that is not in the store is cleared", sequence=name)
+            log.warning("clearing the status of an unknown order sequence", sequence=name)
             self._mqtt.publish(Outbound(self._topics.sequence_status(name), b"", retain=True))
 
-    async def _put_right(self, name: str) -> None:
+    async def _correct_order(self, name: str) -> None:
         order = self._engine.state.orders.visible_named(name)
         if order is not None and not order.state.final:
             self._publisher.order_changed(order.status)
             return
         stored = await self._engine.store.order(name=name)
         if stored and stored.state.final:
-            log.info("the end of an order is told again", order=name, state=stored.state.value)
+            log.info("publishing the end of an order again", order=name, state=stored.state.value)
             self._publisher.order_changed(stored.status)
         elif stored is None:
-            log.warning("the status of an order that is not in the store is cleared", order=name)
+            log.warning("clearing the status of an unknown order", order=name)
             self._mqtt.publish(Outbound(self._topics.order_status(name), b"", retain=True))
 
     def _lives(self, name: str) -> bool:
