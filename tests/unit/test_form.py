@@ -1,8 +1,9 @@
-"""The form of the code that no linter knows: short functions, short modules, tests that do not sleep."""
+"""The form of the code that no linter checks: functions, modules, constructors, class names, sleeps in tests."""
 
 from __future__ import annotations
 
 import ast
+from collections import defaultdict
 from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path
@@ -15,6 +16,10 @@ LONGEST_FUNCTION = 50
 """Lines, from ``def`` to the end."""
 LONGEST_MODULE = 700
 """Lines; of a module of tests, which may show many cases of one thing, nothing is said."""
+MOST_PARAMETERS = 6
+"""Of a constructor that is written by hand, without ``self``."""
+MAY_TAKE_MORE = PROJECT / "shared/src/nena_shared/mqtt/link.py"
+"""Its callbacks are the link's whole interface to a program."""
 MAY_SLEEP = PROJECT / "tests/support/pausing.py"
 LAST = 1_000_000
 """A line behind all others."""
@@ -23,6 +28,7 @@ MAY_CANCEL_AND_WAIT = PROJECT / "shared/src/nena_shared/tasks.py"
 SOURCES = tuple(
     chain.from_iterable(PROJECT.glob(each) for each in ("shared/src", "services/*/src", "tools/*/src"))
 )
+SERVICES = tuple(PROJECT.glob("services/*/src"))
 TESTS = PROJECT / "tests"
 
 
@@ -40,6 +46,25 @@ def too_long(module: Path) -> Iterator[str]:
             lines = (node.end_lineno or node.lineno) - node.lineno + 1
             if lines > LONGEST_FUNCTION:
                 yield f"{module}:{node.lineno} {node.name} has {lines} lines"
+
+
+def wide_constructors(module: Path) -> Iterator[str]:
+    for node in nodes(module):
+        if isinstance(node, ast.FunctionDef) and node.name == "__init__":
+            parameters = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
+            if len(parameters) - 1 > MOST_PARAMETERS:
+                yield f"{module}:{node.lineno} takes {len(parameters) - 1}"
+
+
+def classes_of_services() -> dict[str, list[str]]:
+    """Return the modules that define each class, by service and name."""
+    found: dict[str, list[str]] = defaultdict(list)
+    for folder in SERVICES:
+        for module in modules(folder):
+            for node in nodes(module):
+                if isinstance(node, ast.ClassDef):
+                    found[f"{folder.parent.name}: {node.name}"].append(module.name)
+    return found
 
 
 def sleeps(module: Path) -> Iterator[str]:
@@ -88,6 +113,16 @@ def test_modules_are_short() -> None:
         if not module.name.startswith("test_")
     }
     assert {module: count for module, count in lines.items() if count >= LONGEST_MODULE} == {}
+
+
+def test_constructors_take_few_parameters() -> None:
+    assert [
+        each for module in modules(*SOURCES) if module != MAY_TAKE_MORE for each in wide_constructors(module)
+    ] == []
+
+
+def test_a_class_name_stands_once_in_a_service() -> None:
+    assert {name: places for name, places in classes_of_services().items() if len(places) > 1} == {}
 
 
 def test_tests_wait_for_conditions_and_sleep_nowhere() -> None:

@@ -181,7 +181,7 @@ class StoredPlant(BaseModel):
 
 
 @dataclass(slots=True)
-class _Asked:
+class _RequestedChange:
     model: PlantModel
     done: asyncio.Future[None]
     check_only: bool
@@ -215,7 +215,7 @@ class Serving(Generic[P]):
         self._supervisor = supervisor
         self._make = make
         self._tasks: list[asyncio.Task[None]] = []
-        self._asked: asyncio.Queue[_Asked] = asyncio.Queue(maxsize=1)
+        self._asked: asyncio.Queue[_RequestedChange] = asyncio.Queue(maxsize=1)
 
     async def begin(self) -> None:
         """Let all parts run.
@@ -238,7 +238,7 @@ class Serving(Generic[P]):
             StoreNotReadyError: it cannot be kept, or another change is under way.
 
         """
-        asked = _Asked(model, asyncio.get_running_loop().create_future(), check_only)
+        asked = _RequestedChange(model, asyncio.get_running_loop().create_future(), check_only)
         try:
             self._asked.put_nowait(asked)
             async with asyncio.timeout(PATIENCE):
@@ -258,7 +258,7 @@ class Serving(Generic[P]):
                 if not asked.done.done():
                     asked.done.set_result(None)
 
-    async def _change(self, asked: _Asked) -> None:
+    async def _change(self, asked: _RequestedChange) -> None:
         try:
             parts = await asyncio.to_thread(self._make, asked.model)
         except ConfigurationError as error:

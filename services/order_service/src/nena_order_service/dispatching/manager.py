@@ -159,7 +159,7 @@ STANDS_STILL = (VehicleState.UNKNOWN, VehicleState.UNAVAILABLE, VehicleState.ERR
 
 
 @dataclass(frozen=True, slots=True)
-class Candidate:
+class LocatedCandidate:
     """A vehicle as the dispatcher sees it, and where it stands; None where nobody knows."""
 
     vehicle: FleetVehicle
@@ -264,7 +264,7 @@ class Dispatching:
         """Tell whether a vehicle does nothing but an order sequence."""
         return self.fit.sequences.bound_to(vehicle.name) is not None
 
-    def consider(self, vehicle: FleetVehicle) -> Candidate:
+    def consider(self, vehicle: FleetVehicle) -> LocatedCandidate:
         """Give a vehicle as the dispatcher sees it now."""
         if vehicle.obstacle:
             return _hindered(vehicle, vehicle.obstacle)
@@ -291,7 +291,7 @@ class Dispatching:
             order_types=self.fit.order_types(vehicle),
             carried=self._carried(vehicle, view),
         )
-        return Candidate(vehicle, seen, standing)
+        return LocatedCandidate(vehicle, seen, standing)
 
     def energy(self, vehicle: FleetVehicle, view: RobotView) -> Energy | None:
         """Give how much energy a vehicle has; None where that is of no account."""
@@ -335,7 +335,7 @@ class Dispatching:
             return False
         return order.status.dispensable or (is_automatic_recharge(order) and is_operating(order))
 
-    def _candidates(self, orders: Sequence[TransportOrder] = ()) -> dict[str, Candidate]:
+    def _candidates(self, orders: Sequence[TransportOrder] = ()) -> dict[str, LocatedCandidate]:
         """Look at all vehicles, or only at those that are meant where each of the orders means one."""
         meant = {each.status.intended_vehicle for each in orders}
         vehicles: Iterable[FleetVehicle] = self._registry
@@ -343,13 +343,13 @@ class Dispatching:
             vehicles = filter(None, map(self._registry.named, sorted(map(str, meant))))
         return {each.name: self._look_at(each) for each in vehicles if not each.obstacle}
 
-    def _look_at(self, vehicle: FleetVehicle) -> Candidate:
+    def _look_at(self, vehicle: FleetVehicle) -> LocatedCandidate:
         """Consider a vehicle, and remember what mattered."""
         found = self.consider(vehicle)
         self._looked_at[vehicle.name] = found.matters
         return found
 
-    def _knowledge(self, candidates: dict[str, Candidate]) -> OrderKnowledge:
+    def _knowledge(self, candidates: dict[str, LocatedCandidate]) -> OrderKnowledge:
         places = {
             name: (each.vehicle, each.standing.point)
             for name, each in candidates.items()
@@ -373,5 +373,5 @@ def is_operating(order: TransportOrder) -> bool:
     return order.current.state is DriveOrderState.OPERATING
 
 
-def _hindered(vehicle: FleetVehicle, obstacle: str) -> Candidate:
-    return Candidate(vehicle, DispatchedVehicle(vehicle.name, obstacle))
+def _hindered(vehicle: FleetVehicle, obstacle: str) -> LocatedCandidate:
+    return LocatedCandidate(vehicle, DispatchedVehicle(vehicle.name, obstacle))

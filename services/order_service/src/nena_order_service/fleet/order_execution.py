@@ -119,7 +119,7 @@ def read(state: State, vda_order: VdaOrder) -> Progress:
 
 
 @dataclass(frozen=True, slots=True)
-class Failure:
+class ExecutionFailure:
     """Why a VDA order fails: how, a sentence, and the robot's own words."""
 
     kind: FailureKind
@@ -162,7 +162,7 @@ class OrderExecution:
         self._told = -2
         """SequenceId of the last node whose passing was told; -2: not even the acceptance."""
         self._operating = False
-        self._failure: Failure | None = None
+        self._failure: ExecutionFailure | None = None
         self._before: frozenset[ErrorIdentity] = frozenset()
         self._standing_since: float | None = None
         self._retriable: frozenset[object] = frozenset()
@@ -231,7 +231,7 @@ class OrderExecution:
 
     def refuse(self, reason: str) -> FleetOutput:
         """End without having sent anything."""
-        return self._fail(Failure(FailureKind.UNFIT, reason))
+        return self._fail(ExecutionFailure(FailureKind.UNFIT, reason))
 
     def hold(self) -> None:
         """Let no time pass for the delivery: the robot cannot be sent the order now."""
@@ -262,7 +262,7 @@ class OrderExecution:
         if self._known_in(state):
             yield from self._follow(state, now)
         elif self._accepted and self.phase is not VdaOrderPhase.CANCELLING:
-            yield self._fail(Failure(FailureKind.LOST, _lost(state)))
+            yield self._fail(ExecutionFailure(FailureKind.LOST, _lost(state)))
         elif self.phase is VdaOrderPhase.SENT:
             yield from self._look_for_refusal(state, now)
         if self.phase is VdaOrderPhase.CANCELLING and not self.ended:
@@ -273,14 +273,14 @@ class OrderExecution:
         if self.phase is VdaOrderPhase.SENT and self._delivery.failed(now):
             times = self._settings.sendings
             yield self._fail(
-                Failure(
+                ExecutionFailure(
                     FailureKind.NOT_TAKEN, f"the order was sent {times} times, but the robot never took it up"
                 )
             )
         elif self._pending and self.phase is VdaOrderPhase.RUNNING and self._pending.delivery.failed(now):
             times = self._settings.sendings
             self._cancel_for(
-                Failure(
+                ExecutionFailure(
                     FailureKind.DRIVE, f"an update was sent {times} times, but the robot never took it up"
                 )
             )
@@ -345,7 +345,7 @@ class OrderExecution:
         if progress.idle and failure:
             yield self._fail(failure)
         elif progress.idle and not (progress.at_end and progress.unreported):
-            yield self._fail(Failure(FailureKind.DRIVE, _given_up(state), _words(state.errors)))
+            yield self._fail(ExecutionFailure(FailureKind.DRIVE, _given_up(state), _words(state.errors)))
         elif failure:
             self._cancel_for(failure)
         elif progress.retriable:
@@ -353,10 +353,10 @@ class OrderExecution:
         elif self._pending and (refused := self._pending.refusals(state.errors)):
             if self._pending.is_refused(refused, now):
                 reason = "the robot refuses to go on with the order"
-                self._cancel_for(Failure(FailureKind.DRIVE, reason, _words(refused)))
+                self._cancel_for(ExecutionFailure(FailureKind.DRIVE, reason, _words(refused)))
         elif errors := failures.about(state.errors, self.vda_order, self._before):
             kind = FailureKind.ACTION if failures.name_actions(errors) else FailureKind.DRIVE
-            self._cancel_for(Failure(kind, "the robot cannot go on with it", _words(errors)))
+            self._cancel_for(ExecutionFailure(kind, "the robot cannot go on with it", _words(errors)))
         else:
             self._look_for_standstill(state, now)
 
@@ -369,7 +369,7 @@ class OrderExecution:
                 name = self.vda_order.order_id
                 yield ActionRetriable(self._robot, name, each.action_id, failure.reason, failure.details)
 
-    def _failed_actions(self, state: State, failed: tuple[ActionState, ...]) -> Failure | None:
+    def _failed_actions(self, state: State, failed: tuple[ActionState, ...]) -> ExecutionFailure | None:
         if not failed:
             return None
         first = failed[0]
@@ -379,7 +379,7 @@ class OrderExecution:
         # of an order that is given up on its way they fail without having begun
         at_end = read(state, self.vda_order).at_end
         kind = FailureKind.ACTION if at_end else FailureKind.DRIVE
-        return Failure(kind, f"the action {name!r} has failed", (*filter(None, own), *said))
+        return ExecutionFailure(kind, f"the action {name!r} has failed", (*filter(None, own), *said))
 
     def _look_for_standstill(self, state: State, now: float) -> None:
         """Lose patience with a robot that stands and has the VDA order, but not what it takes to end it."""
@@ -391,19 +391,19 @@ class OrderExecution:
         elif now - self._standing_since >= self._settings.standstill_patience:
             self._cancel_for(failure)
 
-    def _standstill(self, state: State) -> Failure | None:
+    def _standstill(self, state: State) -> ExecutionFailure | None:
         if state.driving or not self._known_in(state):
             return None
         if failures.unexplained(state.errors, self.vda_order, self._before):
             reason = "the robot stands with an error that it cannot go on with"
-            return Failure(FailureKind.DRIVE, reason, _words(state.errors))
+            return ExecutionFailure(FailureKind.DRIVE, reason, _words(state.errors))
         if self.vda_order.actions and not state.node_states:
             unreported = read(state, self.vda_order).unreported
             reason = "the robot does not report the actions of the order"
-            return Failure(FailureKind.UNCLEAR, reason, _words(state.errors)) if unreported else None
+            return ExecutionFailure(FailureKind.UNCLEAR, reason, _words(state.errors)) if unreported else None
         return None
 
-    def _cancel_for(self, failure: Failure) -> None:
+    def _cancel_for(self, failure: ExecutionFailure) -> None:
         self._failure = failure
         self.phase = VdaOrderPhase.CANCELLING
 
@@ -411,7 +411,9 @@ class OrderExecution:
         errors = failures.refusals(state.errors, self.vda_order, self._before)
         named = any(failures.is_named(each, self.vda_order) for each in errors)
         if errors and self._delivery.is_refused(now, named=named):
-            yield self._fail(Failure(FailureKind.REFUSED, "the robot refuses the order", _words(errors)))
+            yield self._fail(
+                ExecutionFailure(FailureKind.REFUSED, "the robot refuses the order", _words(errors))
+            )
 
     def _settle_cancel(self, state: State) -> Iterator[FleetOutput]:
         """End the VDA order once the robot confirms the cancel or shows that it does not have the order."""
@@ -428,7 +430,7 @@ class OrderExecution:
         else:
             why = self._failure.reason if self._failure else "it was to be cancelled"
             reason = f"{why}, but the robot does not confirm cancelOrder: {outcome.reason}"
-            yield self._fail(Failure(FailureKind.UNCLEAR, reason, _words(state.errors)))
+            yield self._fail(ExecutionFailure(FailureKind.UNCLEAR, reason, _words(state.errors)))
 
     def _may_be_unseen(self, cancelled: ActionStatus | None) -> bool:
         """Tell whether the order, or a copy of it, may yet come to the robot, though no state shows it."""
@@ -447,7 +449,7 @@ class OrderExecution:
         else:
             yield self._end(VdaOrderCancelled(self._robot, self.vda_order.order_id))
 
-    def _fail(self, failure: Failure) -> FleetOutput:
+    def _fail(self, failure: ExecutionFailure) -> FleetOutput:
         name = self.vda_order.order_id
         return self._end(VdaOrderFailed(self._robot, name, failure.reason, failure.details, failure.kind))
 

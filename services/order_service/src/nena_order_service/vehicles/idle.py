@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from nena_order_service.context import Context
-from nena_order_service.dispatching.manager import Candidate, Dispatching
+from nena_order_service.dispatching.manager import LocatedCandidate, Dispatching
 from nena_order_service.orders.automatic import PARK_TYPE, goal_of, park_request, recharge_request
 from nena_order_service.orders.life_cycle import LifeCycle
 from nena_order_service.vehicles.parking import ParkingPositions, Prospect, RechargeLocations
@@ -41,7 +41,7 @@ class _Idle:
 
 
 @dataclass(frozen=True, slots=True)
-class _Round:
+class _IdleRound:
     """What is true while the vehicles are looked at once."""
 
     now: float
@@ -49,7 +49,7 @@ class _Round:
     """Where vehicles with orders will stand at last, by their names."""
 
 
-def _has_nothing_to_do(candidate: Candidate) -> bool:
+def _has_nothing_to_do(candidate: LocatedCandidate) -> bool:
     seen = candidate.seen
     return not (seen.obstacle or seen.gives_up or seen.kept_for is not None)
 
@@ -79,7 +79,7 @@ class IdleVehicles:
         """Send those to recharge who need it, and those to park who are in the way."""
         if not (self._settings.recharging.enabled or self._settings.parking.enabled):
             return
-        round_ = _Round(self._context.clock.monotonic(), self._goals())
+        round_ = _IdleRound(self._context.clock.monotonic(), self._goals())
         for vehicle in self._registry:
             candidate = self._dispatching.consider(vehicle)
             known = self._idle.setdefault(vehicle.name, _Idle())
@@ -97,7 +97,7 @@ class IdleVehicles:
         known = self._idle.get(vehicle.name)
         return "; ".join(filter(None, (known.note, known.parking_note))) if known else ""
 
-    def _attend(self, candidate: Candidate, known: _Idle, round_: _Round) -> None:
+    def _attend(self, candidate: LocatedCandidate, known: _Idle, round_: _IdleRound) -> None:
         vehicle, known.note = candidate.vehicle, ""
         energy = self._dispatching.energy(vehicle, self._context.view(vehicle))
         if energy and energy.charging:
@@ -123,7 +123,7 @@ class IdleVehicles:
         return order is not None and not order.status.automatic
 
     def _recharging(
-        self, candidate: Candidate, known: _Idle, round_: _Round, *, urgent: bool
+        self, candidate: LocatedCandidate, known: _Idle, round_: _IdleRound, *, urgent: bool
     ) -> TransportOrderRequest | None:
         vehicle = candidate.vehicle
         found = self._locations.choose(
@@ -137,12 +137,14 @@ class IdleVehicles:
             return None
         return recharge_request(vehicle.name, found.location, found.operation, dispensable=not urgent)
 
-    def _is_to_park(self, candidate: Candidate, known: _Idle, round_: _Round) -> bool:
+    def _is_to_park(self, candidate: LocatedCandidate, known: _Idle, round_: _IdleRound) -> bool:
         parking = self._settings.parking
         since = round_.now if known.since is None else known.since
         return parking.enabled and not candidate.seen.restriction and round_.now - since >= parking.delay
 
-    def _parking(self, candidate: Candidate, known: _Idle, round_: _Round) -> TransportOrderRequest | None:
+    def _parking(
+        self, candidate: LocatedCandidate, known: _Idle, round_: _IdleRound
+    ) -> TransportOrderRequest | None:
         vehicle, standing = candidate.vehicle, candidate.standing
         assert standing, "who has no obstacle stands somewhere"  # noqa: S101 - for the type
         found = self._positions.choose(
@@ -160,7 +162,7 @@ class IdleVehicles:
             known.not_before[PARK_TYPE] = round_.now + PAUSE
         return park_request(vehicle.name, found.point) if found.point else None
 
-    def _cost(self, candidate: Candidate) -> Callable[[str], float]:
+    def _cost(self, candidate: LocatedCandidate) -> Callable[[str], float]:
         """Give what it costs a vehicle to reach points."""
         model, standing = candidate.vehicle.model, candidate.standing
         assert standing, "who has no obstacle stands somewhere"  # noqa: S101 - for the type
@@ -177,15 +179,15 @@ class IdleVehicles:
                 goals[vehicle.name] = route[-1]
         return goals
 
-    def _is_taken(self, point: str, vehicle: FleetVehicle, round_: _Round) -> bool:
+    def _is_taken(self, point: str, vehicle: FleetVehicle, round_: _IdleRound) -> bool:
         """Tell whether another vehicle is at a point, passes it now or is to come there."""
         return bool(self._users(point, vehicle, round_))
 
-    def _users(self, point: str, vehicle: FleetVehicle, round_: _Round) -> set[str]:
+    def _users(self, point: str, vehicle: FleetVehicle, round_: _IdleRound) -> set[str]:
         coming = {name for name, goal in round_.goals.items() if goal == point}
         return {*self._traffic.users(point), *coming} - {vehicle.name}
 
-    def _is_held_in_vain(self, point: str, vehicle: FleetVehicle, round_: _Round) -> bool:
+    def _is_held_in_vain(self, point: str, vehicle: FleetVehicle, round_: _IdleRound) -> bool:
         """Tell whether all who are at a point have energy enough and nothing to do."""
         others = (self._registry.named(name) for name in self._users(point, vehicle, round_))
         seen = (self._dispatching.consider(each).seen for each in others if each)
