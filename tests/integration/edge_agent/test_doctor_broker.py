@@ -12,7 +12,7 @@ import pytest
 from pydantic import SecretStr
 
 from nena_edge_agent.doctor.broker import BrokerView, as_whom, examine_broker
-from nena_edge_agent.doctor.finding import Finding, Link, Verdict
+from nena_edge_agent.doctor.finding import Link, LinkFinding, LinkVerdict
 from nena_edge_agent.doctor.program import main
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.mqtt import MqttLink
@@ -26,7 +26,7 @@ from support.waiting import PATIENCE, until
 pytestmark = pytest.mark.broker
 
 PLUGIN = Path("/usr/lib/x86_64-linux-gnu/mosquitto_dynamic_security.so")
-OK, MISSING, UNKNOWN = Verdict.OK, Verdict.MISSING, Verdict.UNKNOWN
+OK, MISSING, UNKNOWN = LinkVerdict.OK, LinkVerdict.MISSING, LinkVerdict.UNKNOWN
 
 
 @pytest.fixture(autouse=True)
@@ -40,11 +40,11 @@ def settings_for(mqtt: MqttSettings, **more: str) -> EdgeAgentSettings:
     return settings.model_copy(update=more)
 
 
-def verdicts(view: BrokerView) -> dict[Link, Verdict]:
+def verdicts(view: BrokerView) -> dict[Link, LinkVerdict]:
     return {each.link: each.verdict for each in view.findings}
 
 
-def first_missing(view: BrokerView) -> Finding:
+def first_missing(view: BrokerView) -> LinkFinding:
     return next(each for each in view.findings if each.verdict is MISSING)
 
 
@@ -111,7 +111,9 @@ def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Broker]:
     ("username", "password", "verdict"),
     [("robot", "r", OK), ("robot", "wrong", MISSING), ("nobody", "r", MISSING), (None, None, MISSING)],
 )
-async def test_a_login(guarded: Broker, username: str | None, password: str | None, verdict: Verdict) -> None:
+async def test_a_login(
+    guarded: Broker, username: str | None, password: str | None, verdict: LinkVerdict
+) -> None:
     secret = SecretStr(password) if password else None
     mqtt = guarded.settings.model_copy(update={"username": username, "password": secret})
 

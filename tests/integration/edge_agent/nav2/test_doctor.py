@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from nav_msgs.msg import Odometry
 
-from nena_edge_agent.doctor.finding import Finding, Link, Verdict
+from nena_edge_agent.doctor.finding import Link, LinkFinding, LinkVerdict
 from nena_edge_agent.doctor.navigation import RosView, judge_clock, judge_map, judge_robot
 from nena_edge_agent.doctor.program import examine
 from nena_edge_agent.doctor.ros_probe import _Probe, look
@@ -26,7 +26,7 @@ from support.waiting import PATIENCE
 
 pytestmark = pytest.mark.ros
 
-OK, MISSING = Verdict.OK, Verdict.MISSING
+OK, MISSING = LinkVerdict.OK, LinkVerdict.MISSING
 
 
 PROBE = "nena_edge_agent.doctor.ros_probe"
@@ -47,7 +47,7 @@ def expect(monkeypatch: pytest.MonkeyPatch, enough: Callable[[_Probe], object]) 
     monkeypatch.setattr(_Probe, "_complete", enough)
 
 
-def first_missing(view: RosView, settings: RosSettings) -> Finding:
+def first_missing(view: RosView, settings: RosSettings) -> LinkFinding:
     return next(each for each in judge_robot(view, settings) if each.verdict is MISSING)
 
 

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from nena_edge_agent.doctor.finding import Finding, Link, Verdict, missing, ok, report, unknown
+from nena_edge_agent.doctor.finding import Link, LinkFinding, LinkVerdict, missing, ok, report, unknown
 
 
 def test_the_report_names_the_first_missing_link_and_what_to_do() -> None:
@@ -23,6 +23,6 @@ def test_the_report_names_the_first_missing_link_and_what_to_do() -> None:
 
 
 def test_what_is_doubtful_is_not_missing() -> None:
-    text = report([Finding(Link.CLOCK, Verdict.DOUBTFUL, "nobody keeps it", "have it kept")])
+    text = report([LinkFinding(Link.CLOCK, LinkVerdict.DOUBTFUL, "nobody keeps it", "have it kept")])
 
     assert text.endswith("-> have it kept\nNo link is missing.\n")

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from nena_edge_agent.doctor.finding import Finding, Link, Verdict
+from nena_edge_agent.doctor.finding import Link, LinkFinding, LinkVerdict
 from nena_edge_agent.doctor.navigation import (
     ROS_LINKS,
     Grid,
@@ -34,15 +34,15 @@ WELL = RosView(
 )
 
 
-def first_missing(view: RosView) -> Finding:
-    return next(each for each in judge_robot(view, SETTINGS) if each.verdict is Verdict.MISSING)
+def first_missing(view: RosView) -> LinkFinding:
+    return next(each for each in judge_robot(view, SETTINGS) if each.verdict is LinkVerdict.MISSING)
 
 
 def test_a_robot_that_is_well() -> None:
     findings = judge_robot(WELL, SETTINGS)
 
     assert [each.link for each in findings] == list(ROS_LINKS)
-    assert {each.verdict for each in findings} == {Verdict.OK}
+    assert {each.verdict for each in findings} == {LinkVerdict.OK}
     assert (
         findings[-1].text == "the robot is at 1.00 m, 2.00 m, 29 degrees, give or take 0.20 m and 6 degrees"
     )
@@ -78,7 +78,7 @@ def test_what_builds_on_a_missing_link_is_not_judged() -> None:
         judge_robot(replace(WELL, servers=0), SETTINGS),
     )
 
-    unknown, ok, gone = Verdict.UNKNOWN, Verdict.OK, Verdict.MISSING
+    unknown, ok, gone = LinkVerdict.UNKNOWN, LinkVerdict.OK, LinkVerdict.MISSING
     assert [each.verdict for each in without_nodes] == [gone, unknown, unknown, unknown]
     assert [each.verdict for each in without_nav2] == [ok, gone, unknown, unknown]
     assert [each.link for each in without_nodes] == list(ROS_LINKS)
@@ -91,26 +91,26 @@ def test_nav2_without_a_lifecycle_manager_is_taken_as_it_is() -> None:
         if each.link is Link.NAVIGATION
     ]
 
-    assert finding.verdict is Verdict.OK
+    assert finding.verdict is LinkVerdict.OK
 
 
 @pytest.mark.parametrize(
     ("view", "plant_maps", "verdict", "text"),
     [
-        (WELL, set(), Verdict.OK, "orders must name it so; Nav2's map is 50 m by 30 m"),
-        (WELL, {"hall", "yard"}, Verdict.OK, "as in the plant model"),
-        (WELL, {"yard", "Hall"}, Verdict.MISSING, "the plant model has 'Hall', 'yard'"),
-        (None, {"yard"}, Verdict.MISSING, "the plant model has 'yard'"),
-        (None, set(), Verdict.OK, "map_id is 'hall', orders must name it so"),
-        (RosView(), set(), Verdict.UNKNOWN, "more needs the namespace"),
-        (replace(WELL, grid=None), set(), Verdict.DOUBTFUL, "nobody publishes a map"),
-        (replace(WELL, grid=replace(WELL.grid, frame="odom")), set(), Verdict.MISSING, "frame 'odom'"),  # type: ignore[type-var]  # it is no None
-        (replace(WELL, pose=replace(POSE, x=40.1)), set(), Verdict.MISSING, "not on Nav2's map"),
-        (replace(WELL, pose=replace(POSE, y=-10.1)), set(), Verdict.MISSING, "not on Nav2's map"),
-        (replace(WELL, pose=None), set(), Verdict.OK, "50 m by 30 m"),
+        (WELL, set(), LinkVerdict.OK, "orders must name it so; Nav2's map is 50 m by 30 m"),
+        (WELL, {"hall", "yard"}, LinkVerdict.OK, "as in the plant model"),
+        (WELL, {"yard", "Hall"}, LinkVerdict.MISSING, "the plant model has 'Hall', 'yard'"),
+        (None, {"yard"}, LinkVerdict.MISSING, "the plant model has 'yard'"),
+        (None, set(), LinkVerdict.OK, "map_id is 'hall', orders must name it so"),
+        (RosView(), set(), LinkVerdict.UNKNOWN, "more needs the namespace"),
+        (replace(WELL, grid=None), set(), LinkVerdict.DOUBTFUL, "nobody publishes a map"),
+        (replace(WELL, grid=replace(WELL.grid, frame="odom")), set(), LinkVerdict.MISSING, "frame 'odom'"),  # type: ignore[type-var]  # it is no None
+        (replace(WELL, pose=replace(POSE, x=40.1)), set(), LinkVerdict.MISSING, "not on Nav2's map"),
+        (replace(WELL, pose=replace(POSE, y=-10.1)), set(), LinkVerdict.MISSING, "not on Nav2's map"),
+        (replace(WELL, pose=None), set(), LinkVerdict.OK, "50 m by 30 m"),
     ],
 )
-def test_the_map(view: RosView | None, plant_maps: set[str], verdict: Verdict, text: str) -> None:
+def test_the_map(view: RosView | None, plant_maps: set[str], verdict: LinkVerdict, text: str) -> None:
     finding = judge_map(view, SETTINGS, "hall", plant_maps)
 
     assert finding.verdict is verdict
@@ -120,17 +120,17 @@ def test_the_map(view: RosView | None, plant_maps: set[str], verdict: Verdict, t
 @pytest.mark.parametrize(
     ("kept", "offset", "verdict"),
     [
-        (True, 0.01, Verdict.OK),
-        (True, None, Verdict.OK),
-        (None, -1.9, Verdict.OK),
-        (False, 0.0, Verdict.DOUBTFUL),
-        (False, None, Verdict.DOUBTFUL),
-        (True, 2.1, Verdict.MISSING),
-        (False, -1_795_000_000.0, Verdict.MISSING),
+        (True, 0.01, LinkVerdict.OK),
+        (True, None, LinkVerdict.OK),
+        (None, -1.9, LinkVerdict.OK),
+        (False, 0.0, LinkVerdict.DOUBTFUL),
+        (False, None, LinkVerdict.DOUBTFUL),
+        (True, 2.1, LinkVerdict.MISSING),
+        (False, -1_795_000_000.0, LinkVerdict.MISSING),
     ],
 )
 def test_stamps_that_are_off_weigh_more_than_what_the_kernel_knows(
-    *, kept: bool | None, offset: float | None, verdict: Verdict
+    *, kept: bool | None, offset: float | None, verdict: LinkVerdict
 ) -> None:
     assert judge_clock(kept=kept, ros_offset=offset).verdict is verdict
 

@@ -20,7 +20,7 @@ from nena_edge_agent.driver.port import (
     PoseReport,
     PositionInitialized,
 )
-from nena_edge_agent.loopback.driver import Battery, LoopbackDriver, Motion, braking
+from nena_edge_agent.loopback.driver import LoopbackDriver, Motion, SimulatedBattery, braking
 from nena_edge_agent.loopback.settings import LoopbackSettings
 from nena_shared.clock import SystemClock
 from support.waiting import until
@@ -258,8 +258,8 @@ STEPS = st.lists(
 )
 
 
-def battery(**settings: float) -> Battery:
-    return Battery(LoopbackSettings.model_validate(settings))
+def battery(**settings: float) -> SimulatedBattery:
+    return SimulatedBattery(LoopbackSettings.model_validate(settings))
 
 
 def test_driving_drains_the_battery() -> None:

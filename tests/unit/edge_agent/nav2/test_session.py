@@ -3,7 +3,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 
-from nena_edge_agent.nav2.session import Mailbox
+from nena_edge_agent.nav2.session import RosMailbox
 
 
 class Loop:
@@ -19,7 +19,7 @@ class Loop:
 
 def test_items_come_in_order_with_one_call_for_all_that_wait() -> None:
     loop, came = Loop(), list[int]()
-    mailbox = Mailbox[int](10, came.append, loop.posted.append)
+    mailbox = RosMailbox[int](10, came.append, loop.posted.append)
     for item in (1, 2, 3):
         mailbox.put(item)
     assert len(loop.posted) == 1
@@ -29,7 +29,7 @@ def test_items_come_in_order_with_one_call_for_all_that_wait() -> None:
 
 def test_the_oldest_is_dropped_when_it_is_full() -> None:
     loop, came = Loop(), list[int]()
-    mailbox = Mailbox[int](2, came.append, loop.posted.append)
+    mailbox = RosMailbox[int](2, came.append, loop.posted.append)
     for item in (1, 2, 3):
         mailbox.put(item)
     loop.run()
@@ -38,7 +38,7 @@ def test_the_oldest_is_dropped_when_it_is_full() -> None:
 
 def test_nothing_stays_behind_while_two_threads_are_at_it() -> None:
     loop, came = Loop(), list[int]()
-    mailbox = Mailbox[int](1, came.append, loop.posted.append)
+    mailbox = RosMailbox[int](1, came.append, loop.posted.append)
 
     def fill() -> None:
         for item in range(20_000):

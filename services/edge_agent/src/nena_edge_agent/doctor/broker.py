@@ -15,7 +15,7 @@ from paho.mqtt.client import Client
 from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 from paho.mqtt.reasoncodes import ReasonCode
 
-from nena_edge_agent.doctor.finding import Finding, Link, missing, ok, unknown
+from nena_edge_agent.doctor.finding import Link, LinkFinding, missing, ok, unknown
 from nena_edge_agent.messages import HeaderMaker, client_id_of
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import SystemClock
@@ -41,7 +41,7 @@ MAP_PROPERTY = "vda5050:mapId"
 class BrokerView:
     """What was found, and the ids of the maps that a plant model at the broker names."""
 
-    findings: list[Finding]
+    findings: list[LinkFinding]
     plant_maps: frozenset[str] = frozenset()
 
 
@@ -61,7 +61,7 @@ async def examine_broker(settings: EdgeAgentSettings) -> BrokerView:
         first = missing(Link.BROKER, f"{place} is not reached: {problem}", remedy)
         return BrokerView([first, *unknown((Link.LOGIN, Link.ACCESS), "needs the broker")])
     reached = ok(Link.BROKER, f"{place} takes connections")
-    probe = _Probe(settings)
+    probe = _BrokerProbe(settings)
     async with probe.connected() as problem:
         if problem:
             return BrokerView(
@@ -89,7 +89,7 @@ async def _reach(mqtt: MqttSettings) -> str:
     return ""
 
 
-class _Probe:
+class _BrokerProbe:
     """A link such as the agent's, with a client id of its own."""
 
     def __init__(self, settings: EdgeAgentSettings) -> None:
@@ -176,7 +176,7 @@ def as_whom(mqtt: MqttSettings) -> str:
     return f"by the certificate {mqtt.tls.certificate}" if mqtt.tls.certificate else "as anonymous"
 
 
-def _not_let_in(mqtt: MqttSettings, problem: str) -> Finding:
+def _not_let_in(mqtt: MqttSettings, problem: str) -> LinkFinding:
     who = f"user '{mqtt.username}'" if mqtt.username else "a client without a user name"
     remedy = "see mqtt.username and mqtt.password_file, and whether the broker knows this user"
     if mqtt.tls.wanted:
@@ -186,7 +186,7 @@ def _not_let_in(mqtt: MqttSettings, problem: str) -> Finding:
     return missing(Link.LOGIN, f"{who} is not let in: {problem}", remedy)
 
 
-def _access(settings: EdgeAgentSettings, refused: list[str], not_written: str) -> Finding:
+def _access(settings: EdgeAgentSettings, refused: list[str], not_written: str) -> LinkFinding:
     robot = RobotKey(settings.manufacturer, settings.serial_number)
     scheme = topics_for(settings.version, settings.interface_name)
     subtree = f"{scheme.interface_name}/{scheme.major_version}/{robot}"

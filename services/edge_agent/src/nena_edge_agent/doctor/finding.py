@@ -21,7 +21,7 @@ class Link(StrEnum):
     CLOCK = "clock"
 
 
-class Verdict(StrEnum):
+class LinkVerdict(StrEnum):
     """How a link is."""
 
     OK = "ok"
@@ -33,37 +33,37 @@ class Verdict(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class LinkFinding:
     """What is known of one link; ``remedy`` says what to do where it is not well."""
 
     link: Link
-    verdict: Verdict
+    verdict: LinkVerdict
     text: str
     remedy: str = ""
 
 
-def ok(link: Link, text: str) -> Finding:
+def ok(link: Link, text: str) -> LinkFinding:
     """Make the finding of a link that is well."""
-    return Finding(link, Verdict.OK, text)
+    return LinkFinding(link, LinkVerdict.OK, text)
 
 
-def missing(link: Link, text: str, remedy: str) -> Finding:
+def missing(link: Link, text: str, remedy: str) -> LinkFinding:
     """Make the finding of a link that is missing."""
-    return Finding(link, Verdict.MISSING, text, remedy)
+    return LinkFinding(link, LinkVerdict.MISSING, text, remedy)
 
 
-def unknown(links: Iterable[Link], text: str) -> list[Finding]:
+def unknown(links: Iterable[Link], text: str) -> list[LinkFinding]:
     """Make the findings of links that were not looked at."""
-    return [Finding(link, Verdict.UNKNOWN, text) for link in links]
+    return [LinkFinding(link, LinkVerdict.UNKNOWN, text) for link in links]
 
 
-def report(findings: Sequence[Finding]) -> str:
+def report(findings: Sequence[LinkFinding]) -> str:
     """Write the findings for a person, one line each and one more where there is something to do."""
     lines = []
     for each in findings:
         lines.append(f"{each.verdict:<9} {each.link:<13} {each.text}")
         if each.remedy:
             lines.append(f"{'':<9} {'':<13} -> {each.remedy}")
-    first = next((each.link for each in findings if each.verdict is Verdict.MISSING), None)
+    first = next((each.link for each in findings if each.verdict is LinkVerdict.MISSING), None)
     lines.append(f"The first missing link: {first}." if first else "No link is missing.")
     return "\n".join(lines) + "\n"

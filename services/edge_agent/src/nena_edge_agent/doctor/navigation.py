@@ -7,7 +7,7 @@ import math
 from collections.abc import Collection
 from dataclasses import dataclass
 
-from nena_edge_agent.doctor.finding import Finding, Link, Verdict, missing, ok, unknown
+from nena_edge_agent.doctor.finding import Link, LinkFinding, LinkVerdict, missing, ok, unknown
 from nena_edge_agent.nav2.poses import PoseReading, localized
 from nena_edge_agent.nav2.presence import Lifecycle
 from nena_edge_agent.nav2.settings import RosSettings
@@ -67,7 +67,7 @@ def kernel_keeps_time() -> bool | None:
     return None if answer < 0 else answer != UNSYNCHRONISED
 
 
-def judge_clock(*, kept: bool | None, ros_offset: float | None) -> Finding:
+def judge_clock(*, kept: bool | None, ros_offset: float | None) -> LinkFinding:
     """Judge by what the kernel says and by how far ROS's stamps are ahead, in seconds."""
     if ros_offset is not None and abs(ros_offset) > MOST_OFF:
         return missing(
@@ -76,9 +76,9 @@ def judge_clock(*, kept: bool | None, ros_offset: float | None) -> Finding:
             "synchronise both by NTP or PTP; on a real robot, use_sim_time must be false in every node",
         )
     if kept is False:
-        return Finding(
+        return LinkFinding(
             Link.CLOCK,
-            Verdict.DOUBTFUL,
+            LinkVerdict.DOUBTFUL,
             "nothing keeps this computer's clock right, as far as the kernel knows",
             "have chrony or systemd-timesyncd keep it, by the same source as fleet control",
         )
@@ -90,12 +90,12 @@ ROS_LINKS = (Link.DOMAIN, Link.NAMESPACE, Link.NAVIGATION, Link.LOCALISATION)
 NODES_SHOWN = 3
 
 
-def judge_robot(view: RosView, settings: RosSettings) -> list[Finding]:
+def judge_robot(view: RosView, settings: RosSettings) -> list[LinkFinding]:
     """Judge domain, namespace, Nav2 and localisation; what builds on a missing link is not judged."""
     findings = [_domain(view, settings)]
-    if findings[-1].verdict is Verdict.OK:
+    if findings[-1].verdict is LinkVerdict.OK:
         findings.append(_namespace(view, settings))
-    if findings[-1].link is Link.NAMESPACE and findings[-1].verdict is Verdict.OK:
+    if findings[-1].link is Link.NAMESPACE and findings[-1].verdict is LinkVerdict.OK:
         findings.append(_navigation(view, settings))
         findings.append(_localisation(view, settings))
     return [*findings, *unknown(ROS_LINKS[len(findings) :], f"needs the {findings[-1].link}")]
@@ -103,7 +103,7 @@ def judge_robot(view: RosView, settings: RosSettings) -> list[Finding]:
 
 def judge_map(
     view: RosView | None, settings: RosSettings, map_id: str, plant_maps: Collection[str]
-) -> Finding:
+) -> LinkFinding:
     """Judge the map's id as fleet control must name it, and Nav2's map; ``view`` None: a loopback robot."""
     if plant_maps and map_id not in plant_maps:
         names = ", ".join(f"'{each}'" for each in sorted(plant_maps))
@@ -115,15 +115,17 @@ def judge_map(
     if view is None:
         return ok(Link.MAP, agreed)
     if not view.servers:
-        return Finding(Link.MAP, Verdict.UNKNOWN, f"{agreed}; more needs the {Link.NAMESPACE}")
+        return LinkFinding(Link.MAP, LinkVerdict.UNKNOWN, f"{agreed}; more needs the {Link.NAMESPACE}")
     return _nav2_map(view, settings, agreed)
 
 
-def _nav2_map(view: RosView, settings: RosSettings, agreed: str) -> Finding:
+def _nav2_map(view: RosView, settings: RosSettings, agreed: str) -> LinkFinding:
     grid, pose = view.grid, view.pose
     if grid is None:
         text = f"{agreed}; nobody publishes a map to compare the position with"
-        return Finding(Link.MAP, Verdict.DOUBTFUL, text, "start Nav2's map server, if this robot has one")
+        return LinkFinding(
+            Link.MAP, LinkVerdict.DOUBTFUL, text, "start Nav2's map server, if this robot has one"
+        )
     if grid.frame.removeprefix("/") != settings.frame:
         text = f"Nav2's map is in frame '{grid.frame}', goals are given in '{settings.frame}'"
         return missing(Link.MAP, text, "set ros.frame to Nav2's global frame")
@@ -133,7 +135,7 @@ def _nav2_map(view: RosView, settings: RosSettings, agreed: str) -> Finding:
     return ok(Link.MAP, f"{agreed}; Nav2's map is {grid.width:.0f} m by {grid.height:.0f} m")
 
 
-def _domain(view: RosView, settings: RosSettings) -> Finding:
+def _domain(view: RosView, settings: RosSettings) -> LinkFinding:
     if view.nodes:
         shown = ", ".join(view.nodes[:NODES_SHOWN]) + (", ..." if len(view.nodes) > NODES_SHOWN else "")
         return ok(Link.DOMAIN, f"{len(view.nodes)} nodes in domain {settings.domain_id}: {shown}")
@@ -150,7 +152,7 @@ def _domain(view: RosView, settings: RosSettings) -> Finding:
     return missing(Link.DOMAIN, text, remedy)
 
 
-def _namespace(view: RosView, settings: RosSettings) -> Finding:
+def _namespace(view: RosView, settings: RosSettings) -> LinkFinding:
     if view.servers:
         return ok(Link.NAMESPACE, f"{settings.namespace} has {settings.names.status}")
     text = f"nobody publishes {settings.names.status} in namespace {settings.namespace}"
@@ -162,7 +164,7 @@ def _namespace(view: RosView, settings: RosSettings) -> Finding:
     return missing(Link.NAMESPACE, text, "start Nav2 on the robot; ros.names.action names its action")
 
 
-def _navigation(view: RosView, settings: RosSettings) -> Finding:
+def _navigation(view: RosView, settings: RosSettings) -> LinkFinding:
     names = settings.names
     if view.lifecycle is Lifecycle.INACTIVE:
         remedy = "activate it: ros2 service call .../manage_nodes, or autostart: true in Nav2's parameters"
@@ -176,7 +178,7 @@ def _navigation(view: RosView, settings: RosSettings) -> Finding:
     return ok(Link.NAVIGATION, f"{known}, and takes goals on {names.goal_pose}")
 
 
-def _localisation(view: RosView, settings: RosSettings) -> Finding:
+def _localisation(view: RosView, settings: RosSettings) -> LinkFinding:
     pose, names = view.pose, settings.names
     if pose is None:
         remedy = (

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from nena_edge_agent.actions.ros_session import session_switch
 from nena_edge_agent.doctor.broker import examine_broker
-from nena_edge_agent.doctor.finding import Finding, Link, Verdict, missing, report, unknown
+from nena_edge_agent.doctor.finding import Link, LinkFinding, LinkVerdict, missing, report, unknown
 from nena_edge_agent.doctor.navigation import (
     ROS_LINKS,
     RosView,
@@ -44,10 +44,10 @@ def main(argv: Sequence[str]) -> int:
             sys.stderr.write(f"{PROGRAM}: setting {problem}\n")
         return EXIT_MISCONFIGURED
     sys.stdout.write(report(findings))
-    return EXIT_FAILED if any(each.verdict is Verdict.MISSING for each in findings) else 0
+    return EXIT_FAILED if any(each.verdict is LinkVerdict.MISSING for each in findings) else 0
 
 
-async def examine(settings: EdgeAgentSettings) -> list[Finding]:
+async def examine(settings: EdgeAgentSettings) -> list[LinkFinding]:
     """Look at every link.
 
     Raises:
@@ -69,7 +69,7 @@ def _as_kept(settings: EdgeAgentSettings) -> RosSettings:
     return session_switch(settings.ros, journal, robot).address.applied(settings.ros)
 
 
-async def _examine_robot(settings: EdgeAgentSettings) -> tuple[RosView, list[Finding]]:
+async def _examine_robot(settings: EdgeAgentSettings) -> tuple[RosView, list[LinkFinding]]:
     nothing = RosView()
     if settings.driver == "loopback":
         return nothing, unknown(ROS_LINKS, "a loopback robot has none")

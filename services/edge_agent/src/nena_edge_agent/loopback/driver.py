@@ -30,7 +30,7 @@ FULL = 100.0
 METRES_OF_DRAIN = 100.0
 
 
-class Battery:
+class SimulatedBattery:
     """State of charge in percent; times are in s of a monotonic clock."""
 
     def __init__(self, settings: LoopbackSettings) -> None:
@@ -202,7 +202,7 @@ class LoopbackDriver:
         self._navigation = NavigationReport(available=True, reason="")
         self._unreachable: dict[Circle, None] = {}
         self._no_route: dict[Circle, None] = {}
-        self._battery = Battery(settings)
+        self._battery = SimulatedBattery(settings)
         self._told_charge = settings.charge
         self._goal: DriveGoal | None = None
         self._motion: Motion | Braking | None = None

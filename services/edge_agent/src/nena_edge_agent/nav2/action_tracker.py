@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from nena_edge_agent.driver.map_port import MapGoal, MapPose
 from nena_edge_agent.driver.port import DriveFailure, DriveProgress
 from nena_edge_agent.nav2.commands import AskResult, Command, SendGoal
-from nena_edge_agent.nav2.goal_tracker import Drive, GoalTracker
+from nena_edge_agent.nav2.goal_tracker import GoalDrive, GoalTracker
 from nena_edge_agent.nav2.goals import GoalEntry, GoalMark, GoalStatus, MarkedLedger
 from nena_edge_agent.nav2.poses import agrees, near
 from nena_edge_agent.nav2.settings import GoalSettings, Navigation, RosSettings
@@ -188,7 +188,7 @@ class ActionTracker(GoalTracker):
         )
         self.by_action = False
         self._way = WayDriven()
-        self._sent_for: Drive | None = None
+        self._sent_for: GoalDrive | None = None
         self._sent: list[str] = []
         self._refused = False
         self._asked = ""
@@ -206,7 +206,7 @@ class ActionTracker(GoalTracker):
         return self._aborted is not None or super().busy
 
     def go_to(self, goal: MapGoal, now: float) -> list[Command]:
-        """Drive to ``goal``; where the one that is driven leads there anyway, nothing is sent."""
+        """GoalDrive to ``goal``; where the one that is driven leads there anyway, nothing is sent."""
         drive = self._drive
         same = drive is not None and drive is self._sent_for and drive.goal_id in self._sent
         if drive is not None and same and self._aborted is None and self._way.covers(goal):
@@ -259,7 +259,7 @@ class ActionTracker(GoalTracker):
             self._follow(drive, goal_id, now, lost=False)
         return self._advance(now)
 
-    def _publish(self, drive: Drive, now: float) -> None:
+    def _publish(self, drive: GoalDrive, now: float) -> None:
         if not self.by_action:
             super()._publish(drive, now)
             return
@@ -271,7 +271,7 @@ class ActionTracker(GoalTracker):
         self._ledger.sent(now)
         self._out.append(SendGoal(drive.goal, goal_id))
 
-    def _bind(self, drive: Drive, claimed: tuple[str, ...]) -> None:
+    def _bind(self, drive: GoalDrive, claimed: tuple[str, ...]) -> None:
         """Find the goal in the array, should the answer to it be lost."""
         super()._bind(drive, claimed)
         if drive.goal_id is None and drive is self._sent_for:
@@ -288,10 +288,10 @@ class ActionTracker(GoalTracker):
         elif now - drive.reached_at >= self._settings.pose_wait:
             self._give_alone(drive)
 
-    def _give_alone(self, drive: Drive) -> None:
+    def _give_alone(self, drive: GoalDrive) -> None:
         """Give a goal again without what comes behind it."""
         log.info("a node on the way was left out and is driven to", generation=drive.goal.generation)
-        self._drive = Drive(replace(drive.goal, ahead=()))
+        self._drive = GoalDrive(replace(drive.goal, ahead=()))
 
     def _advance(self, now: float) -> list[Command]:
         drive = self._drive
@@ -311,7 +311,7 @@ class ActionTracker(GoalTracker):
             self._asked = goal_id
             self._out.append(AskResult(goal_id))
 
-    def _follow(self, drive: Drive, goal_id: str, now: float, *, lost: bool) -> None:
+    def _follow(self, drive: GoalDrive, goal_id: str, now: float, *, lost: bool) -> None:
         """Let an end that needs a reason wait for it a little."""
         aborted = self._ledger.status(goal_id) is GoalStatus.ABORTED and self._mark.bears(goal_id)
         if aborted and not lost and self._reason[0] != goal_id:
@@ -321,14 +321,14 @@ class ActionTracker(GoalTracker):
         self._aborted = None
         super()._follow(drive, goal_id, now, lost=lost)
 
-    def _fail_aborted(self, drive: Drive, goal_id: str) -> None:
+    def _fail_aborted(self, drive: GoalDrive, goal_id: str) -> None:
         reason = self._reason[1] if self._reason[0] == goal_id else None
         if reason is None:
             super()._fail_aborted(drive, goal_id)
         else:
             self._fail(drive, DriveFailure.ABORTED, f"Nav2 has aborted the goal {goal_id}: {reason}")
 
-    def _refusal(self, drive: Drive) -> str:
+    def _refusal(self, drive: GoalDrive) -> str:
         if drive is self._sent_for and self._refused:
             return f"Nav2 has refused the goal, given {drive.times_given} times: is bt_navigator active?"
         return super()._refusal(drive)

@@ -37,7 +37,7 @@ STANDS = 0.1
 
 
 @dataclass(slots=True)
-class Drive:
+class GoalDrive:
     """The goal that the protocol core wants driven; times are monotonic seconds."""
 
     goal: MapGoal
@@ -129,7 +129,7 @@ class GoalTracker:
         )
         self._standstill = Standstill()
         self._navigation = NavigationReport(available=False, reason="Nav2 has not been looked for yet")
-        self._drive: Drive | None = None
+        self._drive: GoalDrive | None = None
         self._halt: _Halt | None = None
         self._cancels: dict[str, float] = {}
         self._runaway = False
@@ -171,8 +171,8 @@ class GoalTracker:
         self._reclaimed = goals
 
     def go_to(self, goal: MapGoal, now: float) -> list[Command]:
-        """Drive to ``goal``; one that is driven is replaced, and not stopped for it."""
-        self._drive = Drive(goal)
+        """GoalDrive to ``goal``; one that is driven is replaced, and not stopped for it."""
+        self._drive = GoalDrive(goal)
         return self._advance(now)
 
     def drop(self, now: float) -> list[Command]:
@@ -201,7 +201,7 @@ class GoalTracker:
             self._follow(drive, drive.goal_id, now, lost=drive.goal_id in news.lost)
         return self._advance(now)
 
-    def _bind(self, drive: Drive, claimed: tuple[str, ...]) -> None:
+    def _bind(self, drive: GoalDrive, claimed: tuple[str, ...]) -> None:
         """Follow the new id that is ours: of a goal given twice, the server drives the one accepted last."""
         if claimed:
             drive.goal_id, drive.reached_at = claimed[-1], None
@@ -286,7 +286,7 @@ class GoalTracker:
         commands, self._out = self._out, []
         return commands
 
-    def _follow(self, drive: Drive, goal_id: str, now: float, *, lost: bool) -> None:
+    def _follow(self, drive: GoalDrive, goal_id: str, now: float, *, lost: bool) -> None:
         """Let the status of the goal's id take effect; 0 to 3 mean that it is still driven."""
         status = self._ledger.status(goal_id)
         if lost:
@@ -300,7 +300,7 @@ class GoalTracker:
         elif status is GoalStatus.ABORTED:
             self._fail_aborted(drive, goal_id)
 
-    def _fail_aborted(self, drive: Drive, goal_id: str) -> None:
+    def _fail_aborted(self, drive: GoalDrive, goal_id: str) -> None:
         other = self._ledger.taken_over(goal_id)
         if other is not None:
             text = f"the goal {goal_id} was replaced by a goal of somebody else ({other})"
@@ -404,7 +404,7 @@ class GoalTracker:
         elif not drive.poses_are_late(now):
             self._fail(drive, DriveFailure.OUTSIDE_TOLERANCE, self._disagreement(drive.goal))
 
-    def _give_again(self, drive: Drive) -> None:
+    def _give_again(self, drive: GoalDrive) -> None:
         """Give a goal again that succeeded although the robot is elsewhere.
 
         Nav2 plans anew once a second (through poses: each 3 s), which a new goal does not hasten: until then
@@ -412,9 +412,9 @@ class GoalTracker:
         The goal given now has nothing to pre-empt, so this happens once for each goal.
         """
         log.info("goal succeeded elsewhere and is given again", generation=drive.goal.generation)
-        self._drive = Drive(drive.goal)
+        self._drive = GoalDrive(drive.goal)
 
-    def _ask_for_pose(self, drive: Drive, now: float) -> None:
+    def _ask_for_pose(self, drive: GoalDrive, now: float) -> None:
         if drive.pose_asked_at is None or self._pose_at > drive.pose_asked_at:
             drive.pose_asked_at = now
             self._out.append(RequestPose())
@@ -452,11 +452,11 @@ class GoalTracker:
             drive.preempts = drive.preempts or self._ledger.running
             self._publish(drive, now)
 
-    def _publish(self, drive: Drive, now: float) -> None:
+    def _publish(self, drive: GoalDrive, now: float) -> None:
         self._ledger.given(now)
         self._out.append(PublishGoal(drive.goal))
 
-    def _goes_on(self, drive: Drive, now: float) -> bool:
+    def _goes_on(self, drive: GoalDrive, now: float) -> bool:
         """Take up the goal of an earlier run, if it leads to the same place and runs or has got there."""
         goals, self._reclaimed = self._reclaimed, None
         goal_id, place = self._earlier(goals) if goals else (None, None)
@@ -493,7 +493,7 @@ class GoalTracker:
         )
         return clear and self._ledger.settled(now)
 
-    def _refusal(self, drive: Drive) -> str:
+    def _refusal(self, drive: GoalDrive) -> str:
         if drive.times_given:
             return (
                 f"Nav2 has not taken the goal, given {drive.times_given} times: "
@@ -515,11 +515,11 @@ class GoalTracker:
                 self._cancels[goal_id] = now + self._settings.cancel_time
                 self._out.append(CancelGoal(goal_id))
 
-    def _arrive(self, drive: Drive) -> None:
+    def _arrive(self, drive: GoalDrive) -> None:
         self._drive = None
         self._report(Arrived(drive.goal.generation))
 
-    def _fail(self, drive: Drive, failure: DriveFailure, description: str) -> None:
+    def _fail(self, drive: GoalDrive, failure: DriveFailure, description: str) -> None:
         self._drive = None
         self._report(DriveFailed(drive.goal.generation, failure, description))
 

@@ -25,7 +25,7 @@ from nena_shared.log import get_logger
 T = TypeVar("T")
 
 
-class Mailbox(Generic[T]):
+class RosMailbox(Generic[T]):
     """Takes plain data in one thread and hands it to ``deliver`` in another, in order.
 
     ``post`` has a function called in the other thread. When more than ``limit`` items wait, the oldest is
@@ -142,7 +142,7 @@ class RosSession:
         told once until the next good one, and costs that message only. Of a topic with more messages than are
         of use, ``due`` says whether the next one is wanted: others are not even made into a message.
         """
-        mailbox = Mailbox(limit, handle, self.post)
+        mailbox = RosMailbox(limit, handle, self.post)
         well = True
 
         def on_message(message: object) -> None:
