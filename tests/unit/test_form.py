@@ -1,4 +1,4 @@
-"""The form of the code that no linter checks: functions, modules, constructors, class names, sleeps in tests."""
+"""The form of the code that no linter checks: functions, modules, constructors, class names, sleeps."""
 
 from __future__ import annotations
 
