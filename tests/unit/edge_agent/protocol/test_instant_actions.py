@@ -17,7 +17,8 @@ from nena_edge_agent.protocol.events import (
     StartAction,
     TimePassed,
 )
-from nena_edge_agent.protocol.robot_state import INSTANT_ACTIONS_SHOWN, MESSAGE_LIMIT
+from nena_edge_agent.protocol.instant_actions import MESSAGE_LIMIT
+from nena_edge_agent.protocol.robot_state import INSTANT_ACTIONS_SHOWN
 from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.error import ErrorLevel, ErrorType
 from nena_shared.vda5050.versions import RULES
