@@ -68,11 +68,11 @@ class ETag:
 
     @classmethod
     def of(cls, version: int) -> ETag:
-        """Make the tag of a version."""
+        """Return the tag of a version."""
         return cls(f'"{version}"')
 
     def fits(self, version: int) -> bool:
-        """Tell whether this version is one of those that are named."""
+        """Return whether this version is one of those that are named."""
         named = {part.strip().removeprefix("W/") for part in self.value.split(",")}
         return bool(named & {ANY, f'"{version}"'})
 
@@ -81,7 +81,7 @@ class ETag:
 
 
 def require_store(store: Store) -> None:
-    """See to it that the store takes things at present; raises StoreNotReadyError."""
+    """Raise StoreNotReadyError while the store cannot be written."""
     if not store.ready:
         raise StoreNotReadyError(store.why_not_ready)
 
@@ -106,7 +106,7 @@ PHASES = {
 
 
 def delivery_status(order: TransportOrderStatus, view: RobotView | None) -> DeliveryStatus:
-    """Tell it of an order and the robot of its vehicle; None: no vehicle has the order, or it is gone."""
+    """Return how far an order has come; ``view`` None: no vehicle has the order, or its robot is gone."""
     first = order_id(order.name, order.current_drive_order_index)
     own = view.order_id if view else None
     tried = own is not None and (own == first or own.startswith(f"{first}~"))
@@ -151,7 +151,7 @@ class HostRequests:
         self._settings = engine.settings
 
     async def create(self, request: TransportOrderRequest) -> tuple[TransportOrderStatus, bool]:
-        """Make an order; False: it is the one that the same request has made before.
+        """Create an order; False: the same request has created it before.
 
         The same request has the same idempotency key, or without one the same name.
 
@@ -201,7 +201,7 @@ class HostRequests:
     async def hold(
         self, name: str, by: str, reason: str, *, seen: ETag | None = None, immediate: bool = True
     ) -> TransportOrderStatus:
-        """Let an order wait until it is resumed; one that is held already is held by whom it was.
+        """Hold an order until it is resumed; one that is held already keeps its holder.
 
         ``seen`` and ``immediate`` are as in :meth:`withdraw`.
         """
@@ -215,31 +215,31 @@ class HostRequests:
     async def resume(
         self, name: str, by: str, reason: str, *, seen: ETag | None = None
     ) -> TransportOrderStatus:
-        """Let a held order go on; one that nobody holds goes on anyway. ``seen`` as in :meth:`withdraw`."""
+        """Resume a held order; one that is not held is unchanged. ``seen`` as in :meth:`withdraw`."""
         order = await self._living(name, seen)
         self._engine.resume(order.number, by, reason)
         await self._committed()
         return self._visible(order)
 
     async def order(self, name: str) -> TransportOrderStatus:
-        """Give an order."""
+        """Return an order."""
         found = self._engine.state.orders.visible_named(name) or await self._engine.store.order(name=name)
         if found is None:
             raise UnknownOrderError(name)
         return found.status
 
     async def orders(self, wanted: OrderFilter) -> tuple[TransportOrder, ...]:
-        """Give a page of orders, newest first."""
+        """Return a page of orders, newest first."""
         return await self._engine.store.orders(wanted)
 
     async def delivery(self, name: str) -> DeliveryStatus:
-        """Tell how far an order has come on its way to its robot."""
+        """Return how far an order has come on its way to its robot."""
         order = await self.order(name)
         vehicle = self._engine.registry.named(order.processing_vehicle)
         return delivery_status(order, self._engine.view(vehicle) if vehicle else None)
 
     async def assignment(self, name: str, limit: int = VEHICLES_EXPLAINED) -> AssignmentStatus:
-        """Tell of each vehicle why it does not do an order, of ``limit`` vehicles at the most."""
+        """Return why vehicles do not do an order, for at most ``limit`` of them."""
         status, order = await self.order(name), self._engine.state.orders.named(name)
         found = [] if order is None or order.state.final else self._engine.explain(order)
         return AssignmentStatus(
@@ -255,11 +255,11 @@ class HostRequests:
         )
 
     def vehicles(self) -> tuple[VehicleStatus, ...]:
-        """Give all vehicles."""
+        """Return all vehicles."""
         return tuple(self._engine.status(vehicle) for vehicle in self._engine.registry)
 
     def vehicle(self, name: str) -> VehicleStatus:
-        """Give a vehicle."""
+        """Return a vehicle."""
         return self._engine.status(self._vehicle(name))
 
     def summary(self) -> FleetSummary:
@@ -273,7 +273,7 @@ class HostRequests:
         )
 
     async def set_integration_level(self, name: str, level: IntegrationLevel) -> VehicleStatus:
-        """Let a vehicle count so much from now on, also after a restart."""
+        """Set the integration level of a vehicle; it lasts over restarts."""
         vehicle = self._vehicle(name)
         self._require_store()
         self._engine.set_integration_level(vehicle, level)
@@ -281,7 +281,7 @@ class HostRequests:
         return self._engine.status(vehicle)
 
     async def accept_order_types(self, name: str, types: tuple[AcceptableOrderType, ...]) -> VehicleStatus:
-        """Let a vehicle accept orders of these types from now on, also after a restart."""
+        """Set the order types that a vehicle accepts; they last over restarts."""
         vehicle = self._vehicle(name)
         self._require_store()
         self._engine.accept_order_types(vehicle, types)
@@ -326,7 +326,7 @@ class HostRequests:
         return action, await self._engine.state.instant_actions.wait(action.action_id, end, seconds)
 
     def robot_pose(self, name: str, pose: PlantPose, map_id: str | None = None) -> RobotPose:
-        """Give a pose of the plant in the words of a vehicle's robot; without a map, on its own."""
+        """Convert a pose of the plant to a map of the vehicle's robot; without ``map_id``, to its own."""
         profile = self._vehicle(name).profile
         map_id = map_id or profile.map_id
         if not profile.knows_frame(map_id):
@@ -337,7 +337,7 @@ class HostRequests:
         return RobotPose(profile.on(map_id).pose_to_map(pose), map_id, point)
 
     async def _ended_dependencies(self, request: TransportOrderRequest) -> dict[str, TransportOrderState]:
-        """Give the final states of dependencies; raises UnknownDependencyError."""
+        """Return the final states of dependencies; raises UnknownDependencyError."""
         ended: dict[str, TransportOrderState] = {}
         unknown: list[str] = []
         for name in request.dependencies:
@@ -351,7 +351,7 @@ class HostRequests:
         return ended
 
     async def _check_sequence(self, request: TransportOrderRequest) -> None:
-        """See to it that the order may be added to the sequence that it names, if it names one."""
+        """Raise an error unless the order may join the sequence that it names, if it names one."""
         name = request.wrapping_sequence
         if name is None:
             return
@@ -363,7 +363,7 @@ class HostRequests:
             raise SequenceRefusesError(name, reasons)
 
     async def _living(self, name: str, seen: ETag | None) -> TransportOrder:
-        """Give an order that can be changed."""
+        """Return an order that can be changed."""
         order = self._engine.state.orders.named(name) or await self._engine.store.order(name=name)
         if order is None:
             raise UnknownOrderError(name)
@@ -375,7 +375,7 @@ class HostRequests:
         return order
 
     async def _find(self, name: str | None, key: str | None) -> TransportOrder | None:
-        """Give the order of this key, else of this name; from the store where it is not at hand."""
+        """Return the order of this key, else of this name; from the store where it is not in memory."""
         if found := self._at_hand(name, key):
             return found
         if name is None and key is None:
@@ -405,7 +405,7 @@ class HostRequests:
 
 
 def _distance(point: Point, pose: PlantPose) -> float:
-    """Give the distance in m."""
+    """Return the distance, m."""
     return hypot(point.x_m - pose.x_m, point.y_m - pose.y_m)
 
 
@@ -424,7 +424,7 @@ class SequenceRequests:
         self._settings = engine.settings
 
     async def create(self, request: OrderSequenceRequest) -> tuple[OrderSequenceStatus, bool]:
-        """Make a sequence; False: it is the one that the same request has made before."""
+        """Create a sequence; False: the same request has created it before."""
         vehicle = request.intended_vehicle
         if vehicle is not None and vehicle not in self._engine.registry.names():
             raise UnknownVehicleError(vehicle)
@@ -439,7 +439,7 @@ class SequenceRequests:
         return self._visible(known), False
 
     async def complete(self, name: str, *, seen: ETag | None = None) -> OrderSequenceStatus:
-        """Let no more orders be added to a sequence; that it is complete already changes nothing.
+        """Mark a sequence complete: no more orders join it. A complete one is unchanged.
 
         Only if it still is as the caller has ``seen`` it; None: whatever it is now.
         """
@@ -455,14 +455,14 @@ class SequenceRequests:
         return self._visible(sequence)
 
     async def sequence(self, name: str) -> OrderSequenceStatus:
-        """Give a sequence."""
+        """Return a sequence."""
         found = self._sequences.visible(name) or await self._engine.store.sequence(name=name)
         if found is None:
             raise UnknownSequenceError(name)
         return found.status
 
     async def sequences(self, wanted: SequenceFilter) -> tuple[OrderSequence, ...]:
-        """Give a page of sequences, newest first."""
+        """Return a page of sequences, newest first."""
         return await self._engine.store.sequences(wanted)
 
     async def _make(self, request: OrderSequenceRequest, name: str) -> OrderSequenceStatus:
@@ -474,7 +474,7 @@ class SequenceRequests:
         return self._visible(made)
 
     async def _find(self, name: str | None, key: str | None) -> OrderSequence | None:
-        """Give the sequence of this key, else of this name; from the store where it is not at hand."""
+        """Return the sequence of this key, else of this name; from the store where it is not in memory."""
         if found := self._at_hand(name, key):
             return found
         if name is None and key is None:

@@ -32,11 +32,11 @@ class PathLocks:
             self._engine.context.finder.set_locks(self._locks)
 
     def all(self) -> tuple[PathStatus, ...]:
-        """Give all paths."""
+        """Return all paths."""
         return tuple(self._status(path) for path in self._plant.paths)
 
     def get(self, name: str) -> PathStatus:
-        """Give a path; raises UnknownPathError."""
+        """Return a path; raises UnknownPathError."""
         return self._status(self._path(name))
 
     async def set(self, name: str, *, locked: bool) -> PathStatus:

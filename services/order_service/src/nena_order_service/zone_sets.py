@@ -149,11 +149,11 @@ class ZoneSets:
         await forever("zone sets", self._look_later)
 
     def all(self) -> tuple[ZoneSetStatus, ...]:
-        """Give all zone sets."""
+        """Return all zone sets."""
         return tuple(self._status(each) for each in self._wanted.values())
 
     def get(self, name: str) -> ZoneSetStatus:
-        """Give a zone set; raises UnknownZoneSetError."""
+        """Return a zone set; raises UnknownZoneSetError."""
         return self._status(self._known(name))
 
     async def put(self, zone_set: ZoneSet) -> ZoneSetStatus:

@@ -109,17 +109,17 @@ _SIZE: Final = struct.Struct(">II")
 
 
 def topic_of_map(scheme: TopicScheme, robot: RobotKey) -> str:
-    """Give the topic of one robot's map."""
+    """Return the topic of one robot's map."""
     return f"{scheme.interface_name}/{scheme.major_version}/{robot}{_BEHIND_ROBOT}"
 
 
 def topics_of_maps(scheme: TopicScheme) -> str:
-    """Give the filter for the maps of all robots."""
+    """Return the filter for the maps of all robots."""
     return f"{scheme.interface_name}/{scheme.major_version}/+/+{_BEHIND_ROBOT}"
 
 
 def robot_of_map(scheme: TopicScheme, topic: str) -> RobotKey | None:
-    """Tell whose map ``topic`` is; None for a topic of another form."""
+    """Return whose map ``topic`` is; None for a topic of another form."""
     prefix = f"{scheme.interface_name}/{scheme.major_version}/"
     levels = topic.removesuffix(_BEHIND_ROBOT).removeprefix(prefix).split("/")
     whole = (

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from math import pi
 from typing import Annotated, Literal, Self
 
@@ -85,7 +84,7 @@ class TransportOrderPage(Resource):
 
     transport_orders: tuple[TransportOrderStatus, ...]
     next: str | None
-    """Give it as ``after`` for the page that follows; None: this is the last one."""
+    """Value of ``after`` for the next page; None: this is the last one."""
 
 
 class OrderSequencePage(Resource):
@@ -93,14 +92,7 @@ class OrderSequencePage(Resource):
 
     order_sequences: tuple[OrderSequenceStatus, ...]
     next: str | None = None
-    """Give it as ``after`` for the page that follows; None: this is the last one."""
-
-    @classmethod
-    def of(cls, found: Sequence[tuple[int, OrderSequenceStatus]], limit: int) -> Self:
-        """Make a page of numbered sequences, one more than ``limit`` where there are more."""
-        page = found[:limit]
-        following = str(page[-1][0]) if len(found) > limit else None
-        return cls(order_sequences=tuple(status for _, status in page), next=following)
+    """Value of ``after`` for the next page; None: this is the last one."""
 
 
 class VehicleList(Resource):
@@ -108,7 +100,7 @@ class VehicleList(Resource):
 
     vehicles: tuple[VehicleStatus, ...]
     next: str | None = None
-    """Give it as ``after`` for those that follow; None: these are the last ones."""
+    """Value of ``after`` for the next page; None: this is the last one."""
 
 
 class PathList(Resource):
@@ -203,7 +195,7 @@ class DispatchRequest(Request):
         return self
 
     def destination(self) -> Destination:
-        """Give the one stop of the order that is made of this."""
+        """Return the only stop of the order that is made of this."""
         operation = self.operation or ("NOP" if self.location_name else "MOVE")
         name = self.location_name or self.point
         return Destination(location_name=name, coordinate=self.coordinate, operation=operation)

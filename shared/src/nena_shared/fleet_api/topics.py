@@ -38,7 +38,7 @@ class FleetTopics:
         return f"{self.command(host, name)}/answer"
 
     def host_of(self, topic: str) -> str:
-        """Tell which host asked on ``topic``."""
+        """Return the host that published on ``topic``."""
         return topic.removeprefix(f"{self.prefix}/hosts/").split("/", 1)[0]
 
     def order_status(self, name: str) -> str:

@@ -53,7 +53,7 @@ class Interest:
     """Only this vehicle, and orders that it works on."""
 
     def wants_order(self, order: TransportOrderStatus) -> bool:
-        """Tell whether a client is told of this order."""
+        """Return whether a client receives this order."""
         return (
             EventKind.TRANSPORT_ORDER in self.kinds
             and self.transport_order in (None, order.name)
@@ -61,7 +61,7 @@ class Interest:
         )
 
     def wants_sequence(self, sequence: OrderSequenceStatus) -> bool:
-        """Tell whether a client is told of this order sequence."""
+        """Return whether a client receives this order sequence."""
         return (
             EventKind.ORDER_SEQUENCE in self.kinds
             and (self.transport_order is None or self.transport_order in sequence.orders)
@@ -69,7 +69,7 @@ class Interest:
         )
 
     def wants_vehicle(self, vehicle: VehicleStatus) -> bool:
-        """Tell whether a client is told of this vehicle."""
+        """Return whether a client receives this vehicle."""
         return EventKind.VEHICLE in self.kinds and self.vehicle in (None, vehicle.name)
 
 
@@ -109,19 +109,19 @@ class EventStream:
         """How often a client had lost its place."""
 
     def order_changed(self, status: TransportOrderStatus) -> None:
-        """Tell an order's new version."""
+        """Send an order's new version."""
         number, is_last = self._numbers.of(status.name, status.version)
         if self.clients:
             frame = _order_frame(status, number if is_last else 0)
             self._add(_Event(status, frame, number, is_last))
 
     def sequence_changed(self, status: OrderSequenceStatus) -> None:
-        """Tell an order sequence's new version."""
+        """Send an order sequence's new version."""
         if self.clients:
             self._add(_Event(status, _sequence_frame(status)))
 
     def vehicle_changed(self, status: VehicleStatus) -> None:
-        """Tell how a vehicle stands."""
+        """Send a vehicle's status."""
         if self.clients:
             self._add(_Event(status, _vehicle_frame(status)))
 
@@ -177,7 +177,7 @@ class EventStream:
                 yield HEARTBEAT_FRAME
 
     async def _catch_up(self, known: int | None, interest: Interest) -> tuple[bytes, int]:
-        """Give what brings a client up to date, and the number of the last change that it knows then."""
+        """Return what brings a client up to date, and the number of the last change that it then knows."""
         if known is None:
             return self._present(interest)
         frames: list[bytes] = []
@@ -192,21 +192,21 @@ class EventStream:
         return b"".join([*frames, *self._present_only(interest), _synced(known)]), known
 
     def _present(self, interest: Interest) -> tuple[bytes, int]:
-        """Give all that is not at its end, and the number of the last change."""
+        """Return all unfinished objects, and the number of the last change."""
         told = self._numbers.told
         orders = (o.status for o in self._engine.state.orders.unfinished() if interest.wants_order(o.status))
         frames = (_order_frame(status, 0) for status in orders)
         return b"".join([*frames, *self._present_only(interest), _synced(told)]), told
 
     def _present_only(self, interest: Interest) -> Iterator[bytes]:
-        """Give that of which only the present counts: sequences that are not finished, and vehicles."""
+        """Return objects that only have a present: unfinished sequences, and vehicles."""
         sequences = (each.status for each in self._engine.state.sequences.unfinished())
         yield from (_sequence_frame(status) for status in sequences if interest.wants_sequence(status))
         statuses = (self._engine.status(vehicle) for vehicle in self._engine.registry)
         yield from (_vehicle_frame(status) for status in statuses if interest.wants_vehicle(status))
 
     def _number_of(self, last_id: str | None) -> int | None:
-        """Give the number that an id stands for; None: it says nothing, it may be of another store."""
+        """Return the number of an id; None for an unknown one, which may be of another store."""
         if last_id is None or not (last_id.isascii() and last_id.isdecimal()) or len(last_id) > ID_LENGTH:
             return None
         number = int(last_id)
@@ -232,5 +232,5 @@ def _vehicle_frame(status: VehicleStatus) -> bytes:
 
 
 def _synced(number: int) -> bytes:
-    """Say that all before is known now; what follows is new."""
+    """Return the event after which everything is new."""
     return b"id: %d\nevent: synced\ndata: {}\n\n" % number

@@ -62,12 +62,12 @@ class NotPossibleError(Exception):
 
 
 def answer(status: int, reasons: tuple[str, ...], headers: dict[str, str] | None = None) -> Response:
-    """Put sentences into a response."""
+    """Return a response of sentences."""
     return Response(json.dumps(reasons), status, headers, "application/json")
 
 
 def install(app: FastAPI) -> None:
-    """Let every error of ``app`` be answered as openTCS does, and described.
+    """Answer every error of ``app`` as openTCS does, and describe it.
 
     What is refused before it comes here (too much, too often, by nobody known) is answered with a problem.
     """
@@ -145,7 +145,7 @@ class CreationRequest(Body):
     peripheral_reservation_token: Annotated[str, Field(min_length=1, max_length=200)] | None = None
 
     def request(self, name: str) -> dict[str, Any]:
-        """Give the body of NeNa's own request; not yet validated."""
+        """Return the body of NeNa's own request, not yet validated."""
         return {
             "name": name,
             "incompleteName": self.incomplete_name,
@@ -180,7 +180,7 @@ class AllowedOrderTypes(Body):
     order_types: Annotated[tuple[OrderType, ...], Field(max_length=100)]
 
     def acceptable(self) -> tuple[AcceptableOrderType, ...]:
-        """Give them with one priority for all."""
+        """Return the types, all with one priority."""
         return tuple(AcceptableOrderType(name=name) for name in dict.fromkeys(self.order_types))
 
 
@@ -194,7 +194,7 @@ class DestinationState(Body):
 
     @classmethod
     def of(cls, drive_order: DriveOrderStatus) -> Self:
-        """Tell it of a drive order; a coordinate has no name."""
+        """Convert a drive order; a coordinate has no name."""
         destination = drive_order.destination
         return cls(
             location_name=destination.location_name or "",
@@ -225,7 +225,7 @@ class TransportOrderState(Body):
 
     @classmethod
     def of(cls, order: TransportOrderStatus) -> Self:
-        """Tell it of one of NeNa's orders."""
+        """Convert one of NeNa's orders."""
         return cls(
             name=order.name,
             type=order.type,
@@ -254,7 +254,7 @@ class Triple(Body):
 
     @classmethod
     def of(cls, position: PrecisePosition) -> Self:
-        """Give it in whole mm of the plant's frame."""
+        """Convert a position to whole mm of the plant's frame."""
         return cls(x=round(position.x * MM_PER_M), y=round(position.y * MM_PER_M))
 
 
@@ -268,7 +268,7 @@ class Size(Body):
 
     @classmethod
     def of(cls, box: BoundingBox) -> Self:
-        """Tell it of a vehicle of the plant model."""
+        """Convert the size of a vehicle of the plant model."""
         offset = {"x": box.reference_offset_x_mm, "y": box.reference_offset_y_mm}
         return cls(length=box.length_mm, width=box.width_mm, height=box.height_mm, reference_offset=offset)
 
@@ -303,7 +303,7 @@ class VehicleState(Body):
 
     @classmethod
     def of(cls, status: VehicleStatus, model: Vehicle | None) -> Self:
-        """Tell it of one of NeNa's vehicles, and what the plant model says of it."""
+        """Convert one of NeNa's vehicles, with its entry in the plant model."""
         model = model or Vehicle(name=status.name)
         position, levels = status.precise_position, model.energy_thresholds
         return cls(
@@ -340,7 +340,7 @@ class OrderSequenceCreation(Body):
     properties: Annotated[tuple[Property, ...], Field(max_length=100)] | None = None
 
     def request(self, name: str) -> OrderSequenceRequest:
-        """Give NeNa's own request; raises ValidationError."""
+        """Return NeNa's own request; raises ValidationError."""
         return OrderSequenceRequest(
             name=name,
             incomplete_name=self.incomplete_name,
@@ -368,7 +368,7 @@ class OrderSequenceState(Body):
 
     @classmethod
     def of(cls, sequence: OrderSequenceStatus) -> Self:
-        """Tell it of one of NeNa's sequences."""
+        """Convert one of NeNa's sequences."""
         return cls(
             name=sequence.name,
             type=sequence.order_types[0],
@@ -447,7 +447,7 @@ def make_app(
     plant: PlantModel,
     dispatch: Callable[[], None],
 ) -> FastAPI:
-    """Make the ASGI application; ``dispatch`` has the dispatcher look again."""
+    """Make the ASGI application; ``dispatch`` triggers the dispatcher."""
     app = FastAPI(title="openTCS web API, version 1, as NeNa serves it", docs_url=None, redoc_url=None)
     install(app)
     _add_dispatcher(app, dispatch)

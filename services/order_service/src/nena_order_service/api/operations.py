@@ -78,7 +78,7 @@ _METHODS: dict[str, str] = {}
 
 
 def _does(operation: table.Operation[Any]) -> Callable[[M], M]:
-    """Have a method answer the calls of an operation."""
+    """Mark the method that answers the calls of an operation."""
 
     def mark(method: M) -> M:
         _METHODS[operation.name] = method.__name__
@@ -281,12 +281,12 @@ class HostOperations:
 
     @_does(table.ENABLE_ZONE_SET)
     async def enable_zone_set(self, call: Call[None]) -> Reply:
-        """Have robots use a zone set."""
+        """Enable a zone set at the robots."""
         return Reply(await self._zones.enable(call.name))
 
     @_does(table.DELETE_ZONE_SET)
     async def delete_zone_set(self, call: Call[None]) -> Reply:
-        """Have robots delete a zone set."""
+        """Delete a zone set at the robots."""
         return Reply(await self._zones.delete(call.name))
 
     @_does(table.SUMMARISE)
