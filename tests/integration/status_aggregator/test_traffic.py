@@ -40,7 +40,7 @@ async def test_a_robot_from_its_first_message_to_its_end(broker: Broker, served:
         served.send(peer, Topic.FACTSHEET, factsheet(), retain=True)
         served.send(peer, Topic.STATE, state(order_id="o1", driving=True, last_node_id="A", **way("B", "C")))
         busy = await served.until(robot, lambda shown: shown.get("condition") == "BUSY")
-        assert (busy["reason"], busy["order"]["progress"]) == ("Drives to B.", 0)
+        assert (busy["reason"], busy["order"]["progress"]) == ("Driving to B.", 0)
         served.send(peer, Topic.VISUALIZATION, visualization(x=3.5))
         await served.until(robot, lambda shown: (shown["position"] or {}).get("x") == 3.5)
         done = state(2, at=1, order_id="o1", last_node_id="C", last_node_sequence_id=4)
