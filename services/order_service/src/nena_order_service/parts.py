@@ -83,7 +83,7 @@ def build(
     """Wire up the order service; for ``epoch`` and ``term`` see :class:`StatusPublisher` and :data:`Term`.
 
     Raises:
-        ConfigurationError: the plant model names a version that is not spoken here.
+        ConfigurationError: the plant model names an unsupported version.
 
     """
     clock = SystemClock()
@@ -182,7 +182,7 @@ def _make_addresses(settings: OrderServiceSettings, registry: VehicleRegistry) -
     """Know the robots' topics, as far as settings and plant model tell.
 
     Raises:
-        ConfigurationError: the plant model names a version that is not spoken here.
+        ConfigurationError: the plant model names an unsupported version.
 
     """
     addresses = RobotAddresses(

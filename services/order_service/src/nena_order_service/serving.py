@@ -221,7 +221,7 @@ class Serving(Generic[P]):
         """Let all parts run.
 
         Raises:
-            ConfigurationError: the plant model names a version that is not spoken here.
+            ConfigurationError: the plant model names an unsupported version.
 
         """
         self._supervisor.start("store", self._store.run())

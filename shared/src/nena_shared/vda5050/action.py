@@ -65,7 +65,7 @@ class Action(WireObject):
     retriable: bool | None = None
 
     def parameter(self, key: str) -> JsonValue:
-        """Give the value under ``key``, or None."""
+        """Return the value under ``key``, or None."""
         return next((each.value for each in self.action_parameters if each.key == key), None)
 
 

@@ -68,7 +68,7 @@ Version = Annotated[str, Field(pattern=r"^\d+\.\d+\.\d+$", max_length=32)]
 
 
 def finite(value: J) -> J:
-    """Give ``value``, if all numbers in it are numbers of JSON.
+    """Return ``value``, if all numbers in it are numbers of JSON.
 
     Raises:
         ValueError: it holds NaN or an infinity.

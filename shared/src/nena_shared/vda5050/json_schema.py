@@ -33,10 +33,10 @@ class _AsSent(GenerateJsonSchema):
 
 
 def json_schema(version: str, topic: Topic) -> dict[str, Any]:
-    """Give the JSON Schema (Draft 2020-12) of the message on ``topic``.
+    """Return the JSON Schema (Draft 2020-12) of the message on ``topic``.
 
     Raises:
-        UnknownVersionError: the version is not spoken here.
+        UnknownVersionError: the version is not supported.
         MalformedMessageError: the version has no such message.
 
     """

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.codec import MAXIMUM_PAYLOAD, Codec
 from nena_shared.vda5050.malformed import MalformedMessageError
-from nena_shared.vda5050.records import RECORDED, read_record, record_of
+from nena_shared.vda5050.records import RECORDED, parse, read_record, record_of
 from nena_shared.vda5050.repair import (
     EVERYWHERE,
     Repair,
@@ -106,7 +106,7 @@ class MessageReader:
 
         """
         found: Repairs = {}
-        content = parsed(payload, found) if len(payload) <= MAXIMUM_PAYLOAD else None
+        content = parsed(payload, found, parse) if len(payload) <= MAXIMUM_PAYLOAD else None
         if content is None:
             return None
         codec = reader_for(version_number(content.get("version")), major_version)

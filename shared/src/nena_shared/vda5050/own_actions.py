@@ -21,6 +21,6 @@ ROS_SESSION: Final = "rosSession"
 
 
 def transforms_itself(factsheet: Factsheet) -> bool:
-    """Tell whether the robot turns the plant's coordinates into those of its map and back."""
+    """Return whether the robot turns the plant's coordinates into those of its map and back."""
     actions = factsheet.protocol_features.mobile_robot_actions
     return any(each.action_type == SHOW_MAP_TRANSFORMS for each in actions)

@@ -21,6 +21,7 @@ from typing import Annotated, Any, Final, TypeVar, cast
 from msgspec import DecodeError, Meta, ValidationError, convert, defstruct, field
 from msgspec.json import Decoder
 from msgspec.structs import force_setattr
+from pydantic_core import from_json
 
 from nena_shared.vda5050.base import Header, WireObject
 from nena_shared.vda5050.codec import MAXIMUM_PAYLOAD, Codec
@@ -29,6 +30,8 @@ from nena_shared.vda5050.state import State
 from nena_shared.vda5050.visualization import Visualization
 
 R = TypeVar("R", bound=Header)
+
+_JSON: Final[Decoder[Any]] = Decoder()
 
 RECORDED: Final = (State, Visualization)
 """The messages that are read as records: those that robots send most often."""
@@ -43,6 +46,19 @@ def read_record(kind: type[R], codec: Codec, payload: bytes) -> R:
     """
     record = _decoded(kind, codec, payload)
     return codec.decode(kind, payload) if record is None else record
+
+
+def parse(payload: bytes) -> Any:  # noqa: ANN401 - JSON
+    """Parse JSON, NaN included.
+
+    Raises:
+        ValueError: it is none.
+
+    """
+    try:
+        return _JSON.decode(payload)
+    except (DecodeError, RecursionError):
+        return from_json(payload)
 
 
 def record_of(kind: type[R], codec: Codec, content: dict[str, Any]) -> R | None:

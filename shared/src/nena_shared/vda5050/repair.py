@@ -143,13 +143,18 @@ _ANGLE: Final = pi + 1e-6
 _TIME: Final[TypeAdapter[datetime]] = TypeAdapter(Timestamp)
 
 
-def parsed(payload: bytes, found: Repairs) -> dict[str, Any] | None:
-    """Parse a message, with or without a byte order mark; None: it is no JSON object."""
+def parsed(
+    payload: bytes, found: Repairs, parse: Callable[[bytes], Any] = from_json
+) -> dict[str, Any] | None:
+    """Parse a message, with or without a byte order mark; None: it is no JSON object.
+
+    ``parse`` raises ValueError for what is no JSON.
+    """
     if payload.startswith(BYTE_ORDER_MARK):
         payload = payload[len(BYTE_ORDER_MARK) :]
         found["message", RepairKind.BYTE_ORDER_MARK] = "EF BB BF"
     try:
-        content = from_json(payload)
+        content = parse(payload)
     except ValueError:
         return None
     return content if isinstance(content, dict) else None
@@ -327,7 +332,7 @@ class _FieldRepair:
                 content[name] = fixed
 
     def _replace(self, content: dict[str, Any], name: str, found: Repairs, *, given: bool) -> None:
-        """Give a value that is missing or null."""
+        """Set a value that is missing or null."""
         list_given_as_null = given and self.field.shape.kind is tuple
         if self.empty or list_given_as_null:
             content[name] = []

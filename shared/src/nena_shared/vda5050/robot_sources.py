@@ -40,11 +40,11 @@ class RobotSources:
         self._sources: dict[RobotKey, _Source] = {}
 
     def expect(self, robot: RobotKey, scheme: TopicScheme) -> None:
-        """Know where a robot speaks before it has done so."""
+        """Set where a robot is expected to publish."""
         self._sources[robot] = _Source(scheme, None)
 
     def accepts(self, robot: RobotKey, scheme: TopicScheme, message: Dated, *, retained: bool) -> bool:
-        """Tell whether a message says something of the robot now; later ones are compared with it."""
+        """Return whether a message says something of the robot now; later ones are compared with it."""
         known = self._sources.get(robot)
         if known is not None and known.scheme == scheme and known.timestamp is None:
             return True

@@ -38,15 +38,15 @@ class TopicScheme(NamedTuple):
     major_version: str = "v2"
 
     def of(self, robot: RobotKey, topic: Topic) -> str:
-        """Give the topic of one robot."""
+        """Return the topic of one robot."""
         return f"{self.interface_name}/{self.major_version}/{robot}/{topic}"
 
     def for_all(self, topic: Topic) -> str:
-        """Give the filter for ``topic`` of all robots."""
+        """Return the filter for ``topic`` of all robots."""
         return f"{self.interface_name}/{self.major_version}/+/+/{topic}"
 
     def robot_of(self, topic: str) -> RobotKey | None:
-        """Tell which robot ``topic`` is about; None for a topic of another form."""
+        """Return which robot ``topic`` is about; None for a topic of another form."""
         levels = topic.rsplit("/", LEVELS_BEHIND_INTERFACE)
         if len(levels) <= LEVELS_BEHIND_INTERFACE or levels[:2] != [self.interface_name, self.major_version]:
             return None

@@ -1,4 +1,4 @@
-"""The versions of VDA 5050 that are spoken here, by their number and by what a message says of itself."""
+"""The supported versions of VDA 5050, by number and by the header of a message (section 7.2)."""
 
 from __future__ import annotations
 
@@ -43,15 +43,15 @@ _WRITTEN: Final = re.compile(r"v?(\d{1,3})(?:\.(\d{1,3}))?(?:\.(\d{1,3}))?", re.
 
 
 class UnknownVersionError(Exception):
-    """``version`` is none of those that are spoken here."""
+    """``version`` is not supported."""
 
     def __init__(self, version: str) -> None:
         self.version = version
-        super().__init__(f"VDA 5050 {version!r} is not spoken here; choose one of {', '.join(CODECS)}")
+        super().__init__(f"VDA 5050 {version!r} is not supported; choose one of {', '.join(CODECS)}")
 
 
 def codec_for(version: str) -> Codec:
-    """Give the codec of exactly this version.
+    """Return the codec of exactly this version.
 
     Raises:
         UnknownVersionError: there is none.
@@ -63,10 +63,10 @@ def codec_for(version: str) -> Codec:
 
 
 def codec_named(text: str) -> Codec:
-    """Give the codec of a version as people write it, such as ``2.0`` in a plant model.
+    """Return the codec of a version as people write it, such as ``2.0`` in a plant model.
 
     Raises:
-        UnknownVersionError: it is no version that is spoken here, nor a later one of the same major version.
+        UnknownVersionError: it is neither a supported version nor a later one of a supported major version.
 
     """
     written = _WRITTEN.fullmatch(text.strip())
@@ -77,10 +77,10 @@ def codec_named(text: str) -> Codec:
 
 
 def topics_for(version: str, interface_name: str | None = None) -> TopicScheme:
-    """Give the topics of a version, under the interface name that the standard suggests if none is given.
+    """Return the topics of a version, under the interface name that the standard suggests if none is given.
 
     Raises:
-        UnknownVersionError: the version is not spoken here.
+        UnknownVersionError: the version is not supported.
 
     """
     codec = codec_for(version)
@@ -102,9 +102,9 @@ def version_of(payload: bytes) -> str | None:
 
 
 def codec_of_header(payload: bytes) -> Codec | None:
-    """Give the codec for a robot, from the header of its connection or factsheet.
+    """Return the codec for a robot, from the header of its connection or factsheet.
 
-    For a version that is not spoken here it is the nearest older one of the same major version; None where
+    For an unsupported version it is the nearest older one of the same major version; None where
     there is none, or no header.
     """
     version = version_of(payload)
@@ -113,19 +113,19 @@ def codec_of_header(payload: bytes) -> Codec | None:
 
 @lru_cache(maxsize=100)
 def nearest_codec(version: str) -> Codec | None:
-    """Give the codec of this version, or of the nearest older one of the same major version."""
+    """Return the codec of this version, or of the nearest older one of the same major version."""
     wanted = _numbers(version)
     older = [codec for codec in CODECS.values() if wanted[:1] <= _numbers(codec.version) <= wanted]
     return older[-1] if older else None
 
 
 def reader_of(payload: bytes, major_version: str) -> Codec:
-    """Give the codec to read a message with that came on a topic of ``major_version``, e.g. ``v2``.
+    """Return the codec to read a message with that came on a topic of ``major_version``, e.g. ``v2``.
 
     It is that of the header if both agree; else the newest of the major version, which tells what is wrong.
 
     Raises:
-        UnknownVersionError: the major version is not spoken here.
+        UnknownVersionError: the major version is not supported.
 
     """
     return reader_for(version_of(payload), major_version)
@@ -135,7 +135,7 @@ def reader_for(version: str | None, major_version: str) -> Codec:
     """Return the codec to read a message with that names ``version`` under a topic of ``major_version``.
 
     Raises:
-        UnknownVersionError: the major version is not spoken here.
+        UnknownVersionError: the major version is not supported.
 
     """
     codec = None if version is None else nearest_codec(version)

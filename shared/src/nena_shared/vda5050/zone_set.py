@@ -84,7 +84,7 @@ REQUIRED: Final[Mapping[ZoneType, tuple[str, ...]]] = MappingProxyType(
 
 
 def _by_type(schema: dict[str, Any], kind: type[WireObject]) -> None:
-    """Say in the JSON Schema of ``kind`` what a zone needs by its type."""
+    """Add to the JSON Schema of ``kind`` what a zone needs by its type."""
     schema["allOf"] = [
         {
             "if": {"properties": {"zoneType": {"const": zone_type.value}}, "required": ["zoneType"]},

@@ -83,7 +83,7 @@ class RobotAddresses:
         """Note what the plant model says of its vehicles' versions and interface names.
 
         Raises:
-            ConfigurationError: it names a version that is not spoken here, an interface name that is no
+            ConfigurationError: it names an unsupported version, an interface name that is no
                 topic, or a robot that the store cannot hold.
 
         """

@@ -196,7 +196,7 @@ class Abilities:
 
     @cached_property
     def codec(self) -> Codec | None:
-        """What writes messages for this robot; None for a version that is not spoken here."""
+        """What writes messages for this robot; None for an unsupported version."""
         return nearest_codec(self.factsheet.version)
 
     @cached_property

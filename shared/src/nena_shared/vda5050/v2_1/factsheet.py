@@ -158,7 +158,7 @@ class MobileRobotActionV21(MobileRobotAction):
     def _typed(
         self, parameter: ActionParameterDescriptionV21, old: ValueDataType, new: ValueDataType
     ) -> ActionParameterDescriptionV21:
-        """Give ``parameter`` with the type that the version has for the trigger."""
+        """Return ``parameter`` with the type that the version has for the trigger."""
         if (self.action_type, parameter.key) != TRIGGER or parameter.value_data_type is not old:
             return parameter
         return parameter.model_copy(update={"value_data_type": new})

@@ -20,7 +20,7 @@ SEGMENT: Final = re.compile(r"\w+")
 
 
 def _aliases(kind: type[WireObject], form: type[WireObject]) -> dict[str, str]:
-    """Give the wire names of ``kind``'s fields, and what ``form`` calls them."""
+    """Return the wire names of ``kind``'s fields, and what ``form`` calls them."""
     fields = form.model_fields
     return {str(field.alias): str(fields[name].alias) for name, field in kind.model_fields.items()}
 
@@ -37,22 +37,22 @@ _READ: Final[Mapping[str, str]] = {other: name for name, other in WRITTEN.items(
 
 
 def written_path(path: str) -> str:
-    """Give a neutral path in the names of 2.x."""
+    """Return a neutral path in the names of 2.x."""
     return SEGMENT.sub(lambda part: WRITTEN.get(part[0], part[0]), path)
 
 
 def neutral_path(path: str) -> str:
-    """Give a path of 2.x in neutral names."""
+    """Return a path of 2.x in neutral names."""
     return SEGMENT.sub(lambda part: _READ.get(part[0], part[0]), path)
 
 
 def missing_names(*forms: type[WireObject]) -> frozenset[str]:
-    """Give the neutral wire names of the fields that a version does not have, from its forms."""
+    """Return the neutral wire names of the fields that a version does not have, from its forms."""
     return frozenset(
         str(field.alias) for form in forms for field in form.model_fields.values() if field.exclude
     )
 
 
 def speaks_of(names: frozenset[str], path: str) -> bool:
-    """Tell whether a part of ``path`` is among ``names``."""
+    """Return whether a part of ``path`` is among ``names``."""
     return not names.isdisjoint(SEGMENT.findall(path))

@@ -39,7 +39,7 @@ class TrajectoryV21(Trajectory):
 
 
 def uniform_knots(control_points: int, degree: int) -> tuple[float, ...]:
-    """Give clamped knots, evenly spread over 0 to 1; there are more control points than ``degree``."""
+    """Return clamped knots, evenly spread over 0 to 1; there are more control points than ``degree``."""
     spans = control_points - degree
     inner = tuple(index / spans for index in range(1, spans))
     return (0.0,) * (degree + 1) + inner + (1.0,) * (degree + 1)

@@ -48,7 +48,7 @@ class MobileRobotActionV30(MobileRobotAction):
 
 
 def _right_name(path: str) -> str:
-    """Give the name of the text for the one that the order's schema has."""
+    """Return the name of the text for the one that the order's schema has."""
     return path.replace("maxRotationSpeed", "maximumRotationSpeed")
 
 

@@ -24,7 +24,7 @@ from nena_shared.vda5050.v3_0.action import ActionV30
 
 
 def _half_turn(theta: float) -> float:
-    """Give the same turn of an ellipse, which looks alike after half a turn, within -π/2 to π/2."""
+    """Return the same turn of an ellipse, which looks alike after half a turn, within -π/2 to π/2."""
     if abs(theta) <= pi / 2:
         return theta
     return theta - pi if theta > 0 else theta + pi
