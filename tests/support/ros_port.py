@@ -72,6 +72,6 @@ class _Client:
     async def call(self, fields: Mapping[str, JsonValue], *, seconds: float) -> Fields:  # noqa: ARG002
         self._ros.called.append((self._service, dict(fields)))
         if self._service not in self._ros.services:
-            message = f"nobody offers the service {self._service}"
+            message = f"no node offers the service {self._service}"
             raise RosError(message)
         return self._ros.services[self._service]

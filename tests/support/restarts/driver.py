@@ -49,7 +49,7 @@ class WorldDriver:
         self._world.listener = self._look
         self._tell(PoseReport(self._world.pose, localized=True, vx=0.0, omega=0.0))
         self._tell(BatteryReport(80.0, charging=False))
-        self._tell_table()
+        self._report_table()
         self._tell(NavigationReport(available=True, reason=""))
 
     async def stop(self) -> None:
@@ -132,7 +132,7 @@ class WorldDriver:
         if self._halting:
             self._cancel_own()
         self._tell(PoseReport(self._world.pose, localized=True, vx=0.0, omega=0.0))
-        self._tell_table()
+        self._report_table()
         self._follow()
 
     def _follow(self) -> None:
@@ -148,7 +148,7 @@ class WorldDriver:
             self._goal = None
             self._tell(DriveFailed(goal.generation, DriveFailure.ABORTED, status))
 
-    def _tell_table(self) -> None:
+    def _report_table(self) -> None:
         table = self._world.table(frozenset(self._own))
         if table != self._table:
             self._table = table

@@ -73,7 +73,7 @@ def _end_of(history: History, without: set[str]) -> dict[str, Any]:
 
 
 def _interrupted(history: History) -> set[str]:
-    """Give the actions that a death has failed; they must be such that cannot be begun anew."""
+    """Give the actions that a death has failed; they must be such that cannot be begun again."""
     failed = [
         each
         for each in _actions(history.fleet.states[-1])
@@ -149,7 +149,7 @@ def _nothing_is_done_twice(history: History) -> None:
         ended = any(each.action_id == action_id and each.action_status in FINAL for each in reported)
         assert not ended, f"'{action_id}' begins after its end was reported"
     for action_id, times in history.world.begun_once.items():
-        assert times == 1, f"'{action_id}' cannot be begun anew, and was"
+        assert times == 1, f"'{action_id}' cannot be begun again, and was"
 
 
 def _actions(state: State) -> tuple[ActionState, ...]:

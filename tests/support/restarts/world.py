@@ -42,7 +42,7 @@ class World:
         self.pose = Pose(0.0, 0.0, 0.0, MAP)
         self.goals: dict[str, Goal] = {}
         self.begun_once: Counter[str] = Counter()
-        """Actions that cannot be begun anew."""
+        """Actions that cannot be begun again."""
         self.listener: Callable[[], None] | None = None
         self.on_accepted: Callable[[Goal], None] = lambda _: None
         self.on_begun: Callable[[str], None] = lambda _: None

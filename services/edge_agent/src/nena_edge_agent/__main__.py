@@ -74,8 +74,8 @@ def _agent_maker(
     journal = settings.journal.folder if settings.journal.enabled else None
     switch = session_switch(settings.ros, journal, robot)
     map_watch = MapWatch.of(settings)
-    guests = (ros, map_watch) if ros else ()
-    driver = driver_maker(settings, index, clock, control, switch, guests=guests)
+    extensions = (ros, map_watch) if ros else ()
+    driver = driver_maker(settings, index, clock, control, switch, extensions=extensions)
     store = map_store(settings, robot)
     context = PluginContext(robot, ports.drive, ros)
     registry = make_registry(settings, control, store, switch, context)

@@ -11,7 +11,7 @@ from nena_edge_agent.driver.plant_frame import PlantFrame, PlantFrameDriver
 from nena_edge_agent.driver.port import Driver, Emit, Pose
 from nena_edge_agent.loopback.control import SimulationControl
 from nena_edge_agent.loopback.driver import LoopbackDriver
-from nena_edge_agent.nav2.session_control import NodeGuest
+from nena_edge_agent.nav2.session_control import NodeExtension
 from nena_edge_agent.protocol.events import Event
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import Clock
@@ -25,19 +25,19 @@ def driver_maker(
     control: SimulationControl,
     switch: SessionSwitch,
     *,
-    guests: Sequence[NodeGuest] = (),
+    extensions: Sequence[NodeExtension] = (),
 ) -> DriverMaker:
     """Return what makes the driver of robot ``index``, from 0.
 
     ``control`` gets hold of a loopback robot, ``switch`` of the ROS session of another one, on whose nodes
-    ``guests`` have topics and services of their own.
+    ``extensions`` have topics and services of their own.
 
     Raises:
         StartError: ROS 2 for Python is wanted and missing.
 
     """
     if settings.driver == "nav2":
-        return _nav2(settings, clock, switch, guests)
+        return _nav2(settings, clock, switch, extensions)
     return _loopback(settings, index, clock, control)
 
 
@@ -55,7 +55,7 @@ def _loopback(
 
 
 def _nav2(
-    settings: EdgeAgentSettings, clock: Clock, switch: SessionSwitch, guests: Sequence[NodeGuest]
+    settings: EdgeAgentSettings, clock: Clock, switch: SessionSwitch, extensions: Sequence[NodeExtension]
 ) -> DriverMaker:
     try:
         from nena_edge_agent.nav2.driver import Nav2Driver  # noqa: PLC0415 - the loopback needs no ROS
@@ -69,7 +69,7 @@ def _nav2(
     def make(emit: Emit, _: Pose | None) -> Driver:
         def make_on_map(emit_on_map: MapEmit) -> MapDriver:
             driver = Nav2Driver(
-                switch.address.applied(settings.ros), settings.map_id, emit_on_map, clock, guests
+                switch.address.applied(settings.ros), settings.map_id, emit_on_map, clock, extensions
             )
             switch.attach(driver.session)
             return driver

@@ -30,7 +30,7 @@ class DuplicateMapError(MapRefusedError):
 
 
 def find(maps: Iterable[Map], map_id: str, map_version: str) -> Map | None:
-    """Give the map of that id and version."""
+    """Return the map of that id and version."""
     return next((each for each in maps if (each.map_id, each.map_version) == (map_id, map_version)), None)
 
 
@@ -143,7 +143,7 @@ class FolderMapStore:
         self.maps = self._read()
 
     def content(self, map_id: str, map_version: str) -> bytes:
-        """Give what was installed; empty for the robot's first map."""
+        """Return what was installed; empty for the robot's first map."""
         return (self._place(map_id, map_version) / CONTENT).read_bytes()
 
     def _expect(self, map_id: str, map_version: str) -> Map:
@@ -199,7 +199,7 @@ def _is_enabled(area: Path, version: Path) -> bool:
 
 
 def _beside(place: Path) -> Path:
-    """Give where something is while it is not finished, or on its way out."""
+    """Return where something is while it is not finished, or on its way out."""
     return place.with_name(place.name + UNFINISHED)
 
 
@@ -211,7 +211,7 @@ def _write_through(path: Path, content: bytes) -> None:
 
 
 def _name(text: str) -> str:
-    """Give the name of a folder; with its first letter none is a relative path or one of our own files."""
+    """Return the name of a folder; with its first letter none is a relative path or one of our own files."""
     return "=" + quote(text, safe=" ").replace(".", "%2E")
 
 
@@ -219,7 +219,7 @@ GROUP = "nena.maps"
 
 
 def map_store(settings: EdgeAgentSettings, robot: RobotKey) -> MapStore | None:
-    """Give the store that the settings name, None: the robot has its one map and no other.
+    """Return the store that the settings name, None: the robot has its one map and no other.
 
     A plug-in is called with the settings and the robot, and gives a :class:`MapStore`.
 

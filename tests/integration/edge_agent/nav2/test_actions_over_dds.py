@@ -144,8 +144,11 @@ async def test_actions_by_topics_and_services(domain_id: int, peer: RosPeer) -> 
         assert await done("waitForLoad") == ("FINISHED", None)
         assert await done("close") == ("FINISHED", "closed")
         assert await done("open") == ("FAILED", "the clamp is jammed")
-        assert await done("nowhere") == ("FAILED", "nobody offers the service nowhere")
-        assert await done("setTurnSignal", direction="left") == ("FAILED", "nobody listens to turn_signal")
+        assert await done("nowhere") == ("FAILED", "no node offers the service nowhere")
+        assert await done("setTurnSignal", direction="left") == (
+            "FAILED",
+            "no node subscribes to turn_signal",
+        )
 
         robot.reports.clear()
         robot.begin("dream", height=1)

@@ -105,7 +105,7 @@ async def test_a_robot_in_another_namespace(domain_id: int, monkeypatch: pytest.
 
     finding = first_missing(view, settings)
     assert finding.link is Link.NAMESPACE
-    assert "but somebody does in /r1" in finding.text
+    assert "but one does in /r1" in finding.text
 
 
 async def test_a_domain_without_nav2(domain_id: int, peer: RosPeer, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -173,7 +173,7 @@ async def test_what_is_expected_may_hold_values_of_the_action() -> None:
 
 
 async def test_one_that_is_not_there_is_ros_to_tell() -> None:
-    with pytest.raises(RosError, match="nobody offers"):
+    with pytest.raises(RosError, match="no node offers"):
         await call(ScriptedRos(), "std_srvs/srv/Trigger").do({})
 
 
@@ -207,7 +207,7 @@ def test_a_value_that_does_not_fit_is_found_beforehand() -> None:
 async def test_somebody_must_listen_unless_nobody_need() -> None:
     ros = ScriptedRos()
     ros.listeners = 0
-    with pytest.raises(WorkFailedError, match="nobody listens to level"):
+    with pytest.raises(WorkFailedError, match="no node subscribes to level"):
         await command(ros, listener_timeout=0.1).heard()
     await command(ros, listener_timeout=0).heard()
     ros.listeners = 1
@@ -273,7 +273,7 @@ async def test_a_command_to_which_nobody_listens_fails() -> None:
     robot.ros.listeners = 0
     await robot.begin("lift", height=1)
 
-    assert await robot.end() == ("FAILED", "nobody listens to lift/command")
+    assert await robot.end() == ("FAILED", "no node subscribes to lift/command")
     assert robot.ros.published == []
 
 

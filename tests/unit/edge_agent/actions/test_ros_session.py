@@ -7,7 +7,7 @@ import pytest
 
 from nena_edge_agent.actions.ros_session import SessionSwitch, session_actions, session_switch
 from nena_edge_agent.driver.port import SessionReport
-from nena_edge_agent.nav2.session_control import SessionError, SessionKeeper
+from nena_edge_agent.nav2.session_control import SessionError, SessionManager
 from nena_edge_agent.nav2.settings import RosAddress, RosSettings
 from nena_edge_agent.protocol.events import ActionReport
 from nena_shared.clock import ManualClock
@@ -28,7 +28,7 @@ class Robot:
         self.closed: set[int] = set()
         self.told: list[SessionReport] = []
         self.switch = session_switch(SETTINGS, journal, ROBOT)
-        self.keeper = SessionKeeper(
+        self.keeper = SessionManager(
             self.switch.address,
             begin=self._begin,
             end=self._end,

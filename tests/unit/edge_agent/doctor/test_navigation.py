@@ -103,7 +103,7 @@ def test_nav2_without_a_lifecycle_manager_is_taken_as_it_is() -> None:
         (None, {"yard"}, LinkVerdict.MISSING, "the plant model has 'yard'"),
         (None, set(), LinkVerdict.OK, "map_id is 'hall', orders must name it so"),
         (RosView(), set(), LinkVerdict.UNKNOWN, "more needs the namespace"),
-        (replace(WELL, grid=None), set(), LinkVerdict.DOUBTFUL, "nobody publishes a map"),
+        (replace(WELL, grid=None), set(), LinkVerdict.DOUBTFUL, "no node publishes a map"),
         (replace(WELL, grid=replace(WELL.grid, frame="odom")), set(), LinkVerdict.MISSING, "frame 'odom'"),  # type: ignore[type-var]  # it is no None
         (replace(WELL, pose=replace(POSE, x=40.1)), set(), LinkVerdict.MISSING, "not on Nav2's map"),
         (replace(WELL, pose=replace(POSE, y=-10.1)), set(), LinkVerdict.MISSING, "not on Nav2's map"),

@@ -26,13 +26,13 @@ from nena_edge_agent.nav2.action_tracker import (
     reason_of,
 )
 from nena_edge_agent.nav2.commands import AskResult, CancelGoal, Command, PublishGoal, Report, SendGoal
-from nena_edge_agent.nav2.goals import GoalEntry, GoalMark, GoalStatus
+from nena_edge_agent.nav2.goals import GoalEntry, GoalIdPrefix, GoalStatus
 from nena_edge_agent.nav2.settings import GoalSettings, Navigation, RosSettings
 from nena_shared.clock import SystemClock
 from nena_shared.program import StartError
 from support.action_types import needs_action_types
 
-MARK = GoalMark("agent")
+MARK = GoalIdPrefix("agent")
 THEIRS = "ff" * 16
 
 
@@ -106,7 +106,7 @@ def talk() -> Conversation:
 
 def test_a_goal_has_an_id_of_ours_is_accepted_and_its_result_is_asked_for(talk: Conversation) -> None:
     goal_id = talk.driving()
-    assert MARK.bears(goal_id)
+    assert MARK.matches(goal_id)
     assert talk.tracker.goal_id == goal_id
     assert talk.said.count(AskResult(goal_id)) == 1
     assert talk.tables[-1].own == (goal_id,)
@@ -473,7 +473,7 @@ def test_another_drive_is_told_of_at_once() -> None:
 
 pytestmark = pytest.mark.ros
 
-TRACKER = ActionTracker(GoalSettings(), GoalMark("agent"))
+TRACKER = ActionTracker(GoalSettings(), GoalIdPrefix("agent"))
 
 
 def side(applied: list[Command] | None = None) -> ActionSide:
@@ -490,22 +490,22 @@ def test_without_its_types_the_action_cannot_be_asked_for(monkeypatch: pytest.Mo
     side().check(RosSettings(navigation=Navigation.AUTO))
 
 
-def test_without_its_types_there_is_no_door(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_its_types_there_is_no_client(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(action_client, "action_type", lambda _navigation: None)
     alone = side()
-    assert alone.new_door(RosSettings()) == []
+    assert alone.new_client(RosSettings()) == []
     assert not alone.look()
 
 
 @needs_action_types
 @pytest.mark.parametrize(("navigation", "doors"), [("auto", 1), ("action", 1), ("topics", 0)])
 def test_a_node_gets_a_door_where_one_is_wanted(navigation: str, doors: int) -> None:
-    assert len(side().new_door(RosSettings(navigation=Navigation(navigation)))) == doors
+    assert len(side().new_client(RosSettings(navigation=Navigation(navigation)))) == doors
 
 
 async def test_a_goal_that_no_door_takes_has_no_answer() -> None:
     applied: list[Command] = []
     goal = MapGoal(1, MapPose(1.0, 0.0, 0.0, "hall"), deviation_xy=0.5)
-    await side(applied).send(goal, GoalMark("agent").new())
+    await side(applied).send(goal, GoalIdPrefix("agent").new())
     side().ask_result("aa")
     assert applied == []

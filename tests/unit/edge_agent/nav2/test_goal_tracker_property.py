@@ -2,7 +2,7 @@
 
 The server below follows Nav2's SimpleActionServer: a current goal, a pending one, a loop that looks at cancel
 requests of the pending goal first. Goals get lost, arrays are late and merged, cancel calls go unanswered,
-other clients give and cancel goals, the server is started anew, the network breaks.
+other clients give and cancel goals, the server is restarted, the network breaks.
 """
 
 from __future__ import annotations
@@ -224,7 +224,7 @@ class TrackedRobot(RuleBasedStateMachine):
 
     def _all_goals_accounted_for(self) -> bool:
         """Whether no goal of ours is under way to being listed; another's would be mistaken for it."""
-        return self.tracker._ledger._claims == 0 and not self.server.arrays
+        return self.tracker._registry._claims == 0 and not self.server.arrays
 
     def _deliver_all(self) -> None:
         while self.server.arrays:
@@ -245,7 +245,7 @@ class TrackedRobot(RuleBasedStateMachine):
                     self._check(event)
 
     def _give(self, goal: MapGoal) -> None:
-        assert goal.generation == self.wanted, "a goal that nobody wants any more is given"
+        assert goal.generation == self.wanted, "a goal that are not wanted any more is given"
         assert not self.halting, "a goal is given while another is stopped"
         if self.goals_to_lose:
             self.goals_to_lose -= 1

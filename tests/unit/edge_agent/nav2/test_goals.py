@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from nena_edge_agent.driver.port import GoalReport
-from nena_edge_agent.nav2.goals import GoalEntry, GoalLedger, GoalMark, GoalStatus, MarkedLedger
+from nena_edge_agent.nav2.goals import GoalEntry, GoalIdPrefix, GoalRegistry, GoalStatus, PrefixedGoalRegistry
 
 
 def test_every_code_of_the_definition_is_known() -> None:
@@ -35,135 +35,135 @@ EXECUTING, SUCCEEDED, ABORTED = GoalStatus.EXECUTING, GoalStatus.SUCCEEDED, Goal
 
 
 @pytest.fixture
-def ledger() -> GoalLedger:
-    """A ledger that knows the one old goal of its server."""
-    ledger = GoalLedger(confirmation_time=3.0, settle_time=2.0)
-    ledger.set_servers(frozenset({"gid"}), 0.0)
-    ledger.update([GoalEntry("old", ABORTED)], 0.0)
-    return ledger
+def registry() -> GoalRegistry:
+    """A registry that knows the one old goal of its server."""
+    registry = GoalRegistry(confirmation_time=3.0, settle_time=2.0)
+    registry.set_servers(frozenset({"gid"}), 0.0)
+    registry.update([GoalEntry("old", ABORTED)], 0.0)
+    return registry
 
 
-def test_as_many_new_ids_are_ours_as_goals_were_given(ledger: GoalLedger) -> None:
-    ledger.given(1.0)
-    ledger.given(4.0)
+def test_as_many_new_ids_are_ours_as_goals_were_given(registry: GoalRegistry) -> None:
+    registry.given(1.0)
+    registry.given(4.0)
     entries = [GoalEntry(name, EXECUTING) for name in ("old", "A", "B", "C")]
-    assert ledger.update(entries, 4.1).claimed == ("A", "B")
-    assert ledger.live == ("A", "B")
+    assert registry.update(entries, 4.1).claimed == ("A", "B")
+    assert registry.live == ("A", "B")
 
 
-def test_given_goal_is_awaited_and_claims_an_id_for_twice_as_long(ledger: GoalLedger) -> None:
-    ledger.given(1.0)
-    assert ledger.awaiting(3.9)
-    assert not ledger.awaiting(4.0)
-    assert ledger.update([GoalEntry("A", EXECUTING)], 6.9).claimed == ("A",)
+def test_given_goal_is_awaited_and_claims_an_id_for_twice_as_long(registry: GoalRegistry) -> None:
+    registry.given(1.0)
+    assert registry.awaiting(3.9)
+    assert not registry.awaiting(4.0)
+    assert registry.update([GoalEntry("A", EXECUTING)], 6.9).claimed == ("A",)
 
 
-def test_claim_ends_at_last(ledger: GoalLedger) -> None:
-    ledger.given(1.0)
-    news = ledger.update([GoalEntry("A", EXECUTING)], 7.0)
+def test_claim_ends_at_last(registry: GoalRegistry) -> None:
+    registry.given(1.0)
+    news = registry.update([GoalEntry("A", EXECUTING)], 7.0)
     assert news.claimed == ()
-    assert ledger.table.external == (GoalReport("A", external=True, status="EXECUTING"),)
+    assert registry.table.external == (GoalReport("A", external=True, status="EXECUTING"),)
 
 
-def test_goal_of_ours_that_is_listed_no_more_is_lost_unless_it_had_ended(ledger: GoalLedger) -> None:
+def test_goal_of_ours_that_is_listed_no_more_is_lost_unless_it_had_ended(registry: GoalRegistry) -> None:
     for name in ("A", "B"):
-        ledger.given(1.0)
-        ledger.update([GoalEntry("A", SUCCEEDED), GoalEntry(name, EXECUTING)], 1.0)
-    assert ledger.update([GoalEntry("X", EXECUTING)], 2.0).lost == {"B"}
+        registry.given(1.0)
+        registry.update([GoalEntry("A", SUCCEEDED), GoalEntry(name, EXECUTING)], 1.0)
+    assert registry.update([GoalEntry("X", EXECUTING)], 2.0).lost == {"B"}
 
 
 def test_goals_of_before_are_known_by_an_array_or_by_time() -> None:
-    ledger = GoalLedger(confirmation_time=3.0, settle_time=2.0)
-    assert not ledger.settled(100.0)
-    ledger.set_servers(frozenset({"gid"}), 100.0)
-    assert not ledger.settled(101.9)
-    assert ledger.settled(102.0)
+    registry = GoalRegistry(confirmation_time=3.0, settle_time=2.0)
+    assert not registry.settled(100.0)
+    registry.set_servers(frozenset({"gid"}), 100.0)
+    assert not registry.settled(101.9)
+    assert registry.settled(102.0)
 
 
-def test_new_server_has_to_settle_too(ledger: GoalLedger) -> None:
-    assert ledger.settled(0.0)
-    assert ledger.set_servers(frozenset({"other"}), 10.0)
-    assert not ledger.settled(10.0)
-    assert ledger.settled(12.0)
+def test_new_server_has_to_settle_too(registry: GoalRegistry) -> None:
+    assert registry.settled(0.0)
+    assert registry.set_servers(frozenset({"other"}), 10.0)
+    assert not registry.settled(10.0)
+    assert registry.settled(12.0)
 
 
-def test_server_that_outlives_the_one_that_came_beside_it_counts_again(ledger: GoalLedger) -> None:
-    assert ledger.set_servers(frozenset({"gid", "other"}), 10.0)
-    assert not ledger.set_servers(frozenset({"gid", "other"}), 11.0)
-    assert ledger.set_servers(frozenset({"gid"}), 20.0)
-    assert not ledger.set_servers(frozenset({"gid"}), 21.0)
-    assert not ledger.settled(21.9)
-    assert ledger.settled(22.0)
+def test_server_that_outlives_the_one_that_came_beside_it_counts_again(registry: GoalRegistry) -> None:
+    assert registry.set_servers(frozenset({"gid", "other"}), 10.0)
+    assert not registry.set_servers(frozenset({"gid", "other"}), 11.0)
+    assert registry.set_servers(frozenset({"gid"}), 20.0)
+    assert not registry.set_servers(frozenset({"gid"}), 21.0)
+    assert not registry.settled(21.9)
+    assert registry.settled(22.0)
 
 
-def test_table_shows_whose_the_goals_are_and_an_end_stays_an_end(ledger: GoalLedger) -> None:
-    ledger.update([GoalEntry("X", EXECUTING)], 1.0)
-    ledger.given(1.0)
+def test_table_shows_whose_the_goals_are_and_an_end_stays_an_end(registry: GoalRegistry) -> None:
+    registry.update([GoalEntry("X", EXECUTING)], 1.0)
+    registry.given(1.0)
     for status in (EXECUTING, SUCCEEDED, EXECUTING):
-        ledger.update([GoalEntry("X", EXECUTING), GoalEntry("A", status)], 1.0)
-    assert ledger.table.goals == (
+        registry.update([GoalEntry("X", EXECUTING), GoalEntry("A", status)], 1.0)
+    assert registry.table.goals == (
         GoalReport("X", external=True, status="EXECUTING"),
         GoalReport("A", external=False, status="SUCCEEDED", ended=True),
     )
 
 
-def test_table_keeps_what_runs_and_the_newest_of_what_has_ended(ledger: GoalLedger) -> None:
-    ledger.update([GoalEntry("X", EXECUTING), GoalEntry("before", ABORTED)], 1.0)
+def test_table_keeps_what_runs_and_the_newest_of_what_has_ended(registry: GoalRegistry) -> None:
+    registry.update([GoalEntry("X", EXECUTING), GoalEntry("before", ABORTED)], 1.0)
     ended = [GoalEntry(f"old {number}", ABORTED) for number in range(100)]
-    ledger.update([GoalEntry("X", EXECUTING), *ended], 1.0)
-    assert [goal.goal_id for goal in ledger.table.goals] == ["X", *(f"old {n}" for n in range(95, 100))]
+    registry.update([GoalEntry("X", EXECUTING), *ended], 1.0)
+    assert [goal.goal_id for goal in registry.table.goals] == ["X", *(f"old {n}" for n in range(95, 100))]
 
 
-def test_table_is_empty_after_a_restart_of_the_server(ledger: GoalLedger) -> None:
-    ledger.update([GoalEntry("X", EXECUTING)], 1.0)
-    ledger.set_servers(frozenset({"other"}), 2.0)
-    assert ledger.table.goals == ()
+def test_table_is_empty_after_a_restart_of_the_server(registry: GoalRegistry) -> None:
+    registry.update([GoalEntry("X", EXECUTING)], 1.0)
+    registry.set_servers(frozenset({"other"}), 2.0)
+    assert registry.table.goals == ()
 
 
-def test_goal_that_the_server_does_not_know_is_over(ledger: GoalLedger) -> None:
-    ledger.given(1.0)
-    ledger.update([GoalEntry("A", EXECUTING)], 1.0)
-    ledger.forget("A")
-    ledger.forget("never heard of")
-    assert ledger.live == ()
+def test_goal_that_the_server_does_not_know_is_over(registry: GoalRegistry) -> None:
+    registry.given(1.0)
+    registry.update([GoalEntry("A", EXECUTING)], 1.0)
+    registry.forget("A")
+    registry.forget("never heard of")
+    assert registry.live == ()
 
 
-def test_who_has_taken_over(ledger: GoalLedger) -> None:
-    ledger.given(1.0)
-    ledger.update([GoalEntry("old", ABORTED), GoalEntry("A", EXECUTING)], 1.0)
-    assert ledger.taken_over("A") is None
-    ledger.update([GoalEntry("A", ABORTED), GoalEntry("X", EXECUTING)], 1.1)
-    assert ledger.taken_over("A") == "X"
-    assert ledger.taken_over("unknown") is None
+def test_who_has_taken_over(registry: GoalRegistry) -> None:
+    registry.given(1.0)
+    registry.update([GoalEntry("old", ABORTED), GoalEntry("A", EXECUTING)], 1.0)
+    assert registry.taken_over("A") is None
+    registry.update([GoalEntry("A", ABORTED), GoalEntry("X", EXECUTING)], 1.1)
+    assert registry.taken_over("A") == "X"
+    assert registry.taken_over("unknown") is None
 
 
-def test_array_that_comes_late_says_nothing(ledger: GoalLedger) -> None:
-    ledger.given(1.0)
-    ledger.update([GoalEntry("old", ABORTED), GoalEntry("A", EXECUTING)], 1.0)
+def test_array_that_comes_late_says_nothing(registry: GoalRegistry) -> None:
+    registry.given(1.0)
+    registry.update([GoalEntry("old", ABORTED), GoalEntry("A", EXECUTING)], 1.0)
     for late in ([GoalEntry("old", ABORTED)], []):
-        news = ledger.update(late, 1.1)
+        news = registry.update(late, 1.1)
         assert (news.claimed, news.lost) == ((), frozenset())
-    assert ledger.live == ("A",)
+    assert registry.live == ("A",)
 
 
 def test_an_agent_knows_its_ids_again_after_a_restart() -> None:
-    goal_id = GoalMark("nena_edge_agent").new()
-    assert GoalMark("nena_edge_agent").bears(goal_id)
-    assert not GoalMark("another_agent").bears(goal_id)
+    goal_id = GoalIdPrefix("nena_edge_agent").new()
+    assert GoalIdPrefix("nena_edge_agent").matches(goal_id)
+    assert not GoalIdPrefix("another_agent").matches(goal_id)
 
 
 def test_ids_are_uuids_and_differ() -> None:
-    ids = {GoalMark("nena_edge_agent").new() for _ in range(100)}
+    ids = {GoalIdPrefix("nena_edge_agent").new() for _ in range(100)}
     assert len(ids) == 100
     assert {len(bytes.fromhex(each)) for each in ids} == {16}
 
 
-MARK = GoalMark("agent")
+MARK = GoalIdPrefix("agent")
 OURS, THEIRS = MARK.new(), "ff" * 16
 
 
-def ledger_of_marked_ledger() -> MarkedLedger:
-    made = MarkedLedger(MARK, confirmation_time=3.5, settle_time=2.0)
+def prefixed_registry() -> PrefixedGoalRegistry:
+    made = PrefixedGoalRegistry(MARK, confirmation_time=3.5, settle_time=2.0)
     made.set_servers(frozenset({"gid"}), 0.0)
     return made
 
@@ -173,7 +173,7 @@ def entry(goal_id: str, status: int) -> GoalEntry:
 
 
 def test_an_id_with_the_mark_is_ours_and_no_other_one_even_while_an_answer_is_awaited() -> None:
-    goals = ledger_of_marked_ledger()
+    goals = prefixed_registry()
     goals.sent(1.0)
     goals.update([entry(THEIRS, 2)], 1.1)
     goals.update([entry(THEIRS, 6), entry(OURS, 2)], 1.2)
@@ -182,7 +182,7 @@ def test_an_id_with_the_mark_is_ours_and_no_other_one_even_while_an_answer_is_aw
 
 
 def test_an_accepted_goal_is_there_before_its_array_and_a_late_array_does_not_lose_it() -> None:
-    goals = ledger_of_marked_ledger()
+    goals = prefixed_registry()
     goals.update([entry(THEIRS, 4)], 0.5)
     goals.sent(1.0)
     assert goals.awaiting(1.1)
@@ -194,7 +194,7 @@ def test_an_accepted_goal_is_there_before_its_array_and_a_late_array_does_not_lo
 
 
 def test_a_result_ends_a_goal_and_an_array_of_before_does_not_revive_it() -> None:
-    goals = ledger_of_marked_ledger()
+    goals = prefixed_registry()
     goals.accept(OURS)
     goals.settle(OURS, GoalStatus.SUCCEEDED)
     goals.update([entry(OURS, 2)], 1.0)
@@ -202,7 +202,7 @@ def test_a_result_ends_a_goal_and_an_array_of_before_does_not_revive_it() -> Non
 
 
 def test_a_result_of_an_unknown_goal_or_without_an_end_says_nothing() -> None:
-    goals = ledger_of_marked_ledger()
+    goals = prefixed_registry()
     goals.settle(OURS, GoalStatus.ABORTED)
     assert goals.status(OURS) is None
     goals.accept(OURS)
@@ -211,7 +211,7 @@ def test_a_result_of_an_unknown_goal_or_without_an_end_says_nothing() -> None:
 
 
 def test_a_goal_sent_and_not_seen_before_a_restart_is_known_by_its_mark() -> None:
-    goals = ledger_of_marked_ledger()
+    goals = prefixed_registry()
     goals.reclaim((), "")
     goals.update([entry(OURS, 2), entry(THEIRS, 2)], 1.0)
     assert goals.given_before == OURS
@@ -219,7 +219,7 @@ def test_a_goal_sent_and_not_seen_before_a_restart_is_known_by_its_mark() -> Non
 
 
 def test_goals_by_topic_are_worked_out_as_ever() -> None:
-    goals = ledger_of_marked_ledger()
+    goals = prefixed_registry()
     goals.update([], 0.5)
     goals.given(1.0)
     assert goals.update([entry(THEIRS, 2)], 1.1).claimed == (THEIRS,)

@@ -14,7 +14,7 @@ from nena_edge_agent.driver.port import SessionReport
 from nena_edge_agent.nav2.session_control import (
     LONGEST_RETRY,
     SessionError,
-    SessionKeeper,
+    SessionManager,
     SessionStore,
     prepare_environment,
 )
@@ -101,7 +101,7 @@ class Graph:
         self.nodes = 0
         self.door = asyncio.Event()
         self.door.set()
-        self.keeper = SessionKeeper(
+        self.keeper = SessionManager(
             HERE, begin=self._begin, end=self._end, tell=self.told.append, clock=self.clock, retry=2.0
         )
 

@@ -172,7 +172,7 @@ class RobotMachine(RuleBasedStateMachine):
         before = self.bench.state
         kept = self.bench.core.memory().model_dump_json(exclude_defaults=True)
         for each in self.actions_in(*ACTIVE):
-            self.starts[each] = 0  # what ran may be begun anew
+            self.starts[each] = 0  # what ran may be begun again
         self.bench = Bench(
             memory=Memory.model_validate_json(kept),
             ready=False,

@@ -151,7 +151,7 @@ class MapTransforms:
         self._result = "; ".join(f"{map_id}: {text}" for map_id, text in sorted(texts.items()))
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
-        """Tell at once."""
+        """Report at once."""
         report(ActionReport(action.action_id, ActionStatus.FINISHED, self._result))
         return ENDED
 

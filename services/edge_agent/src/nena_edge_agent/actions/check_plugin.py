@@ -50,7 +50,7 @@ class DryRos:
     """Takes every message that fits its type, and says nothing; services answer that they have succeeded."""
 
     def publisher(self, topic: str, type_name: str) -> Publisher:
-        """Give a publisher to whom one listens.
+        """Return a publisher to whom one listens.
 
         Raises:
             RosError: there is no such type here.
@@ -69,7 +69,7 @@ class DryRos:
         *,
         qos: TopicQos = TopicQos.RELIABLE,  # noqa: ARG002
     ) -> None:
-        """Look at the type; no message will come.
+        """Check the type; no message will come.
 
         Raises:
             RosError: there is no such type here.
@@ -81,7 +81,7 @@ class DryRos:
             raise RosError(str(error)) from error
 
     def client(self, service: str, type_name: str) -> ServiceClient:
-        """Give a client whose service does nothing.
+        """Return a client whose service does nothing.
 
         Raises:
             RosError: there is no such type here.
@@ -216,7 +216,7 @@ class _Run:
         return self.watchdog is not None and self.watchdog.hangs.is_set()
 
     def findings(self) -> list[Finding]:
-        """Give what was found, with what kept the loop from running."""
+        """Return what was found, with what kept the loop from running."""
         name, blocked = "Does not block", self.watchdog.blocked if self.watchdog else ""
         if not blocked:
             return [*self.found, Finding(name, Verdict.OK, "the agent's event loop runs on meanwhile")]
@@ -234,7 +234,7 @@ class _Run:
 
 
 def _plugins(name: str, settings: EdgeAgentSettings) -> tuple[ActionPlugin, ...]:
-    """Give what goes by the name: an installed plug-in, or an action of the settings.
+    """Return what goes by the name: an installed plug-in, or an action of the settings.
 
     Raises:
         ConfigurationError: nothing does.

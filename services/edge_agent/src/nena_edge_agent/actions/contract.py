@@ -66,7 +66,7 @@ class Subject:
         return self.plugin.declaration
 
     def action(self) -> Action:
-        """Make another action."""
+        """Build another action."""
         given = {each.key: sample(each) for each in self.declaration.parameters if each.required}
         parameters = (
             ActionParameter(key=key, value=value) for key, value in (given | {**self.parameters}).items()
@@ -119,7 +119,7 @@ class Trial:
         )
 
     async def until(self, condition: Callable[[], object], seconds: float) -> bool:
-        """Wait for a condition; tells whether it has come true."""
+        """Wait for a condition; return whether it has come true."""
         loop = asyncio.get_running_loop()
         limit = loop.time() + seconds
         while not condition():
@@ -153,7 +153,7 @@ class Trial:
         self.sound()
 
     def sound(self) -> None:
-        """Look at all reports so far."""
+        """Check all reports so far."""
         for report in self.reports:
             if flaw := flaw_of(report, self.action.action_id):
                 text = f"reported was {flaw}"
@@ -179,7 +179,7 @@ def called(name: str, step: Callable[[], Any]) -> Any:  # noqa: ANN401 - what th
 
 
 def sample(parameter: Parameter) -> JsonValue:
-    """Give a value that the parameter takes."""
+    """Return a value that the parameter takes."""
     if parameter.choices:
         return parameter.choices[0]
     most = 1.0 if parameter.maximum is None else min(1.0, parameter.maximum)
@@ -442,5 +442,5 @@ def _encoded(declaration: ActionDeclaration) -> None:
 
 
 def _name(check: Check) -> str:
-    """Give what stands before the colon of its docstring."""
+    """Return what stands before the colon of its docstring."""
     return (check.__doc__ or "").split(":", 1)[0]

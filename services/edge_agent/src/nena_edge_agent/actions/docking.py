@@ -99,7 +99,7 @@ class _Drive(BackgroundAction):
         return ActionReport(self._action_id, ActionStatus.FINISHED, charging=self._settings.charging)
 
     async def _driven(self, goal: Pose) -> bool:
-        """Drive; tells whether it got there, or was held on the way."""
+        """Drive; return whether it got there, or was held on the way."""
         if not self._free.is_set():
             return False
         settings, task = self._settings, asyncio.current_task()
@@ -126,7 +126,7 @@ class _Drive(BackgroundAction):
 
 
 def beside(pose: Pose, ahead: float, left: float, turn: float) -> Pose:
-    """Give the place ``ahead`` and to the ``left`` (m) of ``pose``, turned by ``turn`` (rad)."""
+    """Return the place ``ahead`` and to the ``left`` (m) of ``pose``, turned by ``turn`` (rad)."""
     x = pose.x + ahead * cos(pose.theta) - left * sin(pose.theta)
     y = pose.y + ahead * sin(pose.theta) + left * cos(pose.theta)
     return Pose(x, y, pose.theta + turn, pose.map_id)

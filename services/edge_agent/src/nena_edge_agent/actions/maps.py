@@ -37,7 +37,7 @@ Change = Callable[[str, str, Action], Awaitable[None]]
 
 
 def map_actions(store: MapStore, settings: DownloadSettings) -> Iterable[ActionPlugin]:
-    """Give the three actions on one robot's ``store``; they change it one after the other."""
+    """Return the three actions on one robot's ``store``; they change it one after the other."""
     turn = asyncio.Lock()
 
     async def fetch(map_id: str, map_version: str, action: Action) -> None:

@@ -26,13 +26,13 @@ _WHOLE: Final = re.compile(r"\{([A-Za-z_][A-Za-z0-9_]*)\}")
 
 
 def whole(text: str) -> str | None:
-    """Give the name that the text is nothing but, None if there is more to it."""
+    """Return the name that the text is nothing but, None if there is more to it."""
     found = _WHOLE.fullmatch(text)
     return found.group(1) if found else None
 
 
 def template_problems(template: JsonValue, names: Collection[str], path: str) -> Iterator[str]:
-    """Say what is wrong with a template whose values have ``names``, each with its place under ``path``."""
+    """Return the problems of a template whose values have ``names``, each with its place under ``path``."""
     match template:
         case str():
             yield from (f"{path}: {each}" for each in _text_problems(template, names))
@@ -116,7 +116,7 @@ class Listing:
     most: int | None = None
 
     def holds(self, count: int) -> bool:
-        """Tell whether there may be so many values."""
+        """Return whether there may be so many values."""
         return self.exactly in (None, count) and (self.most is None or count <= self.most)
 
     @property
@@ -150,7 +150,7 @@ _FITTING: Final[Mapping[ScalarKind, frozenset[ValueDataType]]] = {
 def problems(
     template: JsonValue, shape: Shape, types: Mapping[str, ValueDataType], path: str
 ) -> Iterator[str]:
-    """Say what cannot be, whatever the values of the parameters, whose ``types`` are given by name."""
+    """Return what cannot be, whatever the values of the parameters, whose ``types`` are given by name."""
     match template, shape:
         case str(), Scalar() if name := whole(template):
             if types.get(name) not in _FITTING[shape.kind] and name in types:
@@ -172,7 +172,7 @@ def problems(
 
 
 def conformed(value: JsonValue, shape: Shape, path: str) -> Any:  # noqa: ANN401 - a value of any field
-    """Make ``value`` what a field takes.
+    """Build ``value`` what a field takes.
 
     Raises:
         FieldError: it is something else.
@@ -188,7 +188,7 @@ def conformed(value: JsonValue, shape: Shape, path: str) -> Any:  # noqa: ANN401
 
 
 def message(values: Mapping[str, Any], record: Record) -> Any:  # noqa: ANN401 - rclpy carries no types
-    """Make a message of what :func:`conformed` has given."""
+    """Build a message of what :func:`conformed` has given."""
     made = record.make()
     for name, value in values.items():
         setattr(made, name, _sent(value, record.fields[name]))
@@ -283,7 +283,7 @@ class UnknownTypeError(Exception):
 
 @lru_cache(maxsize=200)
 def message_type(name: str) -> Record:
-    """Give the shape of a message type, such as ``geometry_msgs/msg/PoseStamped``.
+    """Return the shape of a message type, such as ``geometry_msgs/msg/PoseStamped``.
 
     Raises:
         UnknownTypeError: it is not installed, or no name of a message type.
@@ -294,7 +294,7 @@ def message_type(name: str) -> Record:
 
 @lru_cache(maxsize=200)
 def service_type(name: str) -> tuple[Record, Record]:
-    """Give the shapes of the request and the response of a service type, such as ``std_srvs/srv/Trigger``.
+    """Return the shapes of the request and the response of a service type, such as ``std_srvs/srv/Trigger``.
 
     Raises:
         UnknownTypeError: it is not installed, or no name of a service type.
@@ -305,7 +305,7 @@ def service_type(name: str) -> tuple[Record, Record]:
 
 
 def class_of(name: str) -> Any:  # noqa: ANN401 - rclpy carries no types
-    """Give the class of a message or service type.
+    """Return the class of a message or service type.
 
     Raises:
         UnknownTypeError: it is not installed, or no name of a type.
@@ -315,7 +315,7 @@ def class_of(name: str) -> Any:  # noqa: ANN401 - rclpy carries no types
 
 
 def read(message: Any) -> dict[str, Any]:  # noqa: ANN401
-    """Give the fields of a message that has come, as plain data."""
+    """Return the fields of a message that has come, as plain data."""
     return {name: _plain(getattr(message, name)) for name in message.get_fields_and_field_types()}
 
 
@@ -389,7 +389,7 @@ CLOSE = 1e-6
 
 
 def matches(value: Any, wanted: JsonValue) -> bool:  # noqa: ANN401 - a value of any field
-    """Tell whether ``value`` is as ``wanted``: of tables the named fields, of an array any one of its items.
+    """Return whether ``value`` is as ``wanted``: of tables the named fields, of an array any of its items.
 
     Where the value is an array itself, it is compared as a whole.
     """
@@ -407,7 +407,7 @@ def matches(value: Any, wanted: JsonValue) -> bool:  # noqa: ANN401 - a value of
 
 
 def value_at(message: Mapping[str, Any], path: str) -> Any:  # noqa: ANN401
-    """Give the value at a path such as ``status.text``, None if there is none."""
+    """Return the value at a path such as ``status.text``, None if there is none."""
     value: Any = message
     for key in path.split("."):
         value = value.get(key) if isinstance(value, Mapping) else None

@@ -75,7 +75,7 @@ class ServiceClient(Protocol):
         """Call it and give the response.
 
         Raises:
-            RosError: there is no ROS session now, nobody offers the service, or nobody answers within
+            RosError: there is no ROS session now, no node offers the service, or nobody answers within
                 ``seconds``, or the fields do not fit the type.
 
         """
@@ -86,7 +86,7 @@ class RosPort(Protocol):
     """ROS in the robot's namespace and domain. What is asked for stays, through every new ROS session."""
 
     def publisher(self, topic: str, type_name: str) -> Publisher:
-        """Give what publishes on ``topic``, reliably.
+        """Return what publishes on ``topic``, reliably.
 
         Raises:
             RosError: there is no such type here.
@@ -111,7 +111,7 @@ class RosPort(Protocol):
         ...
 
     def client(self, service: str, type_name: str) -> ServiceClient:
-        """Give what calls ``service``.
+        """Return what calls ``service``.
 
         Raises:
             RosError: there is no such type here.
@@ -276,7 +276,7 @@ class Countdown:
         self._ended = False
 
     def start(self) -> None:
-        """Let the time run."""
+        """Advance the time."""
         self._timer = asyncio.get_running_loop().call_later(self._left, self._over)
         self._report(ActionReport(self._action_id, ActionStatus.RUNNING))
 
@@ -288,7 +288,7 @@ class Countdown:
             self._report(ActionReport(self._action_id, ActionStatus.PAUSED))
 
     def resume(self) -> None:
-        """Let the time run on."""
+        """Advance the time."""
         if self._timer is None and not self._ended:
             self.start()
 

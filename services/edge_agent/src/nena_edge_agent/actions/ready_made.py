@@ -38,7 +38,7 @@ DIRECTION = "direction"
 def ready_made(
     operations: tuple[AnyOperation, ...], context: PluginContext, settings: ActionSettings
 ) -> Iterator[ActionPlugin]:
-    """Make the actions of one robot.
+    """Build the actions of one robot.
 
     Raises:
         ConfigurationError: a message cannot be made of what the settings say, with the place in them.
@@ -49,7 +49,7 @@ def ready_made(
 
 
 def operations_beside(found: Installed, settings: EdgeAgentSettings) -> tuple[AnyOperation, ...]:
-    """Give the operations of the settings; plug-ins take the place of those that nobody has set."""
+    """Return the operations of the settings; plug-ins take the place of those that nobody has set."""
     if "operations" in settings.model_fields_set:
         return settings.operations
     return tuple(each for each in settings.operations if each.action_type not in found.action_types)

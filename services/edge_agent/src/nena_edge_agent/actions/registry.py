@@ -46,7 +46,7 @@ NOTHING = Installed()
 
 
 def installed(context: PluginContext, settings: ActionSettings) -> Installed:
-    """Make the actions of every plug-in that the settings want; a broken one costs its own actions only.
+    """Build the actions of every plug-in that the settings want; a broken one costs its own actions only.
 
     Raises:
         ConfigurationError: a plug-in that the settings name is not installed.
@@ -65,7 +65,7 @@ def installed(context: PluginContext, settings: ActionSettings) -> Installed:
 
 
 def make(name: str, context: PluginContext) -> tuple[ActionPlugin, ...]:
-    """Make the actions of one plug-in.
+    """Build the actions of one plug-in.
 
     Raises:
         PluginBrokenError: it cannot be loaded, fails, does not work here, or gives no plug-ins.
@@ -90,13 +90,13 @@ def make(name: str, context: PluginContext) -> tuple[ActionPlugin, ...]:
 
 
 def _is_plugin(made: object) -> bool:
-    """Look whether what foreign code gives is what it should be."""
+    """Check whether what foreign code gives is what it should be."""
     declared = isinstance(getattr(made, "declaration", None), ActionDeclaration)
     return declared and callable(getattr(made, "start", None))
 
 
 def names_installed() -> tuple[str, ...]:
-    """Give the names of all plug-ins."""
+    """Return the names of all plug-ins."""
     return tuple(_entry_points())
 
 
@@ -160,7 +160,7 @@ class ActionRegistry:
         return {**PREDEFINED, **own}
 
     def plugin(self, action_type: str) -> ActionPlugin | None:
-        """Give what does ``action_type``."""
+        """Return what does ``action_type``."""
         return self._plugins.get(action_type)
 
     def _add_if_free(self, plugin: ActionPlugin) -> None:

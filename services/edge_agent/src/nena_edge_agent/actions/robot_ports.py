@@ -33,7 +33,7 @@ class ActionDrive:
         self._driver = driver
 
     def hear(self, event: Event) -> None:
-        """Look at what the driver tells the core."""
+        """Check what the driver tells the core."""
         match event:
             case PoseReport():
                 self._pose = event
@@ -146,7 +146,7 @@ class RobotPorts:
         self._sensor = LoadSensor(sensed, ros) if sensed and ros else None
 
     def joined(self, make_driver: DriverMaker) -> DriverMaker:
-        """Give a maker of drivers that are looked at on the way to the core."""
+        """Return a maker of drivers that are looked at on the way to the core."""
 
         def make(put: Put, last_place: Pose | None) -> Driver:
             def heard(event: Event) -> None:

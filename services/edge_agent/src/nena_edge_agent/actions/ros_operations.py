@@ -91,7 +91,7 @@ class ActionValues:
         return ((each.key, value) for each in self._parameters for value in each.values.values())
 
     def of(self, action: Action) -> dict[str, JsonValue]:
-        """Give the values of ``action``."""
+        """Return the values of ``action``."""
         values: dict[str, JsonValue] = {ACTION_ID: action.action_id}
         for each in self._parameters:
             value = action.parameter(each.key)
@@ -195,7 +195,7 @@ class Answer:
         return f"waits for {self._settings.topic}"
 
     def check(self, values: Mapping[str, JsonValue]) -> None:
-        """See whether a message can ever do.
+        """Check whether a message can ever do.
 
         Raises:
             FieldError: a value does not fit its field.
@@ -206,7 +206,7 @@ class Answer:
                 each.filled(values)
 
     def expect(self, values: Mapping[str, JsonValue], progress: Progress) -> asyncio.Future[str | None]:
-        """Give what the answer will end: with the result, or a WorkFailedError.
+        """Return what the answer will end: with the result, or a WorkFailedError.
 
         Of what came before, the last message counts where the topic is latched, and else none.
         """
@@ -276,7 +276,7 @@ class Call:
         self._result = settings.result if settings.result is not None else MESSAGE if MESSAGE in has else ""
 
     def check(self, values: Mapping[str, JsonValue]) -> None:
-        """See whether the request can be made.
+        """Check whether the request can be made.
 
         Raises:
             FieldError: a value does not fit its field.
@@ -337,7 +337,7 @@ class Command:
         self._cancel = template(settings.on_cancel, "on_cancel")
 
     def check(self, values: Mapping[str, JsonValue]) -> None:
-        """See whether every message can be made.
+        """Check whether every message can be made.
 
         Raises:
             FieldError: a value does not fit its field.
@@ -348,10 +348,10 @@ class Command:
                 each.filled(values)
 
     async def heard(self) -> None:
-        """Wait until somebody listens.
+        """Wait until a node subscribes.
 
         Raises:
-            WorkFailedError: nobody does.
+            WorkFailedError: none does.
 
         """
         timeout = self._settings.listener_timeout
@@ -360,7 +360,7 @@ class Command:
                 return
             await asyncio.sleep(LOOK_EVERY)
         if timeout and not self._publisher.listeners:
-            message = f"nobody listens to {self._settings.topic}"
+            message = f"no node subscribes to {self._settings.topic}"
             raise WorkFailedError(message)
 
     def begin(self, values: Mapping[str, JsonValue]) -> None:
@@ -405,7 +405,7 @@ class Steps:
     lasting: bool = False
 
     def problem(self, values: Values) -> str | None:
-        """Say which value of an action does not fit; None if all do."""
+        """Return which value of an action does not fit; None if all do."""
         try:
             for step in (self.command, self.call, self.answer):
                 if step:

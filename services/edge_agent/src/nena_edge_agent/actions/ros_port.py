@@ -1,6 +1,6 @@
 """ROS for action plug-ins, on the agent's own node: plain data by the names of types.
 
-What is asked for is kept, and made anew on each node that a new session brings.
+What is asked for is kept, and made again on each node that a new session brings.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ class PluginRos:
                 endpoint.open(session, node)
 
     def session(self) -> RosSession:
-        """Give the session.
+        """Return the session.
 
         Raises:
             RosError: there is none now.
@@ -85,7 +85,7 @@ class PluginRos:
         return self._session
 
     def publisher(self, topic: str, type_name: str) -> Publisher:
-        """Give what publishes on ``topic``.
+        """Return what publishes on ``topic``.
 
         Raises:
             RosError: there is no such type here.
@@ -116,7 +116,7 @@ class PluginRos:
         self._subscriptions[key].join(handle)
 
     def client(self, service: str, type_name: str) -> ServiceClient:
-        """Give what calls ``service``.
+        """Return what calls ``service``.
 
         Raises:
             RosError: there is no such type here.
@@ -221,7 +221,7 @@ class _Client:
                 break
             await asyncio.sleep(LOOK_EVERY)
         else:
-            text = f"nobody offers the service {self._service}"
+            text = f"no node offers the service {self._service}"
             raise RosError(text)
         response = await session.call(self._client, request, seconds=seconds)
         if response is None:

@@ -15,7 +15,7 @@ from nena_edge_agent.actions.plugin import (
     RunningAction,
     WorkFailedError,
 )
-from nena_edge_agent.nav2.session_control import SessionError, SessionKeeper, SessionStore
+from nena_edge_agent.nav2.session_control import SessionError, SessionManager, SessionStore
 from nena_edge_agent.nav2.settings import BadAddressError, RosAddress, RosSettings
 from nena_edge_agent.protocol.declaration import ActionDeclaration, Parameter
 from nena_edge_agent.protocol.events import ActionReport
@@ -40,19 +40,19 @@ class SessionSwitch:
         """Take where the address is kept; None: nowhere, as the robot keeps nothing."""
         self.settings = settings
         self.store = store
-        self._keeper: SessionKeeper | None = None
+        self._keeper: SessionManager | None = None
 
     @property
     def address(self) -> RosAddress:
         """Where the robot is when it starts."""
         return self.store.read(self.settings) if self.store else RosAddress.of(self.settings)
 
-    def attach(self, keeper: SessionKeeper) -> None:
+    def attach(self, keeper: SessionManager) -> None:
         """Work on the session of a driver that was made."""
         self._keeper = keeper
 
     @property
-    def keeper(self) -> SessionKeeper:
+    def keeper(self) -> SessionManager:
         """The session; raises WorkFailedError where there is none."""
         if self._keeper is None:
             message = "the robot has not started yet"
@@ -61,7 +61,7 @@ class SessionSwitch:
 
 
 def session_switch(settings: RosSettings, journal: Path | None, robot: RobotKey) -> SessionSwitch:
-    """Make the switch of one robot, which keeps its address beside its journal, if it has one."""
+    """Build the switch of one robot, which keeps its address beside its journal, if it has one."""
     return SessionSwitch(settings, SessionStore(journal, robot) if journal else None)
 
 
@@ -93,7 +93,7 @@ class SessionAction:
 
 
 def session_actions(switch: SessionSwitch) -> tuple[ActionPlugin, ...]:
-    """Make the actions of one robot."""
+    """Build the actions of one robot."""
     start = ActionDeclaration(
         START_ROS_SESSION, INSTANT, restartable=True, description="Has the robot join the ROS graph."
     )
@@ -140,7 +140,7 @@ async def _configure(switch: SessionSwitch, action: Action) -> None:
 
 
 def _wanted(address: RosAddress, action: Action) -> RosAddress:
-    """Give the address that the action asks for; what it does not name stays."""
+    """Return the address that the action asks for; what it does not name stays."""
     namespace, domain_id = action.parameter(NAMESPACE.key), action.parameter(DOMAIN_ID.key)
     if namespace is None and domain_id is None:
         message = "neither a namespace nor a domainId is given"

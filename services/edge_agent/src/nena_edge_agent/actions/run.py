@@ -53,7 +53,7 @@ _SOUND: Final[Mapping[str, tuple[Callable[[Any], bool], str]]] = {
 
 
 def flaw_of(report: object, action_id: str) -> str | None:
-    """Say what is wrong with a report of the action ``action_id``, in the words that follow "reported"."""
+    """Return what is wrong with a report of the action ``action_id``, in the words that follow "reported"."""
     if not isinstance(report, ActionReport):
         return f"{_named(report)}, which is no ActionReport"
     if report.action_id != action_id:
@@ -119,7 +119,7 @@ class Watchdog:
         return frame is None or frame.f_code.co_name in WAITING
 
     def _place(self) -> str:
-        """Give the last line of the stack that is neither the loop's nor the library's."""
+        """Return the last line of the stack that is neither the loop's nor the library's."""
         frame = sys._current_frames().get(self._thread)  # noqa: SLF001
         stack = traceback.extract_stack(frame) if frame else []
         library = str(Path(threading.__file__).parent)
@@ -308,7 +308,7 @@ class _Progress:
         self._timer: asyncio.TimerHandle | None = None
 
     def take(self, report: ActionReport) -> None:
-        """Tell it now, or in place of one that waits."""
+        """Report it now, or in place of one that waits."""
         self.drop()
         due = self._told_at + PROGRESS_INTERVAL
         if due <= self._loop.time():

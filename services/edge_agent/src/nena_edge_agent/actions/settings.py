@@ -93,7 +93,7 @@ class CommandSettings(SettingsGroup):
     on_resume: FieldValues | None = Field(None, description="Sent to have it go on.")
     on_cancel: FieldValues | None = Field(None, description="Sent to have it give up.")
     listener_timeout: float = Field(
-        5.0, ge=0, le=600, description="Seconds until somebody must listen to the topic; 0: sent anyway."
+        5.0, ge=0, le=600, description="Seconds until a node must subscribe to the topic; 0: sent anyway."
     )
 
     @model_validator(mode="after")
@@ -148,7 +148,7 @@ class RosOperationSettings(OperationBase):
 
     timeout: Seconds | None = Field(60.0, description="Seconds that it takes at most, pauses not counted.")
     restartable: bool = Field(
-        default=False, description="Whether it may be begun anew when the agent was interrupted in it."
+        default=False, description="Whether it may be begun again when the agent was interrupted in it."
     )
 
 
@@ -191,7 +191,7 @@ class ChargeOperationSettings(RosOperationSettings):
     command: CommandSettings | None = Field(None, description="A message that is published first.")
     call: CallSettings | None = Field(None, description="A service that is called first.")
     answer: AnswerSettings | None = Field(None, description="What says so; not given: the battery's status.")
-    restartable: bool = Field(default=True, description="Whether it may be begun anew.")
+    restartable: bool = Field(default=True, description="Whether it may be begun again.")
 
     @property
     def confirmation(self) -> AnswerSettings:
@@ -318,7 +318,7 @@ class ActionSettings(SettingsGroup):
 
 
 def default_operations() -> tuple[AnyOperation, ...]:
-    """Give what a robot can do that was told of nothing else."""
+    """Return what a robot can do that was told of nothing else."""
     on_request = (ActionScope.NODE, ActionScope.INSTANT)
     return (
         OperationSettings(action_type="pick", seconds=5.0, load="take"),

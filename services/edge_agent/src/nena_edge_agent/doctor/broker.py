@@ -46,7 +46,7 @@ class BrokerView:
 
 
 async def examine_broker(settings: EdgeAgentSettings) -> BrokerView:
-    """Look at the three links. A running agent of the same robot is not disturbed: the client id differs.
+    """Check the three links. A running agent of the same robot is not disturbed: the client id differs.
 
     Raises:
         ConfigurationError: the password file cannot be read.
@@ -75,14 +75,14 @@ async def examine_broker(settings: EdgeAgentSettings) -> BrokerView:
 
 
 async def _reach(mqtt: MqttSettings) -> str:
-    """Open a connection and close it; gives what is in the way, in words."""
+    """Open a connection and close it; return what is in the way, in words."""
     try:
         async with asyncio.timeout(ANSWER_WITHIN):
             _, writer = await asyncio.open_connection(mqtt.host, mqtt.port)
     except TimeoutError:
         return f"no answer within {ANSWER_WITHIN:g} s"
     except socket.gaierror:
-        return "nobody knows this name"
+        return "the name does not resolve"
     except OSError as error:
         return os.strerror(error.errno) if error.errno else str(error)
     writer.close()
@@ -106,7 +106,7 @@ class _BrokerProbe:
 
     @asynccontextmanager
     async def connected(self) -> AsyncIterator[str]:
-        """Connect for the block; gives what is in the way, in words."""
+        """Connect for the block; return what is in the way, in words."""
         work = asyncio.create_task(self._link.run(), name="doctor's link")
         try:
             yield await self._outcome()
@@ -119,7 +119,7 @@ class _BrokerProbe:
         return [topic for topic in self._topics if topic in self._link.state.refused]
 
     async def plant_maps(self) -> frozenset[str]:
-        """Give the ids of the maps in a plant model that the broker has kept, if it shows one."""
+        """Return the ids of the maps in a plant model that the broker has kept, if it shows one."""
         try:
             async with asyncio.timeout(RETAINED_WITHIN):
                 return map_ids(await self._plant)
@@ -141,13 +141,13 @@ class _BrokerProbe:
 
 
 def client_id(settings: EdgeAgentSettings) -> str:
-    """Give the doctor's client id: the agent's with an end, for a broker that goes by the beginning."""
+    """Return the doctor's client id: the agent's with an end, for a broker that goes by the beginning."""
     robot = RobotKey(settings.manufacturer, settings.serial_number)
     return f"{settings.mqtt.client_id or client_id_of(robot, settings.mqtt)}-doctor"
 
 
 def map_ids(plant: bytes) -> frozenset[str]:
-    """Give the map ids that a plant model (JSON) names; none where it is no such thing."""
+    """Return the map ids that a plant model (JSON) names; none where it is no such thing."""
     try:
         return frozenset(_map_ids(json.loads(plant)))
     except (ValueError, RecursionError):

@@ -43,17 +43,17 @@ class LinkFinding:
 
 
 def ok(link: Link, text: str) -> LinkFinding:
-    """Make the finding of a link that is well."""
+    """Build the finding of a link that is well."""
     return LinkFinding(link, LinkVerdict.OK, text)
 
 
 def missing(link: Link, text: str, remedy: str) -> LinkFinding:
-    """Make the finding of a link that is missing."""
+    """Build the finding of a link that is missing."""
     return LinkFinding(link, LinkVerdict.MISSING, text, remedy)
 
 
 def unknown(links: Iterable[Link], text: str) -> list[LinkFinding]:
-    """Make the findings of links that were not looked at."""
+    """Build the findings of links that were not looked at."""
     return [LinkFinding(link, LinkVerdict.UNKNOWN, text) for link in links]
 
 

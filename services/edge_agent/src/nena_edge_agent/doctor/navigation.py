@@ -122,7 +122,7 @@ def judge_map(
 def _nav2_map(view: RosView, settings: RosSettings, agreed: str) -> LinkFinding:
     grid, pose = view.grid, view.pose
     if grid is None:
-        text = f"{agreed}; nobody publishes a map to compare the position with"
+        text = f"{agreed}; no node publishes a map to compare the position with"
         return LinkFinding(
             Link.MAP, LinkVerdict.DOUBTFUL, text, "start Nav2's map server, if this robot has one"
         )
@@ -131,7 +131,7 @@ def _nav2_map(view: RosView, settings: RosSettings, agreed: str) -> LinkFinding:
         return missing(Link.MAP, text, "set ros.frame to Nav2's global frame")
     if pose and not grid.holds(pose.x, pose.y):
         text = f"the robot believes to be at {pose.x:.2f} m, {pose.y:.2f} m, which is not on Nav2's map"
-        return missing(Link.MAP, text, "load the map of this place, or set the initial position anew")
+        return missing(Link.MAP, text, "load the map of this place, or set the initial position again")
     return ok(Link.MAP, f"{agreed}; Nav2's map is {grid.width:.0f} m by {grid.height:.0f} m")
 
 
@@ -155,12 +155,10 @@ def _domain(view: RosView, settings: RosSettings) -> LinkFinding:
 def _namespace(view: RosView, settings: RosSettings) -> LinkFinding:
     if view.servers:
         return ok(Link.NAMESPACE, f"{settings.namespace} has {settings.names.status}")
-    text = f"nobody publishes {settings.names.status} in namespace {settings.namespace}"
+    text = f"no node publishes {settings.names.status} in namespace {settings.namespace}"
     if view.elsewhere:
         found = ", ".join(view.elsewhere)
-        return missing(
-            Link.NAMESPACE, f"{text}, but somebody does in {found}", "set ros.namespace to the robot's"
-        )
+        return missing(Link.NAMESPACE, f"{text}, but one does in {found}", "set ros.namespace to the robot's")
     return missing(Link.NAMESPACE, text, "start Nav2 on the robot; ros.names.action names its action")
 
 
@@ -173,7 +171,7 @@ def _navigation(view: RosView, settings: RosSettings) -> LinkFinding:
         return missing(Link.NAVIGATION, f"{names.lifecycle} does not answer", "Nav2 hangs: start it again")
     if not view.goal_listeners:
         remedy = "see that bt_navigator is configured and active; ros.names.goal_pose names the topic"
-        return missing(Link.NAVIGATION, f"nobody listens to {names.goal_pose}", remedy)
+        return missing(Link.NAVIGATION, f"no node subscribes to {names.goal_pose}", remedy)
     known = "active" if view.lifecycle is Lifecycle.ACTIVE else "there; it has no lifecycle manager to ask"
     return ok(Link.NAVIGATION, f"{known}, and takes goals on {names.goal_pose}")
 

@@ -48,7 +48,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 async def examine(settings: EdgeAgentSettings) -> list[LinkFinding]:
-    """Look at every link.
+    """Check every link.
 
     Raises:
         ConfigurationError: the password file cannot be read.
@@ -63,7 +63,7 @@ async def examine(settings: EdgeAgentSettings) -> list[LinkFinding]:
 
 
 def _as_kept(settings: EdgeAgentSettings) -> RosSettings:
-    """Give the ROS side where the agent would be: it may have been moved, and have been told to stay."""
+    """Return the ROS side where the agent would be: it may have been moved, and have been told to stay."""
     robot = RobotKey(settings.manufacturer, settings.serial_number)
     journal = settings.journal.folder if settings.journal.enabled else None
     return session_switch(settings.ros, journal, robot).address.applied(settings.ros)

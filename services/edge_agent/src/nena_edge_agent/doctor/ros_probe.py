@@ -32,7 +32,7 @@ POSE_WAIT = 2.0
 
 
 async def look(settings: RosSettings) -> RosView:
-    """Look at the robot, and into other likely domains where there is nobody.
+    """Check the robot, and into other likely domains without nodes.
 
     Raises:
         SessionError: ROS refuses.
@@ -184,13 +184,13 @@ def _grid(message: Any) -> Grid:  # noqa: ANN401 - rclpy carries no types
 
 
 def _offset(message: Any) -> float:  # noqa: ANN401
-    """Give how many seconds a nav_msgs/Odometry was stamped ahead of now."""
+    """Return how many seconds a nav_msgs/Odometry was stamped ahead of now."""
     stamp = message.header.stamp
     return float(stamp.sec + stamp.nanosec / messages.NANOSECONDS - time.time())
 
 
 async def _until(condition: Callable[[], bool], seconds: float) -> bool:
-    """Look at ``condition`` until it holds, at most for ``seconds``; tell whether it does."""
+    """Check ``condition`` until it holds, at most for ``seconds``; tell whether it does."""
     for _ in range(int(seconds / 0.05)):
         if condition():
             return True

@@ -66,5 +66,5 @@ class MapDriver(Mover, Protocol):
         ...
 
     def initialize_position(self, pose: MapPose) -> None:
-        """Tell the localisation where the robot is."""
+        """Report the localisation where the robot is."""
         ...

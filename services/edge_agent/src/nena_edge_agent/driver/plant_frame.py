@@ -49,21 +49,21 @@ class PlantFrame:
         return cls({map_id: parse_transform(text) for map_id, text in texts.items()})
 
     def on(self, map_id: str) -> MapTransform:
-        """Give how the plant lies on a map."""
+        """Return how the plant lies on a map."""
         return self.transforms.get(map_id, SAME)
 
     def to_map(self, pose: Pose) -> MapPose:
-        """Give a pose of the plant as the robot's map has it."""
+        """Return a pose of the plant as the robot's map has it."""
         found = self.on(pose.map_id).pose_to_map(geometry.PlantPose(pose.x, pose.y, pose.theta))
         return MapPose(found.x_m, found.y_m, found.heading_rad, pose.map_id)
 
     def to_plant(self, pose: MapPose) -> Pose:
-        """Give a pose of the robot's map as the plant has it."""
+        """Return a pose of the robot's map as the plant has it."""
         found = self.on(pose.map_id).pose_to_plant(geometry.MapPose(pose.x, pose.y, pose.theta))
         return Pose(found.x_m, found.y_m, found.heading_rad, pose.map_id)
 
     def goal(self, goal: DriveGoal) -> MapGoal:
-        """Give a goal as the robot's map has it."""
+        """Return a goal as the robot's map has it."""
         return MapGoal(
             goal.generation,
             self.to_map(goal.pose),
@@ -74,7 +74,7 @@ class PlantFrame:
         )
 
     def event(self, event: MapDriverEvent) -> DriverEvent:
-        """Give what a driver tells as the plant has it."""
+        """Return what a driver tells as the plant has it."""
         match event:
             case MapPoseReport(pose):
                 rest = (event.localized, event.vx, event.omega, event.problem)
@@ -93,7 +93,7 @@ class PlantFrameDriver:
     """A driver in the plant's frame, made of one on the robot's map."""
 
     def __init__(self, make: Callable[[MapEmit], MapDriver], frame: PlantFrame, emit: Emit) -> None:
-        """Make the driver behind; ``emit`` is told its events in the plant's frame."""
+        """Build the driver behind; ``emit`` is told its events in the plant's frame."""
         self._frame = frame
         self._driver = make(lambda event: emit(frame.event(event)))
         self.start = self._driver.start

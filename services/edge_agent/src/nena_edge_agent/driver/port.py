@@ -51,7 +51,7 @@ class Circle:
     radius: float
 
     def holds(self, x: float, y: float) -> bool:
-        """Tell whether the place lies in it."""
+        """Return whether the place lies in it."""
         return dist((self.x, self.y), (x, y)) <= self.radius
 
 
@@ -86,15 +86,15 @@ class DriveFailure(StrEnum):
     ABORTED = "ABORTED"
     """Navigation gave up: unreachable, blocked, outside of the map."""
     CANCELED_FROM_OUTSIDE = "CANCELED_FROM_OUTSIDE"
-    """Somebody else cancelled the goal."""
+    """Another client cancelled the goal."""
     NOT_TAKEN_UP = "NOT_TAKEN_UP"
     """Navigation never took the goal, in spite of its being given several times."""
     OUTSIDE_TOLERANCE = "OUTSIDE_TOLERANCE"
     """Navigation says that it has arrived, but the pose is not within the allowed deviation."""
     NAVIGATION_GONE = "NAVIGATION_GONE"
-    """Navigation vanished or was started anew while it was driving."""
+    """Navigation vanished or was restarted while it was driving."""
     TAKEN_OVER = "TAKEN_OVER"
-    """Somebody else gave navigation a goal in place of this robot's own."""
+    """Another client gave navigation a goal in place of this robot's own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,7 +184,7 @@ class OwnGoalsAt(Generic[P]):
     """Goals of an earlier run of the program that had not ended; the last one leads to ``pose``.
 
     ``given`` is where a goal led to that was about to be given, or was and had not been listed yet; it would
-    be listed behind the goal ``behind`` ("": nobody knows).
+    be listed behind the goal ``behind`` ("": unknown).
     """
 
     goal_ids: tuple[str, ...]
@@ -240,7 +240,7 @@ class PositionInitialized:
 
 @dataclass(frozen=True, slots=True)
 class GoalReport:
-    """A goal that navigation knows of; ``external``: given by somebody else, ``ended``: it runs no more."""
+    """A goal that navigation knows of; ``external``: given by another client, ``ended``: it runs no more."""
 
     goal_id: str
     external: bool
@@ -261,7 +261,7 @@ class GoalTable:
 
     @property
     def external(self) -> tuple[GoalReport, ...]:
-        """Those that somebody else gave and that run."""
+        """Those that another client gave and that run."""
         return tuple(goal for goal in self.goals if goal.external and not goal.ended)
 
 
@@ -338,5 +338,5 @@ class Driver(Mover, Protocol):
         ...
 
     def initialize_position(self, pose: Pose) -> None:
-        """Tell the localisation where the robot is; answered by :class:`PositionInitialized`."""
+        """Report the localisation where the robot is; answered by :class:`PositionInitialized`."""
         ...

@@ -49,7 +49,7 @@ class ActionListeners:
 
 
 def action_type(navigation: Navigation) -> Any | None:  # noqa: ANN401 - rclpy carries no types
-    """Give the type of the action that goals are given to, where the robot's ROS installation has it."""
+    """Return the type of the action that goals are given to, where the robot's ROS installation has it."""
     name = "NavigateThroughPoses" if navigation is Navigation.THROUGH_POSES else "NavigateToPose"
     try:
         return getattr(import_module("nav2_msgs.action"), name)
@@ -57,8 +57,8 @@ def action_type(navigation: Navigation) -> Any | None:  # noqa: ANN401 - rclpy c
         return None
 
 
-class ActionDoor:
-    """Speaks to the action's server; a guest on one node, which it enters before all else."""
+class ActionClient:
+    """Speaks to the action's server; a extension on one node, which it enters before all else."""
 
     def __init__(self, settings: RosSettings, types: Any, listeners: ActionListeners) -> None:  # noqa: ANN401
         self._settings = settings
@@ -68,7 +68,7 @@ class ActionDoor:
         self._feedback_due_at = 0.0
 
     def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401
-        """Make the clients and the subscription."""
+        """Build the clients and the subscription."""
         self._session = session
         services, hidden = self._types.Impl, f"{self._settings.action}/_action"
         self._goals = node.create_client(services.SendGoalService, f"{hidden}/send_goal")

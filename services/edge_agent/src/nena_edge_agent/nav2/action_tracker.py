@@ -11,7 +11,7 @@ from nena_edge_agent.driver.map_port import MapGoal, MapPose
 from nena_edge_agent.driver.port import DriveFailure, DriveProgress
 from nena_edge_agent.nav2.commands import AskResult, Command, SendGoal
 from nena_edge_agent.nav2.goal_tracker import GoalDrive, GoalTracker
-from nena_edge_agent.nav2.goals import GoalEntry, GoalMark, GoalStatus, MarkedLedger
+from nena_edge_agent.nav2.goals import GoalEntry, GoalIdPrefix, GoalStatus, PrefixedGoalRegistry
 from nena_edge_agent.nav2.poses import agrees, near
 from nena_edge_agent.nav2.settings import GoalSettings, Navigation, RosSettings
 from nena_shared.clock import Clock
@@ -19,7 +19,7 @@ from nena_shared.log import get_logger
 from nena_shared.program import StartError
 
 if TYPE_CHECKING:
-    from nena_edge_agent.nav2.action_client import ActionDoor, GoalResult
+    from nena_edge_agent.nav2.action_client import ActionClient, GoalResult
 
 
 _REASONS = {
@@ -55,7 +55,7 @@ SEVERAL = 100
 
 
 def reason_of(code: int, message: str = "") -> str | None:
-    """Say in words what an ``error_code`` means, with Nav2's own ``error_msg``; None: it gives no reason."""
+    """Return what an ``error_code`` means, with Nav2's own ``error_msg``; None: it gives no reason."""
     if not code and not message:
         return None
     known = _REASONS.get(code) or (_REASONS.get(code - SEVERAL) if code // SEVERAL == 3 else None)  # noqa: PLR2004 - 3xx: see SEVERAL
@@ -88,7 +88,7 @@ class WayDriven:
         self._let_go, self._closest = False, math.inf
 
     def covers(self, goal: MapGoal) -> bool:
-        """Tell whether navigation, as it is, drives to ``goal`` and over what is ahead of it."""
+        """Return whether navigation, as it is, drives to ``goal`` and over what is ahead of it."""
         wanted = (goal.pose, *goal.ahead)
         if len(self._places) <= 1 or len(wanted) > len(self._places):
             return False
@@ -101,7 +101,7 @@ class WayDriven:
         self._let_go = self._let_go or places <= len(goal.ahead)
 
     def missed(self, goal: MapGoal, pose: MapPose) -> bool:
-        """Tell whether the robot turns away from ``goal`` without having been there."""
+        """Return whether the robot turns away from ``goal`` without having been there."""
         if not goal.ahead or not self._let_go:
             return False
         away = math.dist((pose.x, pose.y), (goal.pose.x, goal.pose.y))
@@ -145,7 +145,7 @@ class FeedbackFilter:
         self._progress: tuple[str, int] = ("", 0)
 
     def fresh(self, now: float) -> bool:
-        """Tell whether feedback comes now."""
+        """Return whether feedback comes now."""
         return now - self._heard_at < FRESH
 
     def silent_for(self, goal_id: str | None, now: float) -> float:
@@ -153,7 +153,7 @@ class FeedbackFilter:
         return now - self._heard_at if goal_id is not None and goal_id == self._heard_of else 0.0
 
     def moved(self, reading: FeedbackReading, now: float) -> bool:
-        """Tell whether the place is to be told on."""
+        """Return whether the place is to be told on."""
         self._heard_at, self._heard_of = now, reading.goal_id
         here = (reading.x, reading.y)
         turned = abs(math.remainder(reading.yaw - self._yaw, math.tau))
@@ -163,7 +163,7 @@ class FeedbackFilter:
         return True
 
     def progress(self, reading: FeedbackReading, map_id: str, now: float) -> DriveProgress | None:
-        """Give what is to be told of the way that is left; a recovery is told at once."""
+        """Return what is to be told of the way that is left; a recovery is told at once."""
         drive = (reading.goal_id, reading.recoveries)
         if drive == self._progress and now - self._progress_at < PROGRESS_PERIOD:
             return None
@@ -178,13 +178,13 @@ REASON_WAIT = 1.0
 
 
 class ActionTracker(GoalTracker):
-    """``by_action`` is set by whoever sees the action's server: the next goal is sent to it."""
+    """``by_action`` is set by the driver, which sees the action's server: the next goal is sent to it."""
 
-    def __init__(self, settings: GoalSettings, mark: GoalMark) -> None:
+    def __init__(self, settings: GoalSettings, prefix: GoalIdPrefix) -> None:
         super().__init__(settings)
-        self._mark = mark
-        self._ledger: MarkedLedger = MarkedLedger(
-            mark, confirmation_time=settings.confirmation_time, settle_time=settings.settle_time
+        self._prefix = prefix
+        self._registry: PrefixedGoalRegistry = PrefixedGoalRegistry(
+            prefix, confirmation_time=settings.confirmation_time, settle_time=settings.settle_time
         )
         self.by_action = False
         self._way = WayDriven()
@@ -216,7 +216,7 @@ class ActionTracker(GoalTracker):
         return super().go_to(goal, now)
 
     def on_pose(self, pose: MapPose, now: float) -> list[Command]:
-        """Take a pose; a place that the robot leaves out on a way over several is driven to anew."""
+        """Take a pose; a place that the robot leaves out on a way over several is driven to again."""
         drive = self._drive
         if drive is not None and drive.reached_at is None and self._way.missed(drive.goal, pose):
             self._give_alone(drive)
@@ -230,18 +230,18 @@ class ActionTracker(GoalTracker):
 
     def on_other_statuses(self, entries: Sequence[GoalEntry], now: float) -> list[Command]:
         """Take the status array of the action that this agent gives no goals to."""
-        self._ledger.set_others(entries)
-        self._tell_table()
+        self._registry.set_others(entries)
+        self._report_table()
         return self._advance(now)
 
     def on_goal_answer(self, goal_id: str, now: float, *, accepted: bool | None) -> list[Command]:
         """Take the answer to a goal that was sent; None: there was none, and the array will show it."""
         drive = self._drive
         if accepted:
-            self._ledger.accept(goal_id)
+            self._registry.accept(goal_id)
             if drive is not None and drive is self._sent_for and goal_id in self._sent:
                 drive.goal_id, drive.reached_at = goal_id, None
-            self._tell_table()
+            self._report_table()
         elif accepted is False:
             self._refused = True
         return self._advance(now)
@@ -250,10 +250,10 @@ class ActionTracker(GoalTracker):
         self, goal_id: str, status: GoalStatus, reason: tuple[int, str], now: float
     ) -> list[Command]:
         """Take the result of a goal: its last status, the ``error_code`` and the ``error_msg``."""
-        self._ledger.settle(goal_id, status)
+        self._registry.settle(goal_id, status)
         if status.terminal:
             self._reason = (goal_id, reason_of(*reason))
-            self._tell_table()
+            self._report_table()
         drive = self._drive
         if drive is not None and drive.goal_id == goal_id and drive.reached_at is None:
             self._follow(drive, goal_id, now, lost=False)
@@ -265,17 +265,17 @@ class ActionTracker(GoalTracker):
             return
         if drive is not self._sent_for:
             self._sent_for, self._sent, self._refused = drive, [], False
-        goal_id = self._mark.new()
+        goal_id = self._prefix.new()
         self._way.begin(drive.goal)
         self._sent.append(goal_id)
-        self._ledger.sent(now)
+        self._registry.sent(now)
         self._out.append(SendGoal(drive.goal, goal_id))
 
     def _bind(self, drive: GoalDrive, claimed: tuple[str, ...]) -> None:
         """Find the goal in the array, should the answer to it be lost."""
         super()._bind(drive, claimed)
         if drive.goal_id is None and drive is self._sent_for:
-            listed = [each for each in self._sent if self._ledger.status(each) is not None]
+            listed = [each for each in self._sent if self._registry.status(each) is not None]
             drive.goal_id = listed[-1] if listed else None
 
     def _judge_arrival(self, now: float) -> None:
@@ -289,7 +289,7 @@ class ActionTracker(GoalTracker):
             self._give_alone(drive)
 
     def _give_alone(self, drive: GoalDrive) -> None:
-        """Give a goal again without what comes behind it."""
+        """Return a goal again without what comes behind it."""
         log.info("a node on the way was left out and is driven to", generation=drive.goal.generation)
         self._drive = GoalDrive(replace(drive.goal, ahead=()))
 
@@ -307,13 +307,13 @@ class ActionTracker(GoalTracker):
     def _ask_result(self) -> None:
         """Ask once what becomes of the goal that is driven, of an earlier run's too."""
         goal_id = self.goal_id
-        if goal_id is not None and goal_id != self._asked and self._mark.bears(goal_id):
+        if goal_id is not None and goal_id != self._asked and self._prefix.matches(goal_id):
             self._asked = goal_id
             self._out.append(AskResult(goal_id))
 
     def _follow(self, drive: GoalDrive, goal_id: str, now: float, *, lost: bool) -> None:
         """Let an end that needs a reason wait for it a little."""
-        aborted = self._ledger.status(goal_id) is GoalStatus.ABORTED and self._mark.bears(goal_id)
+        aborted = self._registry.status(goal_id) is GoalStatus.ABORTED and self._prefix.matches(goal_id)
         if aborted and not lost and self._reason[0] != goal_id:
             self._aborted = self._aborted or (goal_id, now)
             if now - self._aborted[1] < REASON_WAIT:
@@ -337,7 +337,7 @@ class ActionTracker(GoalTracker):
 class ActionSide:
     """Carries out what the tracker wants of the action, and hands it the answers; ``apply`` does the rest.
 
-    rclpy is loaded with the first door, not before.
+    rclpy is loaded with the first client, not before.
     """
 
     def __init__(
@@ -352,11 +352,11 @@ class ActionSide:
         self._apply = apply
         self._on_feedback = on_feedback
         self._clock = clock
-        self._door: ActionDoor | None = None
+        self._client: ActionClient | None = None
 
     @staticmethod
     def check(settings: RosSettings) -> None:
-        """See whether the settings ask for what this machine does not have.
+        """Check whether the settings ask for what this machine does not have.
 
         Raises:
             StartError: the action is wanted, and its types cannot be loaded.
@@ -371,20 +371,20 @@ class ActionSide:
             )
             raise StartError(message)
 
-    def new_door(self, settings: RosSettings) -> list[ActionDoor]:
-        """Give what is to enter a new node: nothing where goals are given by topic alone."""
-        from nena_edge_agent.nav2.action_client import ActionDoor, ActionListeners, action_type  # noqa: PLC0415
+    def new_client(self, settings: RosSettings) -> list[ActionClient]:
+        """Return what is to enter a new node: nothing where goals are given by topic alone."""
+        from nena_edge_agent.nav2.action_client import ActionClient, ActionListeners, action_type  # noqa: PLC0415
 
         types = None
         if settings.navigation is not Navigation.TOPICS:
             types = action_type(settings.navigation)
         listeners = ActionListeners(self._on_result, self._take_feedback)
-        self._door = None if types is None else ActionDoor(settings, types, listeners)
-        return [self._door] if self._door else []
+        self._client = None if types is None else ActionClient(settings, types, listeners)
+        return [self._client] if self._client else []
 
     def look(self) -> bool:
-        """See whether a server takes goals; the next goal goes to it then."""
-        self._tracker.by_action = self._door is not None and self._door.ready
+        """Check whether a server takes goals; the next goal goes to it then."""
+        self._tracker.by_action = self._client is not None and self._client.ready
         return self._tracker.by_action
 
     def on_other_statuses(self, entries: list[GoalEntry]) -> None:
@@ -395,14 +395,14 @@ class ActionSide:
         """Send a goal and take the server's answer."""
         log.info("goal sent", generation=goal.generation, goal=goal_id, x=goal.pose.x, y=goal.pose.y)
         accepted = (
-            await self._door.send(goal_id, (goal.pose, *goal.ahead)) if self._door is not None else None
+            await self._client.send(goal_id, (goal.pose, *goal.ahead)) if self._client is not None else None
         )
         self._apply(self._tracker.on_goal_answer(goal_id, self._clock.monotonic(), accepted=accepted))
 
     def ask_result(self, goal_id: str) -> None:
         """Have the server tell the result of a goal when it ends."""
-        if self._door is not None:
-            self._door.ask_result(goal_id)
+        if self._client is not None:
+            self._client.ask_result(goal_id)
 
     def _on_result(self, result: GoalResult) -> None:
         reason = (result.error_code, result.error_message)

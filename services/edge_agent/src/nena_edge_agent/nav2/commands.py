@@ -38,7 +38,7 @@ class CancelGoal:
 
 @dataclass(frozen=True, slots=True)
 class StopMotion:
-    """Cancel all goals of the controller, the behaviours and the docking server, whoever gave them."""
+    """Cancel all goals of the controller, the behaviours and the docking server, from any client."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ class RequestPose:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """Tell the protocol core."""
+    """Report the protocol core."""
 
     event: MapDriverEvent
 

@@ -42,11 +42,16 @@ from nena_edge_agent.nav2.commands import (
     SendGoal,
     StopMotion,
 )
-from nena_edge_agent.nav2.goals import GoalEntry, GoalMark
+from nena_edge_agent.nav2.goals import GoalEntry, GoalIdPrefix
 from nena_edge_agent.nav2.localisation import InitialPosition, Localisation, PoseWatch, PublishInitialPose
 from nena_edge_agent.nav2.poses import PoseReading, impossible
 from nena_edge_agent.nav2.robot_base import Battery, BatteryReading, MovementWatch
-from nena_edge_agent.nav2.session_control import NodeGuest, SessionError, SessionKeeper, prepare_environment
+from nena_edge_agent.nav2.session_control import (
+    NodeExtension,
+    SessionError,
+    SessionManager,
+    prepare_environment,
+)
 from nena_edge_agent.nav2.settings import RosAddress, RosSettings
 from nena_shared.clock import Clock
 from nena_shared.log import get_logger
@@ -72,15 +77,15 @@ class Nav2Driver:
         map_id: str,
         emit: MapEmit,
         clock: Clock,
-        guests: Sequence[NodeGuest] = (),
+        extensions: Sequence[NodeExtension] = (),
     ) -> None:
         self._settings = settings
-        self._guests = guests
+        self._extensions = extensions
         self._map_id = map_id
         self._emit = emit
         self._clock = clock
         self._log = get_logger(__name__)
-        self.session = SessionKeeper(
+        self.session = SessionManager(
             RosAddress.of(settings),
             begin=self._open_node,
             end=self._close_node,
@@ -88,7 +93,7 @@ class Nav2Driver:
             clock=clock,
             retry=settings.session_retry,
         )
-        self._tracker = ActionTracker(settings.goals, GoalMark(settings.node_name))
+        self._tracker = ActionTracker(settings.goals, GoalIdPrefix(settings.node_name))
         self._action = ActionSide(
             self._tracker, apply=self._apply, on_feedback=self._on_feedback, clock=clock
         )
@@ -161,7 +166,7 @@ class Nav2Driver:
         """Do nothing: Nav2 takes no limit by its topics, and the factsheet says so."""
 
     def initialize_position(self, pose: MapPose) -> None:
-        """Tell the localisation where the robot is.
+        """Report the localisation where the robot is.
 
         Answered by ``PositionInitialized``; a newer call replaces an older one, and one answer is for both.
         """
@@ -191,8 +196,8 @@ class Nav2Driver:
             self._on_battery,
             self._on_plan,
         )
-        guests = (*self._guests, *self._action.new_door(self._settings))
-        node = Nav2Node(self._settings, listeners, guests)
+        extensions = (*self._extensions, *self._action.new_client(self._settings))
+        node = Nav2Node(self._settings, listeners, extensions)
         await node.start(self._on_failure)
         self._node = node
 
@@ -205,7 +210,7 @@ class Nav2Driver:
             await node.stop()
 
     def _lose_place(self) -> None:
-        """Say that nobody knows where the robot is now."""
+        """Report that the robot's position is unknown."""
         report = self._localisation.report()
         self._forget_place()
         if report is not None:
@@ -213,7 +218,7 @@ class Nav2Driver:
             self._tell(replace(report, localized=False, vx=None, omega=None, problem=problem))
 
     def _forget_place(self) -> None:
-        """Begin anew to learn where the robot is: it may be another one, or be pushed around."""
+        """Start again to learn where the robot is: it may be another one, or be pushed around."""
         settings = self._settings
         self._localisation = Localisation(settings, self._map_id)
         self._movement = MovementWatch(settings.goals.blocked_after)
@@ -232,7 +237,7 @@ class Nav2Driver:
             )
 
     async def _watch(self) -> None:
-        """Look at Nav2 once; a session that has failed is begun anew first."""
+        """Check Nav2 once; a session that has failed is begun again first."""
         await self.session.look()
         async with self.session.step:
             if self._node is not None:
@@ -253,7 +258,7 @@ class Nav2Driver:
             self._tell(report)
 
     def _watch_drive(self) -> None:
-        """See whether the robot gets on, and whether it still hears where it is."""
+        """Check whether the robot gets on, and whether it still hears where it is."""
         now, driving = self._clock.monotonic(), self._tracker.driving
         silent = self._feedback.silent_for(self._tracker.goal_id, now) if driving else 0.0
         if silent > FEEDBACK_TIMEOUT:
@@ -278,7 +283,7 @@ class Nav2Driver:
         self.session.failed(reason)
 
     def _on_session(self, report: SessionReport) -> None:
-        """Tell of the session; without one there is no Nav2, and with a new one it is looked for."""
+        """Report the session; without one there is no Nav2, and with a new one it is looked for."""
         self._tell(report)
         if report.state in (SessionState.NOT_ACTIVE, SessionState.FAILED):
             self._lose_place()
@@ -329,7 +334,7 @@ class Nav2Driver:
             self._tell(report)
 
     def _on_plan(self, plan: tuple[str, tuple[tuple[float, float], ...]]) -> None:
-        """Tell of a plan for our own drive; others plan too, and whose it is shows by where it ends."""
+        """Report a plan for our own drive; others plan too, and whose it is shows by where it ends."""
         frame, points = plan
         ours = frame.removeprefix("/") == self._settings.frame
         if ours and len(points) > 1 and self._tracker.wants(points[-1]):

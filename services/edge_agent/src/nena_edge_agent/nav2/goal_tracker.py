@@ -24,7 +24,7 @@ from nena_edge_agent.nav2.commands import (
     RequestPose,
     StopMotion,
 )
-from nena_edge_agent.nav2.goals import GoalEntry, GoalLedger, GoalStatus
+from nena_edge_agent.nav2.goals import GoalEntry, GoalRegistry, GoalStatus
 from nena_edge_agent.nav2.poses import agrees, near
 from nena_edge_agent.nav2.robot_base import Standstill
 from nena_edge_agent.nav2.settings import GoalSettings
@@ -68,19 +68,19 @@ class GoalDrive:
         return self.preempts or self.interrupted
 
     def on_pose(self, pose: MapPose, before: MapPose, now: float) -> None:
-        """Take notice of a pose and the one before it; on busy computers they come long after the arrival."""
+        """Note a pose and the one before it; on busy computers they come long after the arrival."""
         self._shown_driving = not near(pose, before, xy=STANDS, theta=STANDS)
         if self.reached_at is not None and self._shown_driving:
             self.late_at = min(now, self.reached_at + LATE_AT_MOST)
 
     def poses_are_late(self, now: float) -> bool:
-        """Tell whether none has come since the arrival, though the last one shows the robot driving."""
+        """Return whether none has come since the arrival, though the last one shows the robot driving."""
         if self.reached_at is None or self.late_at != -inf:
             return False
         return self._shown_driving and now - self.reached_at < LATE_AT_MOST
 
     def pose_may_come(self, now: float, wait: float) -> bool:
-        """Tell whether a pose may yet confirm the arrival: within ``wait`` s of it, or of a late one."""
+        """Return whether a pose may yet confirm the arrival: within ``wait`` s of it, or of a late one."""
         return self.reached_at is not None and now - max(self.reached_at, self.late_at) < wait
 
 
@@ -124,7 +124,7 @@ class GoalTracker:
 
     def __init__(self, settings: GoalSettings) -> None:
         self._settings = settings
-        self._ledger = GoalLedger(
+        self._registry = GoalRegistry(
             confirmation_time=settings.confirmation_time, settle_time=settings.settle_time
         )
         self._standstill = Standstill()
@@ -159,7 +159,7 @@ class GoalTracker:
         return drive is not None and drive.goal_id is not None and drive.reached_at is None
 
     def wants(self, place: tuple[float, float]) -> bool:
-        """Tell whether a plan that ends at ``place`` (m) is for the goal that is wanted."""
+        """Return whether a plan that ends at ``place`` (m) is for the goal that is wanted."""
         drive = self._drive
         if drive is None:
             return False
@@ -167,7 +167,7 @@ class GoalTracker:
 
     def reclaim(self, goals: MapOwnGoals) -> None:
         """Take the goals of an earlier run for ours; to be called before anything else."""
-        self._ledger.reclaim(goals.goal_ids, goals.behind if goals.given else None)
+        self._registry.reclaim(goals.goal_ids, goals.behind if goals.given else None)
         self._reclaimed = goals
 
     def go_to(self, goal: MapGoal, now: float) -> list[Command]:
@@ -191,9 +191,9 @@ class GoalTracker:
 
     def on_statuses(self, entries: Sequence[GoalEntry], now: float) -> list[Command]:
         """Take a status array: all goals that the server remembers."""
-        news = self._ledger.update(entries, now)
+        news = self._registry.update(entries, now)
         self._runaway = False  # the navigator speaks, and what it drives to can be cancelled
-        self._tell_table()
+        self._report_table()
         drive = self._drive
         if drive is not None and drive.times_given:
             self._bind(drive, news.claimed)
@@ -209,18 +209,18 @@ class GoalTracker:
     def on_cancel_answer(self, goal_id: str, code: int | None, now: float) -> list[Command]:
         """Take the code of a cancel call, None where none came; the goal's status shows what it does."""
         if code == UNKNOWN_GOAL_ID:
-            self._ledger.forget(goal_id)
+            self._registry.forget(goal_id)
         elif code is None:
             log.warning("no answer to the cancelling of a goal", goal=goal_id)
         return self._advance(now)
 
     def on_stop_answer(self, now: float, *, answered: bool) -> list[Command]:
-        """Take whether the controller has answered that its goals are cancelled."""
+        """Note whether the controller has answered that its goals are cancelled."""
         self._stop_answered = self._stop_answered or answered
         return self._advance(now)
 
     def on_silence(self, seconds: float, now: float) -> list[Command]:
-        """Take that the navigator drives for us and has sent no feedback for ``seconds``."""
+        """Note that the navigator drives for us and has sent no feedback for ``seconds``."""
         drive = self._drive
         if drive is not None:
             self._run_away(now)
@@ -241,9 +241,9 @@ class GoalTracker:
 
     def on_servers(self, servers: frozenset[str], now: float) -> list[Command]:
         """Take the endpoint ids of those who publish the status array."""
-        drove = bool(self._ledger.live)
-        gone = self._ledger.set_servers(servers, now)
-        self._tell_table()
+        drove = bool(self._registry.live)
+        gone = self._registry.set_servers(servers, now)
+        self._report_table()
         if servers:
             self._no_server_since = None
         elif self._no_server_since is None:
@@ -263,9 +263,9 @@ class GoalTracker:
         return self._advance(now)
 
     def on_navigation(self, report: NavigationReport, now: float) -> list[Command]:
-        """Take whether goals can be given."""
+        """Note whether goals can be given."""
         lost = self._navigation.available and not report.available
-        if lost and self._ledger.live:
+        if lost and self._registry.live:
             self._run_away(now)
         if lost and self._drive is not None:
             self._drive.interrupted = True
@@ -273,7 +273,7 @@ class GoalTracker:
         return self._advance(now)
 
     def tick(self, now: float) -> list[Command]:
-        """Let the time pass."""
+        """Advance the time."""
         return self._advance(now)
 
     def _advance(self, now: float) -> list[Command]:
@@ -288,9 +288,9 @@ class GoalTracker:
 
     def _follow(self, drive: GoalDrive, goal_id: str, now: float, *, lost: bool) -> None:
         """Let the status of the goal's id take effect; 0 to 3 mean that it is still driven."""
-        status = self._ledger.status(goal_id)
+        status = self._registry.status(goal_id)
         if lost:
-            text = f"Nav2 does not list the goal {goal_id} any more: it was started anew"
+            text = f"Nav2 does not list the goal {goal_id} any more: it was restarted"
             self._fail(drive, DriveFailure.NAVIGATION_GONE, text)
         elif status is GoalStatus.SUCCEEDED:
             drive.reached_at = now
@@ -301,9 +301,9 @@ class GoalTracker:
             self._fail_aborted(drive, goal_id)
 
     def _fail_aborted(self, drive: GoalDrive, goal_id: str) -> None:
-        other = self._ledger.taken_over(goal_id)
+        other = self._registry.taken_over(goal_id)
         if other is not None:
-            text = f"the goal {goal_id} was replaced by a goal of somebody else ({other})"
+            text = f"the goal {goal_id} was replaced by another client's goal ({other})"
             self._fail(drive, DriveFailure.TAKEN_OVER, text)
         else:
             text = (
@@ -314,15 +314,15 @@ class GoalTracker:
 
     def _answer_halt(self, now: float) -> None:
         """Answer a halt once the robot is seen to stand; fail it where it goes on, or nothing shows that."""
-        halt, ledger = self._halt, self._ledger
+        halt, registry = self._halt, self._registry
         if halt is None:
             return
-        halt.stopped_something = halt.stopped_something or ledger.orphaned or self._runaway
-        if ledger.awaiting(now) or ledger.may_still_drive(now):
+        halt.stopped_something = halt.stopped_something or registry.orphaned or self._runaway
+        if registry.awaiting(now) or registry.may_still_drive(now):
             halt.since = now
             unsettled = True
         else:
-            unsettled = bool(ledger.live)
+            unsettled = bool(registry.live)
         if unsettled:
             halt.stopped_something, halt.quiet_at = True, None
         elif halt.quiet_at is None:
@@ -343,8 +343,8 @@ class GoalTracker:
         Without odometry: a robot that drove nothing, or after a while one whose servers have agreed to stop.
         """
         settled = halt.quiet_at is not None
-        if settled and self._ledger.others_run:
-            return True  # somebody else drives, and is not stopped
+        if settled and self._registry.others_run:
+            return True  # another client drives, and is not stopped
         if self._standstill.known(now):
             return self._standstill.stands(now) and (settled or self._stop_answered)
         if halt.quiet_at is None or (self._left_alone and not self._stop_answered):
@@ -354,7 +354,7 @@ class GoalTracker:
     @property
     def _left_alone(self) -> bool:
         """Whether the navigator that drove for us has gone without ending the drive."""
-        return self._ledger.orphaned or self._runaway
+        return self._registry.orphaned or self._runaway
 
     def _why_not_halted(self, now: float) -> str:
         asked = "Nav2 was asked to cancel its goals"
@@ -365,7 +365,7 @@ class GoalTracker:
         return f"{asked}; its controller {answer} answered, and no odometry comes"
 
     def _run_away(self, now: float) -> None:
-        """Take it that the controller may drive on although the navigator does not lead it any more."""
+        """Assume that the controller may drive on although the navigator does not lead it any more."""
         self._runaway, self._stop_answered, self._stop_again_at = True, False, now
 
     def _stop_motion(self, now: float) -> None:
@@ -378,16 +378,16 @@ class GoalTracker:
             halt is not None
             and halt.stopped_something
             and now - halt.asked_at >= OBEYED_WITHIN
-            and (bool(self._ledger.live) or self._left_alone or self._standstill.known(now))
+            and (bool(self._registry.live) or self._left_alone or self._standstill.known(now))
             and now - self._standstill.slowed_at >= OBEYED_WITHIN
             and not (stands and self._stop_answered)
         )
-        if (self._runaway or disobeyed) and now >= self._stop_again_at and not self._ledger.others_run:
+        if (self._runaway or disobeyed) and now >= self._stop_again_at and not self._registry.others_run:
             self._stop_again_at = now + self._settings.cancel_time
             self._out.append(StopMotion())
 
     def _judge_arrival(self, now: float) -> None:
-        """Let success count only where the pose agrees; one that may be old is asked for anew."""
+        """Let success count only where the pose agrees; one that may be old is asked for again."""
         drive = self._drive
         if drive is None or drive.reached_at is None:
             return
@@ -405,9 +405,9 @@ class GoalTracker:
             self._fail(drive, DriveFailure.OUTSIDE_TOLERANCE, self._disagreement(drive.goal))
 
     def _give_again(self, drive: GoalDrive) -> None:
-        """Give a goal again that succeeded although the robot is elsewhere.
+        """Return a goal again that succeeded although the robot is elsewhere.
 
-        Nav2 plans anew once a second (through poses: each 3 s), which a new goal does not hasten: until then
+        Nav2 plans again once a second (through poses: each 3 s), which a new goal does not hasten: until then
         the controller follows the old path, and when that ends first, the new goal gets its result undriven.
         The goal given now has nothing to pre-empt, so this happens once for each goal.
         """
@@ -443,17 +443,17 @@ class GoalTracker:
             return
         timeout = self._settings.confirmation_time * (self._settings.resends + 1)
         drive.give_up_at = now + timeout if drive.give_up_at is None else drive.give_up_at
-        if self._ledger.awaiting(now):
+        if self._registry.awaiting(now):
             return
         if now >= drive.give_up_at or drive.tries > self._settings.resends:
             self._fail(drive, DriveFailure.NOT_TAKEN_UP, self._refusal(drive))
         elif self._may_give(now) and not self._goes_on(drive, now):
             drive.times_given += 1
-            drive.preempts = drive.preempts or self._ledger.running
+            drive.preempts = drive.preempts or self._registry.running
             self._publish(drive, now)
 
     def _publish(self, drive: GoalDrive, now: float) -> None:
-        self._ledger.given(now)
+        self._registry.given(now)
         self._out.append(PublishGoal(drive.goal))
 
     def _goes_on(self, drive: GoalDrive, now: float) -> bool:
@@ -462,7 +462,7 @@ class GoalTracker:
         goal_id, place = self._earlier(goals) if goals else (None, None)
         if goal_id is None or place is None or not _same_place(place, drive.goal):
             return False
-        status = self._ledger.status(goal_id)
+        status = self._registry.status(goal_id)
         reached = status is GoalStatus.SUCCEEDED and self._may_agree(drive.goal)
         if not reached and status not in (GoalStatus.ACCEPTED, GoalStatus.EXECUTING):
             return False
@@ -472,14 +472,14 @@ class GoalTracker:
         return True
 
     def _earlier(self, goals: MapOwnGoals) -> tuple[str | None, MapPose | None]:
-        """Give the newest goal of an earlier run that may still be driven, and where it leads to."""
-        if self._ledger.given_before:
-            return self._ledger.given_before, goals.given
+        """Return the newest goal of an earlier run that may still be driven, and where it leads to."""
+        if self._registry.given_before:
+            return self._registry.given_before, goals.given
         return next(reversed(goals.goal_ids), None), goals.pose
 
     def _let_go_of_reclaimed(self, now: float) -> None:
-        """Wait a while for somebody to want the goal of an earlier run."""
-        if self._reclaimed is None or not self._ledger.settled(now):
+        """Wait a while until the order wants the goal of an earlier run."""
+        if self._reclaimed is None or not self._registry.settled(now):
             return
         if self._reclaimed_until is None:
             self._reclaimed_until = now + RECLAIM_TIME
@@ -488,10 +488,10 @@ class GoalTracker:
 
     def _may_give(self, now: float) -> bool:
         """Whether a goal given now has a chance: one given while another is cancelled would end with it."""
-        clear = not self._ledger.canceling and not any(
-            goal_id in self._cancels for goal_id in self._ledger.live
+        clear = not self._registry.canceling and not any(
+            goal_id in self._cancels for goal_id in self._registry.live
         )
-        return clear and self._ledger.settled(now)
+        return clear and self._registry.settled(now)
 
     def _refusal(self, drive: GoalDrive) -> str:
         if drive.times_given:
@@ -502,11 +502,11 @@ class GoalTracker:
         return "no goal can be given: Nav2 does not finish the cancelling of the goal before"
 
     def _cancel_leftovers(self, now: float) -> None:
-        """Cancel goals of ours that nobody wants any more, again and again until they end.
+        """Cancel goals of ours that are not wanted any more, again and again until they end.
 
         While a drive is wanted, goals before it are left to be pre-empted: a cancel could meet the new one.
         """
-        live = self._ledger.live
+        live = self._registry.live
         self._cancels = {goal_id: again for goal_id, again in self._cancels.items() if goal_id in live}
         wanted = self._drive is not None or self._reclaimed is not None
         unwanted = tuple(self._cancels) if wanted and self._halt is None else live
@@ -523,9 +523,9 @@ class GoalTracker:
         self._drive = None
         self._report(DriveFailed(drive.goal.generation, failure, description))
 
-    def _tell_table(self) -> None:
-        """Tell of the goals that are listed, before what they mean for a drive."""
-        table = self._ledger.table
+    def _report_table(self) -> None:
+        """Report the goals that are listed, before what they mean for a drive."""
+        table = self._registry.table
         if table != self._table:
             self._table = table
             self._report(table)

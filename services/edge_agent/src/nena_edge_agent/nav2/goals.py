@@ -24,7 +24,7 @@ class GoalStatus(IntEnum):
 
     @classmethod
     def of(cls, number: int) -> GoalStatus:
-        """Give the status of a number on the wire; UNKNOWN for a number that the definition does not have."""
+        """Return the status of a number on the wire; UNKNOWN for a number without a definition."""
         try:
             return cls(number)
         except ValueError:
@@ -58,14 +58,14 @@ class News:
 
 @dataclass(slots=True)
 class Goal:
-    """A listed goal; ``past``: it had ended before the first array, and nobody knows whose it was."""
+    """A listed goal; ``past``: it had ended before the first array, and its owner is unknown."""
 
     ours: bool
     status: GoalStatus
     past: bool = False
 
 
-class GoalLedger:
+class GoalRegistry:
     """Keeps the goals of the last array. Times are monotonic seconds.
 
     A given goal is awaited for ``confirmation_time``, and can claim an id for twice as long. A server that
@@ -97,12 +97,12 @@ class GoalLedger:
 
     @property
     def running(self) -> bool:
-        """Whether any goal has not ended, whoever gave it."""
+        """Whether any goal has not ended, from any client."""
         return any(not goal.status.terminal for goal in self._goals.values())
 
     @property
     def others_run(self) -> bool:
-        """Whether a goal that somebody else gave has not ended."""
+        """Whether a goal that another client gave has not ended."""
         return any(not goal.ours and not goal.status.terminal for goal in self._goals.values())
 
     @property
@@ -131,12 +131,12 @@ class GoalLedger:
         return self.orphaned and bool(self._servers) and not self.settled(now)
 
     def status(self, goal_id: str) -> GoalStatus | None:
-        """Give the last status of a goal, None where it is not listed."""
+        """Return the last status of a goal, None where it is not listed."""
         goal = self._goals.get(goal_id)
         return None if goal is None else goal.status
 
     def taken_over(self, goal_id: str) -> str | None:
-        """Give the id of an external goal that runs and was accepted after ``goal_id``."""
+        """Return the id of an external goal that runs and was accepted after ``goal_id``."""
         ids = list(self._goals)
         later = ids[ids.index(goal_id) + 1 :] if goal_id in self._goals else []
         running = (other for other in later if not self._goals[other].status.terminal)
@@ -150,7 +150,7 @@ class GoalLedger:
     def set_servers(self, servers: frozenset[str], now: float) -> bool:
         """Take the ids of the publishers of the array; True when one of before has gone: all ids are void.
 
-        A server that turns up beside another one is that one, started anew: DDS shows a publisher that has
+        A server that turns up beside another one is that one, restarted: DDS shows a publisher that has
         crashed for another 20 s.
         """
         servers = self._without_crashed(servers)
@@ -222,7 +222,7 @@ class GoalLedger:
         return News(claimed, lost)
 
     def _is_late(self, entries: Sequence[GoalEntry]) -> bool:
-        """Tell whether a newer array has come: it had a goal that this one does not know yet."""
+        """Return whether a newer array has come: it had a goal that this one does not know yet."""
         newest = next(reversed(self._goals), None)
         listed = {entry.goal_id for entry in entries}
         return newest is not None and newest not in listed and listed <= self._goals.keys()
@@ -231,7 +231,7 @@ class GoalLedger:
         return goal_id in claimed or goal_id in self._orphans
 
     def _claim(self, fresh: Sequence[str], *, first: bool) -> tuple[str, ...]:
-        """Give those of the new ids that are ours: of a first array, full of old goals, the last at most."""
+        """Return the new ids that are ours: of a first array, full of old goals, the last at most."""
         strange = [goal_id for goal_id in fresh if goal_id not in self._orphans]
         claimed = tuple((strange[-1:] if first else strange)[: self._claims])
         self._claims -= len(claimed)
@@ -240,7 +240,7 @@ class GoalLedger:
         return claimed
 
     def _find_given_before(self, listed: list[str]) -> None:
-        """See whether navigation has a goal that an earlier run gave, and could not see listed any more."""
+        """Check whether navigation has a goal that an earlier run gave, and could not see listed any more."""
         behind, self._given_behind = self._given_behind, None
         if behind is None or (behind and behind not in listed):
             return
@@ -255,7 +255,7 @@ class GoalLedger:
 
 
 def _merged(old: Goal | None, entry: GoalEntry, *, ours: bool) -> Goal:
-    """Give the goal after ``entry``; an end stays an end, and an unknown status says nothing."""
+    """Return the goal after ``entry``; an end stays an end, and an unknown status says nothing."""
     if old is None:
         return Goal(ours, entry.status)
     if old.status.terminal or entry.status is GoalStatus.UNKNOWN:
@@ -267,30 +267,30 @@ LENGTH = 8
 """Bytes of an id, of 16, that are the same in all ids of an agent; the others are drawn by lot."""
 
 
-class GoalMark:
-    """The mark of the agent whose ROS node has the name ``node_name``; ids are hexadecimal digits."""
+class GoalIdPrefix:
+    """The prefix of the agent whose ROS node has the name ``node_name``; ids are hexadecimal digits."""
 
     def __init__(self, node_name: str) -> None:
-        self._mark = hashlib.sha256(f"nena {node_name}".encode()).digest()[:LENGTH].hex()
+        self._prefix = hashlib.sha256(f"nena {node_name}".encode()).digest()[:LENGTH].hex()
 
     def new(self) -> str:
         """Draw an id that no goal has had."""
-        return self._mark + secrets.token_hex(16 - LENGTH)
+        return self._prefix + secrets.token_hex(16 - LENGTH)
 
-    def bears(self, goal_id: str) -> bool:
-        """Tell whether a goal is one of this agent, of this run or an earlier one."""
-        return goal_id.startswith(self._mark)
+    def matches(self, goal_id: str) -> bool:
+        """Return whether a goal is one of this agent, of this run or an earlier one."""
+        return goal_id.startswith(self._prefix)
 
 
-class MarkedLedger(GoalLedger):
-    """Nothing has to be worked out: an id with the agent's mark is ours, and no other one.
+class PrefixedGoalRegistry(GoalRegistry):
+    """Nothing has to be worked out: an id with the agent's prefix is ours, and no other one.
 
     Goals given by topic, before or in between, are told as ever.
     """
 
-    def __init__(self, mark: GoalMark, *, confirmation_time: float, settle_time: float) -> None:
+    def __init__(self, prefix: GoalIdPrefix, *, confirmation_time: float, settle_time: float) -> None:
         super().__init__(confirmation_time=confirmation_time, settle_time=settle_time)
-        self._mark = mark
+        self._prefix = prefix
         self._others: tuple[GoalReport, ...] = ()
 
     @property
@@ -303,7 +303,7 @@ class MarkedLedger(GoalLedger):
         self._others = tuple(
             GoalReport(entry.goal_id, external=True, status=entry.status.name)
             for entry in entries
-            if not entry.status.terminal and not self._mark.bears(entry.goal_id)
+            if not entry.status.terminal and not self._prefix.matches(entry.goal_id)
         )
 
     def sent(self, now: float) -> None:
@@ -323,14 +323,14 @@ class MarkedLedger(GoalLedger):
             goal.status = status
 
     def _owns(self, goal_id: str, claimed: Sequence[str]) -> bool:
-        return self._mark.bears(goal_id) or super()._owns(goal_id, claimed)
+        return self._prefix.matches(goal_id) or super()._owns(goal_id, claimed)
 
     def _claim(self, fresh: Sequence[str], *, first: bool) -> tuple[str, ...]:
-        return super()._claim([each for each in fresh if not self._mark.bears(each)], first=first)
+        return super()._claim([each for each in fresh if not self._prefix.matches(each)], first=first)
 
     def _find_given_before(self, listed: list[str]) -> None:
-        """Know the goal that an earlier run gave last by its mark; one given by topic by its place."""
-        newest = next((each for each in reversed(listed) if self._mark.bears(each)), None)
+        """Know the goal that an earlier run gave last by its prefix; one given by topic by its place."""
+        newest = next((each for each in reversed(listed) if self._prefix.matches(each)), None)
         if self._given_behind is None or newest is None:
             super()._find_given_before(listed)
             return

@@ -41,7 +41,7 @@ class Localisation:
         return self._reading is not None
 
     def on_reading(self, reading: PoseReading, *, old: bool = False) -> MapPose | None:
-        """Take a pose; gives where the robot is by it, where it is new, and in the frame of the settings.
+        """Take a pose; return where the robot is by it, where it is new, and in the frame of the settings.
 
         ``old``: a nearer place comes all the time, and stays.
         """
@@ -70,7 +70,7 @@ class Localisation:
         return VelocityReport(*(self._velocity or (None, None)))
 
     def on_velocity(self, velocity: tuple[float, float], now: float) -> bool:
-        """Take m/s forward and rad/s; tells whether the robot has just begun or ceased to move."""
+        """Take m/s forward and rad/s; return whether the robot has just begun or ceased to move."""
         before, self._velocity, self._velocity_at = self._velocity, velocity, now
         return before is None or _moves(before) is not _moves(velocity)
 
@@ -82,7 +82,7 @@ class Localisation:
         return True
 
     def report(self) -> MapPoseReport | None:
-        """Give the newest pose with the newest velocity; none before the first pose."""
+        """Return the newest pose with the newest velocity; none before the first pose."""
         if self._reading is None:
             return None
         vx, omega = self._velocity or (None, None)
@@ -107,7 +107,7 @@ def _is_past(reading: PoseReading, newest: PoseReading) -> bool:
 
 
 def _spread(reading: PoseReading) -> str:
-    """Say how unsure the localisation is; a variance below 0 is no measure of anything."""
+    """Describe how unsure the localisation is; a variance below 0 is no measure of anything."""
     deviations = [math.sqrt(max(0.0, each)) for each in (reading.x_variance, reading.y_variance)]
     turn = math.sqrt(max(0.0, reading.yaw_variance))
     return f"the localisation gives its place to {max(deviations):.2f} m and its heading to {turn:.2f} rad"
@@ -165,7 +165,7 @@ class InitialPosition:
         return [Report(PositionInitialized(succeeded=True, description=""))]
 
     def tick(self, now: float) -> list[PublishInitialPose | Report]:
-        """Give the pose again where no answer came, or give up."""
+        """Return the pose again where no answer came, or give up."""
         attempt = self._attempt
         if attempt is None or now < attempt.again_at:
             return []
@@ -224,7 +224,7 @@ class PoseWatch:
             self._promised_at = now
 
     def look(self, *, driving: bool, unsure: bool, now: float) -> bool:
-        """Tell whether a pose is to be asked for; ``unsure``: the newest one is not to be trusted."""
+        """Return whether a pose is to be asked for; ``unsure``: the newest one is not to be trusted."""
         if self._pose_at is None:
             return False
         if not driving and not unsure and not self.lost:

@@ -1,4 +1,4 @@
-"""From an occupancy grid to a picture of it: small, and drawn in any colour by whoever shows it."""
+"""From an occupancy grid to a picture of it: small, and drawn in any colour by the viewer."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ CELLS_LIMIT = 64 * 1024 * 1024
 
 
 class MapWatch:
-    """A guest of the robot's nodes; ``tell`` gets each map that looks or lies otherwise than the last."""
+    """A extension of the robot's nodes; ``tell`` gets each map that looks or lies otherwise than the last."""
 
     def __init__(self, topic: str, map_id: str, transform: MapTransform) -> None:
         """``transform`` says how the plant lies on the robot's map ``map_id``."""
@@ -104,7 +104,7 @@ class MapWatch:
 
     @classmethod
     def of(cls, settings: EdgeAgentSettings) -> Self:
-        """Make the watch of a robot with these settings."""
+        """Build the watch of a robot with these settings."""
         frame = PlantFrame.of(settings.map_transforms)
         return cls(settings.ros.names.map, settings.map_id, frame.on(settings.map_id))
 
@@ -117,7 +117,7 @@ class MapWatch:
         session.subscribe(node, OccupancyGrid, self._topic, LATCHED, read=self.read, handle=self._heard)
 
     def read(self, grid: Any) -> RobotMap | None:  # noqa: ANN401
-        """Make the map of a nav_msgs/OccupancyGrid; None: it is the same as before.
+        """Build the map of a nav_msgs/OccupancyGrid; None: it is the same as before.
 
         Raises:
             ValueError: it is too large, or no grid.

@@ -31,7 +31,7 @@ class NotFiniteError(ValueError):
 
 
 def goal_message(pose: MapPose, frame: str) -> Any:  # noqa: ANN401 - rclpy carries no types
-    """Make the geometry_msgs/PoseStamped of a goal; stamp zero means: by the newest transforms.
+    """Build the geometry_msgs/PoseStamped of a goal; stamp zero means: by the newest transforms.
 
     Raises:
         NotFiniteError: a number is NaN or infinite.
@@ -44,7 +44,7 @@ def goal_message(pose: MapPose, frame: str) -> Any:  # noqa: ANN401 - rclpy carr
 
 
 def initial_pose_message(pose: MapPose, frame: str, *, xy_variance: float, theta_variance: float) -> Any:  # noqa: ANN401
-    """Make the geometry_msgs/PoseWithCovarianceStamped that tells the localisation where the robot is.
+    """Build the geometry_msgs/PoseWithCovarianceStamped that tells the localisation where the robot is.
 
     Raises:
         NotFiniteError: a number is NaN or infinite.
@@ -60,7 +60,7 @@ def initial_pose_message(pose: MapPose, frame: str, *, xy_variance: float, theta
 
 
 def cancel_request(goal_id: str) -> Any:  # noqa: ANN401
-    """Make the action_msgs/srv/CancelGoal request for one goal: its id with stamp zero means it alone."""
+    """Build the action_msgs/srv/CancelGoal request for one goal: its id with stamp zero means it alone."""
     request = CancelGoal.Request()
     request.goal_info.goal_id.uuid = list(bytes.fromhex(goal_id))
     return request

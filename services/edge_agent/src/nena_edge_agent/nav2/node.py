@@ -27,7 +27,7 @@ from nena_edge_agent.nav2.poses import PoseReading
 from nena_edge_agent.nav2.presence import LifecycleWatch, Presence
 from nena_edge_agent.nav2.robot_base import BatteryReading
 from nena_edge_agent.nav2.session import RosSession
-from nena_edge_agent.nav2.session_control import NodeGuest
+from nena_edge_agent.nav2.session_control import NodeExtension
 from nena_edge_agent.nav2.settings import RosSettings, status_of
 
 RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
@@ -59,9 +59,11 @@ class Listeners:
 class Nav2Node:
     """Sends to Nav2 and listens to it; ``start`` before anything else, ``stop`` in the end."""
 
-    def __init__(self, settings: RosSettings, listeners: Listeners, guests: Sequence[NodeGuest] = ()) -> None:
+    def __init__(
+        self, settings: RosSettings, listeners: Listeners, extensions: Sequence[NodeExtension] = ()
+    ) -> None:
         """Prepare the node, in the event loop that it will work for."""
-        self._guests = guests
+        self._extensions = extensions
         self._settings = settings
         self._listeners = listeners
         self._lifecycle_watch = LifecycleWatch()
@@ -71,7 +73,7 @@ class Nav2Node:
         )
 
     async def start(self, on_failure: Callable[[str], None]) -> None:
-        """Join the ROS graph; ``on_failure`` is told when the node falls out of it by itself.
+        """Join the ROS graph; ``on_failure`` is told when the node falls out of it unasked.
 
         Raises:
             SessionError: ROS refuses.
@@ -84,11 +86,11 @@ class Nav2Node:
         await self._session.stop()
 
     def publish_goal(self, pose: MapPose) -> None:
-        """Give a goal; whether it is taken shows in the status array."""
+        """Return a goal; whether it is taken shows in the status array."""
         self._goals.publish(messages.goal_message(pose, self._settings.frame))
 
     def publish_initial_pose(self, pose: MapPose) -> None:
-        """Tell the localisation where the robot is."""
+        """Report the localisation where the robot is."""
         spread = self._settings.localisation
         message = messages.initial_pose_message(
             pose,
@@ -110,11 +112,11 @@ class Nav2Node:
         return answers[0] is not None
 
     async def request_pose(self) -> bool:
-        """Have the localisation send a pose although the robot stands; tells whether it has agreed."""
+        """Have the localisation send a pose although the robot stands; return whether it has agreed."""
         return await self._call(self._fresh_pose, Empty.Request()) is not None
 
     async def presence(self) -> Presence:
-        """Look whether Nav2 is there; takes at most the time-out of a call."""
+        """Check whether Nav2 is there; takes at most the time-out of a call."""
         there = self._lifecycle.service_is_ready()
         answer = await self._call(self._lifecycle, Trigger.Request()) if there else None
         self._hear_localiser_that_does_not_latch()
@@ -144,8 +146,8 @@ class Nav2Node:
         self._fresh_pose = node.create_client(Empty, names.fresh_pose)
         self._lifecycle = node.create_client(Trigger, names.lifecycle)
         self._listen(node)
-        for guest in self._guests:
-            guest.enter(self._session, node)
+        for extension in self._extensions:
+            extension.enter(self._session, node)
 
     def _hear_localiser_that_does_not_latch(self) -> None:
         """Listen in a second way once there is one; from the start on, each pose of AMCL would come twice."""

@@ -32,7 +32,7 @@ def wrap(angle: float) -> float:
 
 
 def yaw_of(x: float, y: float, z: float, w: float) -> float | None:
-    """Give the heading in rad of a unit quaternion of either sign; none where it is no unit quaternion."""
+    """Return the heading in rad of a unit quaternion of either sign; none where it is no unit quaternion."""
     norm = math.hypot(x, y, z, w)
     if not math.isfinite(norm) or abs(norm - 1.0) > NORM_TOLERANCE:
         return None
@@ -69,7 +69,7 @@ def agrees(pose: MapPose, goal: MapGoal, *, xy_slack: float = 0.0, theta_slack: 
 
 
 def impossible(pose: MapPose, map_id: str) -> str | None:
-    """Say why a robot on the map ``map_id`` cannot be sent to ``pose``; None: it can."""
+    """Return why a robot on the map ``map_id`` cannot be sent to ``pose``; None: it can."""
     if pose.map_id != map_id:
         return f"the place is on map '{pose.map_id}', and the robot on '{map_id}'"
     if not all(map(math.isfinite, (pose.x, pose.y, pose.theta))):

@@ -53,7 +53,7 @@ class LifecycleWatch:
         self._known = Lifecycle.ABSENT
 
     def judge(self, *, there: bool, active: bool | None) -> Lifecycle:
-        """Take whether the service is there, and what it answered (None: nothing)."""
+        """Note whether the service is there, and what it answered (None: nothing)."""
         if not there:
             self._misses, self._known = 0, Lifecycle.ABSENT
         elif active is None and self._known in (Lifecycle.ABSENT, Lifecycle.STARTING):
@@ -67,13 +67,13 @@ class LifecycleWatch:
 
 
 def judge(presence: Presence, settings: RosSettings, *, pose_known: bool) -> NavigationReport:
-    """Tell whether goals can be given now."""
+    """Return whether goals can be given now."""
     missing = _missing(presence, settings, pose_known=pose_known)
     return NavigationReport(available=missing is None, reason=missing or "")
 
 
-def _door_open(presence: Presence, settings: RosSettings) -> bool:
-    """Tell whether somebody takes goals in a way that the settings allow."""
+def _takes_goals(presence: Presence, settings: RosSettings) -> bool:
+    """Return whether somebody takes goals in a way that the settings allow."""
     by_topic = presence.goal_listeners > 0 and not settings.by_action_only
     return by_topic or (presence.action and settings.navigation is not Navigation.TOPICS)
 
@@ -83,11 +83,11 @@ def _missing(presence: Presence, settings: RosSettings, *, pose_known: bool) -> 
     where = f"in namespace {settings.namespace}, domain {settings.domain_id}"
     if not presence.servers:
         return f"no node publishes {status_of(settings.action)} {where}: is Nav2 running there?"
-    if not _door_open(presence, settings):
-        door = f"listens to {names.goal_pose}"
+    if not _takes_goals(presence, settings):
+        doing = f"listens to {names.goal_pose}"
         if settings.by_action_only:
-            door = f"serves the action {settings.action}"
-        return f"no node {door} {where}: is bt_navigator configured?"
+            doing = f"serves the action {settings.action}"
+        return f"no node {doing} {where}: is bt_navigator configured?"
     if problem := LIFECYCLE_PROBLEMS.get(presence.lifecycle):
         return f"{names.lifecycle} {where} {problem}"
     if not pose_known:

@@ -87,7 +87,7 @@ class MovementWatch:
             self._anchor, self._moved_at = pose, now
 
     def blocked(self, *, driving: bool, now: float) -> bool:
-        """Tell whether the robot has stood for too long, with a goal under way all the time."""
+        """Return whether the robot has stood for too long, with a goal under way all the time."""
         if not driving or self._moved_at is None:
             self._moved_at = now
         return now - self._moved_at >= self._timeout
@@ -119,7 +119,7 @@ class Battery:
         self._warned = False
 
     def report(self, reading: BatteryReading) -> BatteryReport | None:
-        """Give the report for a reading; none where the charge was not measured."""
+        """Return the report for a reading; none where the charge was not measured."""
         if not math.isfinite(reading.percentage):
             return None
         self._check_scale(reading.percentage)

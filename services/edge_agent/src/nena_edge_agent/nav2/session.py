@@ -85,9 +85,9 @@ class RosSession:
         on_failure: Callable[[str], None] = lambda _reason: None,
         seconds: float = 10.0,
     ) -> None:
-        """Make the node, have ``populate`` furnish it (in the ROS thread), and run its callbacks.
+        """Build the node, have ``populate`` furnish it (in the ROS thread), and run its callbacks.
 
-        ``on_failure`` is told, in the loop, when the thread ends although nobody has asked it to.
+        ``on_failure`` is told, in the loop, when the thread ends unasked.
 
         Raises:
             SessionError: ROS refuses, or takes longer than ``seconds``.

@@ -62,7 +62,7 @@ class SessionError(Exception):
         self.reason = reason
 
 
-class NodeGuest(Protocol):
+class NodeExtension(Protocol):
     """Comes to every node that the agent makes; its session says whether that is still there."""
 
     def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401 - rclpy carries no types
@@ -76,7 +76,7 @@ LONGEST_RETRY = 60.0
 """Seconds between two tries to begin at most."""
 
 
-class SessionKeeper:
+class SessionManager:
     """One step at a time: who asks for the next one waits for the end of the one before.
 
     ``begin`` joins the graph at an address, or raises :class:`SessionError`; ``end`` leaves it, and is asked
@@ -98,7 +98,7 @@ class SessionKeeper:
         self.state = SessionState.NOT_ACTIVE
         self.reason = ""
         self.step = asyncio.Lock()
-        """Held while the session begins or ends, and by whoever needs it to stay as it is."""
+        """Held while the session begins or ends, and by code that needs it unchanged."""
         self._begin = begin
         self._end = end
         self._tell = tell
@@ -109,18 +109,18 @@ class SessionKeeper:
 
     @property
     def wanted(self) -> bool:
-        """Whether the session is there or is to come back by itself."""
+        """Whether the session is there or is to be restarted automatically."""
         return self.state is not SessionState.NOT_ACTIVE
 
     def tell_off(self) -> None:
-        """Tell that the session waits for somebody to start it."""
+        """Report that the session waits to be started."""
         self._become(SessionState.NOT_ACTIVE)
 
     async def start(self) -> None:
         """Begin the session, unless it is active.
 
         Raises:
-            SessionError: it cannot begin now; it is tried again until somebody stops it.
+            SessionError: it cannot begin now; it is tried again until it is stopped.
 
         """
         async with self.step:
@@ -133,7 +133,7 @@ class SessionKeeper:
             await self._close()
 
     async def move(self, address: RosAddress) -> None:
-        """Be somewhere else in the graph from now on; a session that is wanted begins anew there.
+        """Be somewhere else in the graph from now on; a session that is wanted begins again there.
 
         Raises:
             SessionError: as for :meth:`start`; the address stays the new one.
@@ -157,7 +157,7 @@ class SessionKeeper:
                 await self._try()
 
     def failed(self, reason: str) -> None:
-        """Take in that the session has ended although nobody has asked it to."""
+        """Note that the session has ended unasked."""
         if self.state is SessionState.ACTIVE:
             self._again_at = self._clock.monotonic()
             self._become(SessionState.FAILED, reason)
@@ -215,7 +215,7 @@ class SessionStore:
         self._file = folder.expanduser() / f"{quote(str(robot), safe='')}.ros.json"
 
     def read(self, settings: RosSettings) -> RosAddress:
-        """Give the address that was kept, or that of the settings where none was, or none that counts."""
+        """Return the address that was kept, or that of the settings where none was, or none that counts."""
         own = RosAddress.of(settings)
         try:
             record = _Record.model_validate_json(self._file.read_bytes())

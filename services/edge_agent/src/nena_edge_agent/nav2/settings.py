@@ -72,7 +72,7 @@ class Navigation(StrEnum):
 
 
 def status_of(action: str) -> str:
-    """Give the topic of an action's goal statuses."""
+    """Return the topic of an action's goal statuses."""
     return f"{action}/_action/status"
 
 
@@ -242,11 +242,11 @@ class RosAddress:
 
     @classmethod
     def of(cls, settings: RosSettings) -> Self:
-        """Give the address that settings name."""
+        """Return the address that settings name."""
         return cls(settings.namespace, settings.domain_id)
 
     def changed(self, *, namespace: str | None = None, domain_id: int | None = None) -> RosAddress:
-        """Give an address with what is given in place of its own.
+        """Return an address with what is given in place of its own.
 
         Raises:
             BadAddressError: ROS knows no such namespace or domain.
@@ -266,5 +266,5 @@ class RosAddress:
         return settings.model_copy(update={"namespace": self.namespace, "domain_id": self.domain_id})
 
     def __str__(self) -> str:
-        """Tell it to people."""
+        """Report it to people."""
         return f"namespace {self.namespace}, domain {self.domain_id}"

@@ -19,7 +19,7 @@ from nena_edge_agent.driver.port import (
     Halted,
     NavigationReport,
 )
-from nena_edge_agent.nav2.goals import GoalMark
+from nena_edge_agent.nav2.goals import GoalIdPrefix
 from nena_edge_agent.nav2.settings import Navigation
 from nena_robot_simulator.goals import Action
 from support.action_client import Client
@@ -49,7 +49,7 @@ async def robot(nav2: RclpyNav2, domain_id: int) -> AsyncIterator[DrivenRobot]: 
 
 async def test_a_goal_goes_by_the_action_under_an_id_of_ours(nav2: RclpyNav2, robot: DrivenRobot) -> None:
     report = await robot.driving(goal_at(1, 5.0))
-    assert GoalMark("nena_edge_agent").bears(report.goal_id)
+    assert GoalIdPrefix("nena_edge_agent").matches(report.goal_id)
     (goal,) = nav2.goals
     assert (goal.pose.header.frame_id, goal.pose.pose.position.x) == ("map", 5.0)
     assert nav2.by_topic.messages == []
@@ -109,7 +109,7 @@ async def test_where_no_server_is_goals_go_by_topic(domain_id: int, navigation: 
         async with DrivenRobot(domain_id, navigation=navigation) as robot:
             await robot.ready()
             report = await robot.driving(goal_at(1, 3.0))
-            assert not GoalMark("nena_edge_agent").bears(report.goal_id)
+            assert not GoalIdPrefix("nena_edge_agent").matches(report.goal_id)
             assert await robot.hears(Arrived) == Arrived(1)
 
 
