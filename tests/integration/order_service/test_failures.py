@@ -130,7 +130,7 @@ async def test_a_held_order_waits_over_a_kill_and_goes_on_when_it_is_resumed(fle
 @pytest.mark.e2e
 async def test_killed_between_two_tries_it_tries_on(fleet: Fleet) -> None:
     wire = fleet.peer()
-    mapped = ("--engine.action_types", json.dumps(FAILING["action_types"]))
+    mapped = ("--kernel.action_types", json.dumps(FAILING["action_types"]))
     program = fleet.order_service(*mapped)
     client = await program.client()
     rehearsing(fleet)

@@ -153,7 +153,7 @@ async def test_an_active_one_that_hangs_is_replaced_and_writes_nothing_any_more(
 async def test_nothing_acknowledged_is_lost_when_the_database_goes_and_comes_back(
     shared: Fleet, postgres: Postgres
 ) -> None:
-    program = shared.order_service("--engine.commit_timeout", 3, name="first")
+    program = shared.order_service("--kernel.commit_timeout", 3, name="first")
     client = await active(await program.client())
     shared.agent(speed=40.0)
     await vehicle_idle(client)
