@@ -8,7 +8,7 @@ from math import inf
 from typing import Any
 
 from nena_order_service.dispatching.dispatcher import Decisions, DispatchedVehicle, Pick
-from nena_order_service.dispatching.way import WayCost
+from nena_order_service.dispatching.way import RouteCost
 from nena_order_service.orders.transport_order import TransportOrder
 
 
@@ -29,9 +29,9 @@ class Told:
     def pick(self, order: TransportOrder) -> Pick | None:
         return Pick() if order.current.destination.operation == "Load" else None
 
-    def cost(self, order: TransportOrder, vehicle: str) -> WayCost:
+    def cost(self, order: TransportOrder, vehicle: str) -> RouteCost:
         cost = self.costs.get((order.name, vehicle), self.costs.get(vehicle, inf))
-        return WayCost(cost, cost)
+        return RouteCost(cost, cost)
 
     def why_no_way(self, order: TransportOrder, vehicle: str) -> str:
         return f"No route for {order.name} and {vehicle}."

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from nena_order_service.context import Context, EngineSettings, FleetControl
-from nena_order_service.dispatching.way import WayFinder
+from nena_order_service.dispatching.way import RouteFinder
 from nena_order_service.engine import Engine
 from nena_order_service.fleet import (
     ActionRetriable,
@@ -283,7 +283,7 @@ def make_context(
 ) -> Context:
     """Make what flows work with, over ``plant``; no robot is connected."""
     settings = settings or EngineSettings(default_map_id="map")
-    finder = WayFinder(plant, Router(plant), any_day=Router(plant))
+    finder = RouteFinder(plant, Router(plant), any_day=Router(plant))
     finder.set_locks(locks or {})
     planner = OrderPlanner(plant, finder, OperationMap())
     registry = VehicleRegistry(plant, default_map_id=settings.default_map_id, adopt_unknown=False)

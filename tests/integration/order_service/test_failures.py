@@ -31,9 +31,9 @@ def rehearsing(fleet: Fleet, version: str = "2.1.0") -> Program:
     return fleet.agent_of(content.replace("[loopback]", "[loopback]\nrehearsal = true"))
 
 
-async def create(client: httpx.AsyncClient, *stops: dict[str, Any], **wishes: object) -> None:
+async def create(client: httpx.AsyncClient, *stops: dict[str, Any], **requests: object) -> None:
     answer = await client.post(
-        "/v1/transportOrders", json={"name": "T", "destinations": list(stops), **wishes}
+        "/v1/transportOrders", json={"name": "T", "destinations": list(stops), **requests}
     )
     assert answer.status_code == 201, answer.text
 

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 from nena_order_service.routing import Route, Router
 from nena_order_service.traffic.resources import ResourceSet
-from nena_order_service.traffic.traffic_control import NoWay, TrafficControl
+from nena_order_service.traffic.traffic_control import RouteRejection, TrafficControl
 from nena_shared.plant import PlantModel
 
 
@@ -57,6 +57,6 @@ class Scene:
     def decide(self, *busy: str) -> Iterator[str]:
         """Let traffic control decide; gives each departure and evasion in words."""
         for each in self.control.decide(lambda name: name not in busy):
-            assert not isinstance(each, NoWay)
+            assert not isinstance(each, RouteRejection)
             points = each.route.points if each.route else ()
             yield f"{type(each).__name__} {each.vehicle} {' '.join(points)}"

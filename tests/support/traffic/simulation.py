@@ -10,7 +10,7 @@ from heapq import heappop, heappush
 from random import Random
 
 from nena_order_service.routing import Route, Router
-from nena_order_service.traffic.traffic_control import TrafficControl, Wish
+from nena_order_service.traffic.traffic_control import RouteRequest, TrafficControl
 from nena_shared.plant import PlantModel
 
 SPEED = 1000.0
@@ -130,7 +130,7 @@ class Simulation:
             vehicle.busy = True
             self._after(self.random.uniform(2, 20), vehicle, "worked")
         else:
-            self.control.wish(Wish(vehicle.name, vehicle.target[0]))
+            self.control.request_route(RouteRequest(vehicle.name, vehicle.target[0]))
 
     def _worked(self, vehicle: SimulatedVehicle) -> None:
         vehicle.busy = False

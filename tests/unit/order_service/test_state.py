@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -238,3 +240,29 @@ def test_a_document_that_cannot_be_read_is_passed_over() -> None:
 
     assert list(book) == []
     assert book.of(key("V1")).integration_level is IntegrationLevel.TO_BE_UTILIZED
+
+
+def test_the_evasion_that_an_earlier_release_stored_is_read() -> None:
+    nodes: list[dict[str, object]] = [
+        {"node_id": name, "sequence_id": 2 * index, "released": True, "node_position": None, "actions": []}
+        for index, name in enumerate("AB")
+    ]
+    edges = [{"edge_id": "A-B", "sequence_id": 1, "released": True, "actions": []}]
+    evasion = {
+        "manufacturer": "NeNa",
+        "serial_number": "V1",
+        "drive_order_index": None,
+        "accepted": False,
+        "mission": {"mission_id": "evasion-1", "nodes": nodes, "edges": edges},
+    }
+    document = json.dumps({"manufacturer": "NeNa", "serial_number": "V1", "evasion": evasion})
+    state = make_state()
+    state.vehicles.load({"NeNa/V1": document})
+    found = state.vehicles.of(key("V1")).evasion
+    assert found
+    assert found.vda_order.order_id == "evasion-1"
+
+    state.vehicles.change(key("V1"), integration_level=IntegrationLevel.TO_BE_RESPECTED)
+    again = make_state()
+    again.vehicles.load({"NeNa/V1": take(state)[0].vehicles["NeNa/V1"]()})
+    assert again.vehicles.of(key("V1")).evasion == found

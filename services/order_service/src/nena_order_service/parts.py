@@ -19,7 +19,7 @@ from nena_order_service.api.operations import HostOperations
 from nena_order_service.api.rest import Service, make_app
 from nena_order_service.api.statuses import RetainedSweep, StatusPublisher
 from nena_order_service.context import Context
-from nena_order_service.dispatching.way import WayFinder
+from nena_order_service.dispatching.way import RouteFinder
 from nena_order_service.engine import Engine
 from nena_order_service.fleet import FleetLink, OperationMap, RobotAddresses
 from nena_order_service.host_requests import HostRequests, HostServices, SequenceRequests
@@ -195,7 +195,7 @@ def _make_addresses(settings: OrderServiceSettings, registry: VehicleRegistry) -
 def _make_engine(settings: OrderServiceSettings, plant: PlantModel, store: Store, clock: Clock) -> Engine:
     router = Router(plant, evaluators(settings.routing.costs, plant))
     any_day = Router(plant, evaluators(settings.routing.costs, plant))
-    finder = WayFinder(plant, router, any_day=any_day)
+    finder = RouteFinder(plant, router, any_day=any_day)
     planner = OrderPlanner(plant, finder, OperationMap(settings.kernel.action_types))
     registry = VehicleRegistry(
         plant, default_map_id=settings.kernel.default_map_id, adopt_unknown=settings.kernel.adopt_unknown

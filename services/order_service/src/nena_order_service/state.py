@@ -11,6 +11,7 @@ from bisect import bisect_left
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -350,7 +351,7 @@ class VehicleRecords:
         record = before.model_copy(update={"name": name, **changes})
         if record != before:
             self._records[robot] = record
-            self._pending.stored.put_vehicle(str(robot), record.model_dump_json)
+            self._pending.stored.put_vehicle(str(robot), partial(record.model_dump_json, by_alias=True))
 
 
 class SentOrders:

@@ -39,7 +39,7 @@ from nena_order_service.dispatching.settings import (
     OrderKey,
     VehicleKey,
 )
-from nena_order_service.dispatching.way import WayCost
+from nena_order_service.dispatching.way import RouteCost
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_shared.fleet_api.vehicle import ANY_ORDER_TYPE, AcceptableOrderType
 from nena_shared.plant.model import EnergyThresholds
@@ -280,8 +280,8 @@ def test_vehicles_by_key(keys: list[VehicleKey], expected: str) -> None:
 
 def test_candidates_by_cost_and_by_what_vehicles_like() -> None:
     likes = (AcceptableOrderType(name="-", priority=3),)
-    near = Candidate(OLD, DispatchedVehicle("near", order_types=likes), WayCost(5, 2))
-    short = Candidate(URGENT, DispatchedVehicle("short", idle=False), WayCost(4, 3))
+    near = Candidate(OLD, DispatchedVehicle("near", order_types=likes), RouteCost(5, 2))
+    short = Candidate(URGENT, DispatchedVehicle("short", idle=False), RouteCost(4, 3))
     for key, first in (
         (CandidateKey.BY_COMPLETE_ROUTING_COSTS, short),
         (CandidateKey.BY_INITIAL_ROUTING_COSTS, near),

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_order_service.dispatching.way import NO_WAY, WayCosts, WayFinder
+from nena_order_service.dispatching.way import NO_WAY, RouteCosts, RouteFinder
 from nena_order_service.routing import NoRouteError, Router
 from nena_shared.fleet_api.transport_order import Coordinate, Destination
 from nena_shared.plant import Link, Location, LocationType, Path, PlantModel
@@ -20,7 +20,7 @@ ONE_WAY = plant(
     location_types=(LocationType(name="T", allowed_operations=("Load",)),),
     locations=(Location(name="L", type="T", links=(Link(point="D"), Link(point="B"))),),
 )
-FINDER = WayFinder(ONE_WAY, Router(ONE_WAY))
+FINDER = RouteFinder(ONE_WAY, Router(ONE_WAY))
 
 
 def at(name: str, operation: str = "MOVE") -> Destination:
@@ -45,7 +45,7 @@ def test_way_without_a_route_is_refused() -> None:
 def test_coordinate_is_driven_to_straight_and_left_from_the_nearest_point() -> None:
     points = (point("A"), point("B", 1000), point("C", 9000))
     model = PlantModel(name="line", points=points, paths=(path("A B"),))
-    finder = WayFinder(model, Router(model))
+    finder = RouteFinder(model, Router(model))
     way = finder.find("C", [Destination(coordinate=Coordinate(x=0.3, y=0.4)), at("B")])
     assert [leg.points for leg in way.legs] == [(), ("A", "B")]
     assert way.legs[0].cost == pytest.approx(8709, abs=1)
@@ -68,7 +68,7 @@ def test_coordinates_are_routable_from_the_nearest_point() -> None:
     model = PlantModel(
         name="line", points=(point("A"), point("B", 5000), point("Z", 90_000)), paths=(path("B A"),)
     )
-    finder = WayFinder(model, Router(model))
+    finder = RouteFinder(model, Router(model))
     near, far = Destination(coordinate=Coordinate(x=4, y=0)), Destination(coordinate=Coordinate(x=80, y=0))
     assert finder.why_unroutable([near, at("A")], frozenset()) is None
     assert "from 'Z' to 'A'" in (finder.why_unroutable([far, at("A")], frozenset()) or "")
@@ -76,7 +76,7 @@ def test_coordinates_are_routable_from_the_nearest_point() -> None:
 
 def test_locks_of_hosts_are_told_from_ways_that_there_are_not() -> None:
     model = plant(path("A B"), path("B C", locked=True), path("B D"))
-    finder = WayFinder(model, Router(model), any_day=Router(model))
+    finder = RouteFinder(model, Router(model), any_day=Router(model))
     finder.set_locks({"A --- B": True})
     assert finder.is_locked("A --- B")
     assert finder.is_locked("B --- C")
@@ -89,7 +89,7 @@ def test_locks_of_hosts_are_told_from_ways_that_there_are_not() -> None:
 NAMES = "ABCDEF"
 
 
-def made(paths: tuple[Path, ...], links: tuple[str, ...] = ()) -> tuple[WayFinder, WayCosts]:
+def made(paths: tuple[Path, ...], links: tuple[str, ...] = ()) -> tuple[RouteFinder, RouteCosts]:
     plant = PlantModel(
         name="made",
         points=tuple(point(name, 1000 * index) for index, name in enumerate(NAMES)),
@@ -99,8 +99,8 @@ def made(paths: tuple[Path, ...], links: tuple[str, ...] = ()) -> tuple[WayFinde
             Location(name="Station", type="Station", links=tuple(Link(point=each) for each in links)),
         ),
     )
-    finder = WayFinder(plant, Router(plant))
-    return finder, WayCosts(plant, finder)
+    finder = RouteFinder(plant, Router(plant))
+    return finder, RouteCosts(plant, finder)
 
 
 def stops(*names: str) -> list[Destination]:

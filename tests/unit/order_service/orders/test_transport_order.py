@@ -43,11 +43,11 @@ def test_it_is_late_once_whatever_it_does() -> None:
     assert ended.overdue(later) is ended
 
 
-@pytest.mark.parametrize("wish", [{"dispensable": True}, {"peripheralReservationToken": "door"}])
-def test_it_keeps_its_wishes_and_knows_them_again(wish: dict[str, object]) -> None:
-    asked = request("A", **wish)
+@pytest.mark.parametrize("field", [{"dispensable": True}, {"peripheralReservationToken": "door"}])
+def test_it_keeps_its_wishes_and_knows_them_again(field: dict[str, object]) -> None:
+    asked = request("A", **field)
     order = TransportOrder.created(asked, number=1, name="T-1", now=NOW)
-    assert wish.items() <= order.status.model_dump(by_alias=True).items()
+    assert field.items() <= order.status.model_dump(by_alias=True).items()
     assert order.asked_for_by(asked)
     assert not order.asked_for_by(request("A"))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from nena_order_service.dispatching.way import WayFinder
+from nena_order_service.dispatching.way import RouteFinder
 from nena_order_service.routing import NoRouteError, Router, evaluators
 from nena_order_service.routing.graph import CostKey
 from nena_order_service.routing.vehicle_routes import VehicleRoutes
@@ -24,8 +24,8 @@ PLANT = PlantModel(
 )
 
 
-def make() -> tuple[WayFinder, VehicleRoutes]:
-    finder = WayFinder(PLANT, Router(PLANT, evaluators([CostKey.EXPLICIT_PROPERTIES], PLANT)))
+def make() -> tuple[RouteFinder, VehicleRoutes]:
+    finder = RouteFinder(PLANT, Router(PLANT, evaluators([CostKey.EXPLICIT_PROPERTIES], PLANT)))
     return finder, VehicleRoutes(finder, VehicleRegistry(PLANT, default_map_id="", adopt_unknown=True))
 
 

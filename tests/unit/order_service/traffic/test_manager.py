@@ -9,7 +9,7 @@ import pytest
 from nena_order_service.routing import NoRouteError, Route, Router
 from nena_order_service.traffic.manager import TrafficManager
 from nena_order_service.traffic.resources import Found
-from nena_order_service.traffic.traffic_control import NoWay, Wish
+from nena_order_service.traffic.traffic_control import RouteRejection, RouteRequest
 from nena_shared.plant import PlantModel
 from nena_shared.plant.track import BoundingBox
 from support.plants import path, point
@@ -46,7 +46,7 @@ class Bench:
 
     def go(self, vehicle: str, goal: str, ahead: int = 0) -> str:
         """Let a vehicle depart, and allocate; gives in words why it waits."""
-        self.desk.wish(Wish(vehicle, goal))
+        self.desk.request_route(RouteRequest(vehicle, goal))
         list(self.desk.decide(lambda name: name == vehicle))
         if self.desk.journey(vehicle):
             self.desk.allocate(vehicle, ahead)
@@ -166,7 +166,7 @@ def test_a_way_is_revoked_before_anything_of_it_was_allocated() -> None:
     bench = Bench(v="A", w="C")
     bench.go("w", "A")  # claimed, and nothing of it can be had
 
-    bench.desk.wish(Wish("v", "B"))
+    bench.desk.request_route(RouteRequest("v", "B"))
     bench.desk.drop("w")
 
     assert bench.desk.journey("w") is None
@@ -222,7 +222,7 @@ def test_after_a_restart_all_that_was_given_is_held() -> None:
 def test_who_is_taken_out_frees_everything() -> None:
     bench = Bench(v="A", w="D")
     bench.go("v", "C")
-    bench.desk.wish(Wish("w", "E"))
+    bench.desk.request_route(RouteRequest("w", "E"))
 
     bench.desk.remove("v")
     bench.desk.remove("w")
@@ -244,11 +244,11 @@ def test_without_traffic_nobody_waits_for_anybody() -> None:
 
 def test_a_wish_without_a_way_is_told_and_forgotten() -> None:
     bench = Bench(nowhere="A")
-    bench.desk.wish(Wish("nowhere", "D"))
+    bench.desk.request_route(RouteRequest("nowhere", "D"))
 
     (told,) = bench.desk.decide(lambda _: True)
 
-    assert isinstance(told, NoWay)
+    assert isinstance(told, RouteRejection)
     assert bench.desk.active == frozenset()
 
 
@@ -259,7 +259,7 @@ def test_where_a_vehicle_is_known_to_stand(on_point: bool, stands: bool) -> None
 
 def test_another_way_keeps_what_is_allocated_and_a_refused_one_changes_nothing() -> None:
     bench = Bench(v="A", w="D")
-    bench.desk.wish(Wish("v", "X"))
+    bench.desk.request_route(RouteRequest("v", "X"))
     (_,) = bench.desk.decide(lambda _: True)
     bench.desk.allocate("v", 1)
     held, before = bench.desk.held("v"), bench.desk.journey("v")

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from nena_order_service.routing import Router
 from nena_order_service.traffic.resources import (
-    Footings,
     Found,
+    OccupancyFinder,
     Occupant,
     Resources,
     ResourceSet,
@@ -164,7 +164,7 @@ PLANT = PlantModel(
 
 
 def under(found: Found, length_mm: int = 1000) -> set[str]:
-    footings = Footings(PLANT, Resources(PLANT))
+    footings = OccupancyFinder(PLANT, Resources(PLANT))
     return set(footings.of(found, BoundingBox(length_mm=length_mm)).under.uses)
 
 
@@ -189,7 +189,7 @@ def test_what_is_under_a_vehicle(found: Found, length_mm: int, expected: set[str
 
 
 def test_a_vehicle_beside_its_point_needs_that_to_come_to_it() -> None:
-    footings = Footings(PLANT, Resources(PLANT))
+    footings = OccupancyFinder(PLANT, Resources(PLANT))
 
     beside = footings.of(Found("B", on_point=False, place_mm=(4000.0, 700.0)), BoundingBox())
     on_it = footings.of(Found("B", on_point=True, place_mm=(4000.0, 100.0)), BoundingBox())
@@ -201,7 +201,7 @@ def test_a_vehicle_beside_its_point_needs_that_to_come_to_it() -> None:
 
 
 def test_the_reference_point_may_be_far_from_the_middle() -> None:
-    footings = Footings(PLANT, Resources(PLANT))
+    footings = OccupancyFinder(PLANT, Resources(PLANT))
     box = BoundingBox(length_mm=1000, reference_offset_x_mm=3600)
 
     found = footings.of(Found("A", on_point=True, place_mm=(0.0, 0.0), map_id="hall"), box)

@@ -45,9 +45,9 @@ def choose(
     priorities: bool = False,
     repark: bool = False,
     plant: PlantModel = PLANT,
-    wishes: dict[str, str] | None = None,
+    requests: dict[str, str] | None = None,
 ) -> Parking:
-    model = Vehicle(name="V1", properties=wishes or {})
+    model = Vehicle(name="V1", properties=requests or {})
     positions = ParkingPositions(plant, priorities=priorities, repark=repark)
     prospect = Prospect(
         cost=lambda name: COSTS.get(name, inf),
@@ -83,19 +83,19 @@ def test_who_is_parked_stays_unless_a_better_position_becomes_free() -> None:
 
 def test_assigned_position_is_the_only_one() -> None:
     assigned = properties_of(ASSIGNED_PARKING_POSITION, "fair")
-    assert choose(wishes=assigned).point == "fair"
-    assert choose(here="near", wishes=assigned).point == "fair"
-    assert choose(here="fair", wishes=assigned) == PARKED
-    assert choose(taken=["fair"], wishes=assigned).reason == "its assigned parking position 'fair' is taken"
-    gone = choose(wishes=properties_of(ASSIGNED_PARKING_POSITION, "gone"))
+    assert choose(requests=assigned).point == "fair"
+    assert choose(here="near", requests=assigned).point == "fair"
+    assert choose(here="fair", requests=assigned) == PARKED
+    assert choose(taken=["fair"], requests=assigned).reason == "its assigned parking position 'fair' is taken"
+    gone = choose(requests=properties_of(ASSIGNED_PARKING_POSITION, "gone"))
     assert gone.reason == "its assigned parking position 'gone' is no point of the plant model"
 
 
 def test_preferred_position_is_taken_while_it_is_free() -> None:
     preferred = properties_of(PREFERRED_PARKING_POSITION, "good")
-    assert choose(wishes=preferred).point == "good"
-    assert choose(taken=["good"], wishes=preferred).point == "near"
-    assert choose(here="near", wishes=preferred) == PARKED
+    assert choose(requests=preferred).point == "good"
+    assert choose(taken=["good"], requests=preferred).point == "near"
+    assert choose(here="near", requests=preferred) == PARKED
 
 
 def test_a_position_for_which_others_have_to_make_room_is_the_last_choice() -> None:
@@ -103,7 +103,7 @@ def test_a_position_for_which_others_have_to_make_room_is_the_last_choice() -> N
     assert choose(displacing=["near", "fair", "good"]).point == "near"
     assert choose(displacing=["good"], priorities=True).point == "fair"
     preferred = properties_of(PREFERRED_PARKING_POSITION, "good")
-    assert choose(displacing=["good"], wishes=preferred).point == "good"
+    assert choose(displacing=["good"], requests=preferred).point == "good"
 
 
 def test_others_who_are_not_to_make_room_bar_positions() -> None:
@@ -111,11 +111,11 @@ def test_others_who_are_not_to_make_room_bar_positions() -> None:
     barred = choose(displacing=["near", "fair", "good"], may_displace=False)
     assert barred == Parking(reason=f"each free parking position near it {BARRED}")
     assigned = properties_of(ASSIGNED_PARKING_POSITION, "fair")
-    assert choose(displacing=["fair"], may_displace=False, wishes=assigned) == Parking(
+    assert choose(displacing=["fair"], may_displace=False, requests=assigned) == Parking(
         reason=f"its assigned parking position 'fair' {BARRED}"
     )
     preferred = properties_of(PREFERRED_PARKING_POSITION, "good")
-    assert choose(displacing=["good"], may_displace=False, wishes=preferred).point == "near"
+    assert choose(displacing=["good"], may_displace=False, requests=preferred).point == "near"
 
 
 def test_the_ways_to_some_positions_are_looked_at_and_not_to_all() -> None:
@@ -146,20 +146,20 @@ def test_why_nobody_can_park_is_said() -> None:
 @given(
     taken=st.sets(st.sampled_from(sorted(COSTS))),
     here=st.none() | st.sampled_from(sorted(COSTS)),
-    wishes=st.dictionaries(
+    requests=st.dictionaries(
         st.sampled_from([ASSIGNED_PARKING_POSITION, PREFERRED_PARKING_POSITION]),
         st.sampled_from([*COSTS, "gone"]),
     ),
     modes=st.tuples(st.booleans(), st.booleans()),
 )
 def test_nobody_is_sent_to_a_place_that_is_taken_or_where_it_is(
-    taken: set[str], here: str | None, wishes: dict[str, str], modes: tuple[bool, bool]
+    taken: set[str], here: str | None, requests: dict[str, str], modes: tuple[bool, bool]
 ) -> None:
-    found = choose(here, taken - {here or ""}, priorities=modes[0], repark=modes[1], wishes=wishes)
+    found = choose(here, taken - {here or ""}, priorities=modes[0], repark=modes[1], requests=requests)
     assert not (found.point and found.reason)
     if found.point:
         assert found.point not in taken
         assert found.point != here
         assert COSTS[found.point] < inf
     elif not found.reason:
-        assert here in ("near", "good", "fair", *wishes.values())
+        assert here in ("near", "good", "fair", *requests.values())

@@ -42,9 +42,9 @@ def choose(
     *,
     in_vain: Collection[str] = (),
     costs: dict[str, float] | None = None,
-    wishes: dict[str, str] | None = None,
+    requests: dict[str, str] | None = None,
 ) -> Recharging:
-    model = Vehicle(name="V1", properties=wishes or {})
+    model = Vehicle(name="V1", properties=requests or {})
     return RechargeLocations(PLANT, lambda operation: operation == "Charge").choose(
         model,
         cost=lambda name: (COSTS if costs is None else costs).get(name, inf),
@@ -53,7 +53,7 @@ def choose(
     )
 
 
-def wish(key: str, value: str) -> dict[str, str]:
+def route_request(key: str, value: str) -> dict[str, str]:
     return {key: value}
 
 
@@ -64,16 +64,16 @@ def test_nearest_free_location_is_taken_by_its_nearest_point() -> None:
 
 
 def test_assigned_location_is_the_only_one_and_the_preferred_one_goes_first() -> None:
-    assert choose(wishes=wish(ASSIGNED_RECHARGE_LOCATION, "far")).location == "far"
-    taken = choose(["C"], wishes=wish(ASSIGNED_RECHARGE_LOCATION, "far"))
+    assert choose(requests=route_request(ASSIGNED_RECHARGE_LOCATION, "far")).location == "far"
+    taken = choose(["C"], requests=route_request(ASSIGNED_RECHARGE_LOCATION, "far"))
     assert taken == Recharging(reason="its assigned recharge location 'far' is taken")
-    assert "cannot recharge at" in choose(wishes=wish(ASSIGNED_RECHARGE_LOCATION, "coil")).reason
-    assert choose(wishes=wish(PREFERRED_RECHARGE_LOCATION, "far")).location == "far"
-    assert choose(["C"], wishes=wish(PREFERRED_RECHARGE_LOCATION, "far")).location == "near"
+    assert "cannot recharge at" in choose(requests=route_request(ASSIGNED_RECHARGE_LOCATION, "coil")).reason
+    assert choose(requests=route_request(PREFERRED_RECHARGE_LOCATION, "far")).location == "far"
+    assert choose(["C"], requests=route_request(PREFERRED_RECHARGE_LOCATION, "far")).location == "near"
 
 
 def test_a_vehicle_may_recharge_by_an_operation_of_its_own() -> None:
-    assert choose(wishes=wish(VDA5050_RECHARGE_OPERATION, "Hum")) == Recharging("coil", "Hum")
+    assert choose(requests=route_request(VDA5050_RECHARGE_OPERATION, "Hum")) == Recharging("coil", "Hum")
 
 
 def test_a_place_that_is_held_in_vain_is_taken_where_none_is_free() -> None:

@@ -16,7 +16,7 @@ from nena_order_service.dispatching.settings import (
     OrderKey,
     VehicleKey,
 )
-from nena_order_service.dispatching.way import WayCost
+from nena_order_service.dispatching.way import RouteCost
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_shared.fleet_api.vehicle import ANY_ORDER_TYPE, ANY_TYPE, AcceptableOrderType
 from nena_shared.plant.model import EnergyThresholds
@@ -72,7 +72,7 @@ class Candidate:
 
     order: TransportOrder
     vehicle: DispatchedVehicle
-    cost: WayCost
+    cost: RouteCost
 
 
 @dataclass(frozen=True, slots=True)
@@ -302,7 +302,7 @@ class Knowledge(Protocol):
         """Give what an order begins with picking up; None: it picks up nothing, or drops something first."""
         ...
 
-    def cost(self, order: TransportOrder, vehicle: str) -> WayCost:
+    def cost(self, order: TransportOrder, vehicle: str) -> RouteCost:
         """Give the cost of a vehicle's way through an order's destinations; infinity where there is none."""
         ...
 

@@ -21,7 +21,7 @@ from nena_order_service.dispatching.dispatcher import (
     explain,
     why_not_accepted,
 )
-from nena_order_service.dispatching.way import OrderCosts, Way, WayCost, WayCosts
+from nena_order_service.dispatching.way import OrderCosts, RouteCost, RouteCosts, RoutePlan
 from nena_order_service.fleet import LinkStatus, NotLocatedError, RobotView, Standing
 from nena_order_service.orders.automatic import is_automatic_recharge
 from nena_order_service.orders.sequences import Sequences
@@ -72,7 +72,7 @@ class KnownCosts:
         self.planner = planner
         self.finder = planner.finder
         self.registry = registry
-        self.ways = WayCosts(planner.plant, planner.finder)
+        self.ways = RouteCosts(planner.plant, planner.finder)
         self._why = lru_cache(REASONS_KEPT)(self._find_out_why)
 
     def forget(self) -> None:
@@ -125,7 +125,7 @@ class OrderKnowledge:
         """Give what an order begins with picking up; None: it picks up nothing, or drops something first."""
         return self._planner.pick(order)
 
-    def cost(self, order: TransportOrder, vehicle: str) -> WayCost:
+    def cost(self, order: TransportOrder, vehicle: str) -> RouteCost:
         """Give the cost of a vehicle's way through an order's destinations; infinity where there is none."""
         who, start = self._places[vehicle]
         stops = _stops(order)
@@ -180,7 +180,7 @@ class Dispatched:
 
     assignment: Assignment
     vehicle: FleetVehicle
-    way: Way
+    way: RoutePlan
 
 
 class Dispatching:

@@ -31,7 +31,7 @@ class Leg:
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class RoutePlan:
     """One leg for each destination."""
 
     legs: tuple[Leg, ...]
@@ -48,7 +48,7 @@ def access_points(destination: Destination, plant: PlantModel) -> tuple[str, ...
     return plant.access_points(name, destination.operation) if name in plant.locations_by_name else (name,)
 
 
-class WayFinder:
+class RouteFinder:
     """Finds ways over one plant: along routes to points and locations, straight to coordinates.
 
     From a coordinate the way goes on at the nearest point.
@@ -97,7 +97,7 @@ class WayFinder:
         *,
         vehicle: Vehicle | None = None,
         avoid: Collection[str] = frozenset(),
-    ) -> Way:
+    ) -> RoutePlan:
         """Find the cheapest way from the point ``start``.
 
         Raises:
@@ -114,7 +114,7 @@ class WayFinder:
         *,
         vehicle: Vehicle | None = None,
         avoid: Collection[str] = frozenset(),
-    ) -> Way:
+    ) -> RoutePlan:
         legs: list[Leg] = []
         for free, group in groupby(destinations, lambda each: each.coordinate is not None):
             if free:
@@ -126,7 +126,7 @@ class WayFinder:
                 routes = router.route_through(start, choices, vehicle=vehicle, avoid=avoid)
                 legs.extend(Leg(route.cost, route) for route in routes)
                 start = routes[-1].destination
-        return Way(tuple(legs))
+        return RoutePlan(tuple(legs))
 
     def route(
         self, start: str, goal: str, *, vehicle: Vehicle | None = None, avoid: Collection[str] = frozenset()
@@ -174,7 +174,7 @@ def _distance_mm(point: Point, coordinate: Coordinate) -> float:
     return hypot(point.x_m - coordinate.x, point.y_m - coordinate.y) * MM_PER_M
 
 
-class WayCost(NamedTuple):
+class RouteCost(NamedTuple):
     """What a way costs in the router's unit; infinity where there is none."""
 
     complete: float
@@ -183,7 +183,7 @@ class WayCost(NamedTuple):
     """To the first destination."""
 
 
-NO_WAY = WayCost(inf, inf)
+NO_WAY = RouteCost(inf, inf)
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,19 +200,19 @@ class OrderCosts:
 
     entries: tuple[_Entry, ...]
 
-    def source(self, point: str) -> WayCost:
+    def source(self, point: str) -> RouteCost:
         """Give the cost for a vehicle that starts at ``point``."""
         best = NO_WAY
         for entry in self.entries:
             initial = entry.to_it.source(point)
-            best = min(best, WayCost(initial + entry.rest, initial))
+            best = min(best, RouteCost(initial + entry.rest, initial))
         return best
 
 
-class WayCosts:
+class RouteCosts:
     """Knows costs of ways over one plant; ways to coordinates are searched for one by one."""
 
-    def __init__(self, plant: PlantModel, finder: WayFinder) -> None:
+    def __init__(self, plant: PlantModel, finder: RouteFinder) -> None:
         self._plant = plant
         self._finder = finder
 
@@ -223,8 +223,8 @@ class WayCosts:
         *,
         vehicle: Vehicle | None,
         avoid: Collection[str] = frozenset(),
-    ) -> WayCost:
-        """Give the cost of a way as :meth:`WayFinder.find` would find it."""
+    ) -> RouteCost:
+        """Give the cost of a way as :meth:`RouteFinder.find` would find it."""
         if any(each.coordinate for each in destinations):
             return self._searched(start, destinations, vehicle, avoid)
         return self.of(destinations, vehicle=vehicle, avoid=avoid).source(start)
@@ -252,9 +252,9 @@ class WayCosts:
 
     def _searched(
         self, start: str, destinations: Sequence[Destination], vehicle: Vehicle | None, avoid: Collection[str]
-    ) -> WayCost:
+    ) -> RouteCost:
         try:
             way = self._finder.find(start, destinations, vehicle=vehicle, avoid=avoid)
         except NoRouteError:
             return NO_WAY
-        return WayCost(way.cost, way.legs[0].cost)
+        return RouteCost(way.cost, way.legs[0].cost)

@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import Final, Self
 from uuid import uuid4
 
-from pydantic import Field
+from pydantic import AliasChoices, Field
 
 from nena_order_service.fleet.position import DEFAULT_DEVIATION_XY, RobotProfile, Standing
 from nena_order_service.routing import Route
@@ -30,8 +30,10 @@ class VdaOrder(WireObject):
     restart keeps its JSON: the ids of its actions must stay the same.
     """
 
-    order_id: Identifier = Field(alias="missionId")  # the name in stores of every release
-    """The orderId on the wire."""
+    order_id: Identifier = Field(
+        validation_alias=AliasChoices("missionId", "mission_id"), serialization_alias="missionId"
+    )
+    """The orderId on the wire; stores name it ``missionId``, and ``mission_id`` in vehicles."""
     nodes: tuple[Node, ...]
     edges: tuple[Edge, ...]
 

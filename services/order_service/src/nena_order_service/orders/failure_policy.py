@@ -151,7 +151,7 @@ def is_carrying(
 
 
 @dataclass(frozen=True, slots=True)
-class Failure:
+class OrderFailure:
     """How a vehicle has failed, in words too; ``ahead`` names the path and the point that come next."""
 
     kind: FailureKind
@@ -175,12 +175,12 @@ class FailureAssessment:
         """Tell whether an action that fails may be tried again."""
         return any(step.do is FailureMeasure.RETRY for step in self.policy(order))
 
-    def decide(self, order: TransportOrder, failure: Failure) -> Decision:
+    def decide(self, order: TransportOrder, failure: OrderFailure) -> Decision:
         """Say what is done about a failure."""
         situation = self._situation(order, failure)
         return decide(self.policy(order), order.current.measures_taken, situation)
 
-    def _situation(self, order: TransportOrder, failure: Failure) -> Situation:
+    def _situation(self, order: TransportOrder, failure: OrderFailure) -> Situation:
         vehicle = self._vehicle(order)
         view = self._context.view(vehicle)
         loads = view.state.loads if view.state else None

@@ -11,7 +11,7 @@ from datetime import datetime, timedelta
 
 from nena_order_service.context import Context
 from nena_order_service.dispatching.manager import GIVES_UP, Dispatched, Dispatching, is_operating
-from nena_order_service.dispatching.way import Way
+from nena_order_service.dispatching.way import RoutePlan
 from nena_order_service.fleet import (
     ActionRetriable,
     FailureKind,
@@ -30,7 +30,7 @@ from nena_order_service.orders import deadlines
 from nena_order_service.orders.automatic import automatic_name
 from nena_order_service.orders.deadlines import Deadlines, OrderTimeouts
 from nena_order_service.orders.dependencies import Conditions
-from nena_order_service.orders.failure_policy import Decision, Failure, FailureAssessment, with_others
+from nena_order_service.orders.failure_policy import Decision, FailureAssessment, OrderFailure, with_others
 from nena_order_service.orders.sequences import Sequences
 from nena_order_service.orders.transport_order import TransportOrder, why_withdrawn
 from nena_order_service.orders.validation import InvalidRequestError, check_order
@@ -91,7 +91,7 @@ class LifeCycle:
         self._timeouts = OrderTimeouts(self._orders.is_over)
         self._answers: dict[str, tuple[str, str]] = {}
         """VDA 5050 orderIds and words of failures, by the ids of the instant actions sent about them."""
-        self._given_up: dict[str, Failure] = {}
+        self._given_up: dict[str, OrderFailure] = {}
         """Failures for which VDA 5050 orders are cancelled, by orderId."""
 
     # What hosts ask for
@@ -290,11 +290,13 @@ class LifeCycle:
             way = planner.way(order, vehicle, standing)
         except (NotLocatedError, NoRouteError, UnknownObjectError) as error:
             words = f"vehicle {vehicle.name} cannot go on: {error}"
-            self._fail(order, Failure(FailureKind.NO_WAY, words))
+            self._fail(order, OrderFailure(FailureKind.NO_WAY, words))
         else:
             self._drive(order, vehicle, way, first=first)
 
-    def _drive(self, order: TransportOrder, vehicle: FleetVehicle, way: Way, *, first: bool = False) -> None:
+    def _drive(
+        self, order: TransportOrder, vehicle: FleetVehicle, way: RoutePlan, *, first: bool = False
+    ) -> None:
         self._orders.put(order)
         self._state.vehicle_changed(vehicle.name)
         retriable = self._failures.retries_actions(order)
@@ -308,7 +310,7 @@ class LifeCycle:
         self._pauses.begin(vehicle, order)
         if self._pauses.is_over(vehicle):
             self._pauses.end(vehicle.name)
-            self._fail(order, Failure(FailureKind.NO_WAY, stuck.reason))
+            self._fail(order, OrderFailure(FailureKind.NO_WAY, stuck.reason))
         else:
             self.update_reason(vehicle)
 
@@ -369,7 +371,7 @@ class LifeCycle:
                 self._drive_order_finished(order, sent)
             case VdaOrderFailed():
                 words = with_details(event.reason, event.details)
-                self._drive_order_failed(order, Failure(event.kind, words, ahead))
+                self._drive_order_failed(order, OrderFailure(event.kind, words, ahead))
             case VdaOrderCancelled():
                 self._drive_order_cancelled(order, sent)
 
@@ -385,7 +387,7 @@ class LifeCycle:
         else:
             self._go_on(order.drive_order_finished(index, now))
 
-    def _drive_order_failed(self, order: TransportOrder, failure: Failure) -> None:
+    def _drive_order_failed(self, order: TransportOrder, failure: OrderFailure) -> None:
         if order.state is S.WITHDRAWN:
             words = f"withdrawn: {why_withdrawn(order.status)}; {failure.words}"
             self._end(order.failed(words, self._clock.now()))
@@ -403,13 +405,13 @@ class LifeCycle:
         elif given_up and not order.held:
             self._fail(order, given_up)
         elif is_operating(order) and not given_up:
-            self._drive_order_failed(order, Failure(FailureKind.UNCLEAR, BEGUN_MEANWHILE))
+            self._drive_order_failed(order, OrderFailure(FailureKind.UNCLEAR, BEGUN_MEANWHILE))
         else:
             self._go_on(order, again=True)
 
     # Failures
 
-    def _fail(self, order: TransportOrder, failure: Failure) -> None:
+    def _fail(self, order: TransportOrder, failure: OrderFailure) -> None:
         """Take the measure of the policy for an order whose vehicle has failed."""
         if self._registry.employed(order.vehicle) is None:
             why = f"there is no vehicle {order.vehicle!r} any more; {failure.words}"
@@ -435,7 +437,7 @@ class LifeCycle:
             case FailureMeasure.FAIL:
                 self._end(order.failed(with_others(words, decision), now))
 
-    def _replan(self, order: TransportOrder, decision: Decision, failure: Failure) -> None:
+    def _replan(self, order: TransportOrder, decision: Decision, failure: OrderFailure) -> None:
         order = order.replanned(
             decision.taken,
             failure.words,
@@ -474,7 +476,7 @@ class LifeCycle:
     def _retries_action(self, order: TransportOrder, words: str) -> bool:
         if order.held or order.state is not S.BEING_PROCESSED:
             return False
-        decision = self._failures.decide(order, Failure(FailureKind.ACTION, words))
+        decision = self._failures.decide(order, OrderFailure(FailureKind.ACTION, words))
         if decision.step.do is not FailureMeasure.RETRY or decision.step.after:
             return False
         self._orders.put(order.retried(decision.taken, words, now=self._clock.now()))
@@ -487,7 +489,9 @@ class LifeCycle:
         if sent and not sent.cancelled and event.status is not ActionStatus.FINISHED:
             log.warning("robot takes no answer to its failed action", vda_order=order_id, reason=event.reason)
             known = event.status is ActionStatus.FAILED  # else it may be trying again right now
-            self._given_up[order_id] = Failure(FailureKind.ACTION if known else FailureKind.UNCLEAR, words)
+            self._given_up[order_id] = OrderFailure(
+                FailureKind.ACTION if known else FailureKind.UNCLEAR, words
+            )
             self._driving.cancel(sent)
 
     # The end

@@ -32,7 +32,7 @@ class SequenceEvent(StrEnum):
     SEQUENCE_FINISHED = "nena:sequenceFinished"
 
 
-WISHES = ("order_types", "intended_vehicle", "failure_fatal", "properties")
+REQUEST_FIELDS = ("order_types", "intended_vehicle", "failure_fatal", "properties")
 """What a sequence keeps of its request as it is."""
 
 
@@ -58,13 +58,13 @@ class OrderSequence:
             reason=EMPTY,
             created=now,
             history=(HistoryEntry(timestamp=now, event_code=SequenceEvent.SEQUENCE_CREATED),),
-            **{wish: getattr(request, wish) for wish in WISHES},
+            **{field: getattr(request, field) for field in REQUEST_FIELDS},
         )
         return cls(number, status, request.idempotency_key)
 
     def asked_for_by(self, request: OrderSequenceRequest) -> bool:
         """Tell whether ``request`` says what the one said that made it; names are another matter."""
-        return all(getattr(self.status, wish) == getattr(request, wish) for wish in WISHES)
+        return all(getattr(self.status, field) == getattr(request, field) for field in REQUEST_FIELDS)
 
     @property
     def name(self) -> str:

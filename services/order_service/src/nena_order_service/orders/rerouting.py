@@ -14,7 +14,7 @@ from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.vda_orders import SentOrder
 from nena_order_service.routing import NoRouteError, Route
 from nena_order_service.traffic.driving import Driving
-from nena_order_service.traffic.traffic_control import Hindrance, Refusal
+from nena_order_service.traffic.traffic_control import Refusal, WaitReason
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.transport_order import DriveOrderState, TransportOrderState
 from nena_shared.fleet_api.vehicle import ReroutingOutcome, ReroutingType
@@ -162,7 +162,7 @@ class Rerouting:
         """
         leg = self._leg(under_way)
         refusal = self._claim_leg(under_way, leg)
-        if refusal and refusal.hindrance is Hindrance.RESTING:
+        if refusal and refusal.hindrance is WaitReason.RESTING:
             try:
                 leg = self._leg(under_way, self._occupied(refusal) - {under_way.base_end})
             except NoRouteError:
@@ -178,7 +178,7 @@ class Rerouting:
         """Claim the way along a leg, unless it is the present one; gives why not."""
         if leg.route is None or self._is_present_way(under_way, leg):
             return None
-        location = self._planner.wish(under_way.order, under_way.vehicle, leg).location
+        location = self._planner.route_request(under_way.order, under_way.vehicle, leg).location
         return self._traffic.replan(under_way.vehicle.name, leg.route.steps, location)
 
     def _is_present_way(self, under_way: _UnderWay, leg: Leg) -> bool:

@@ -62,7 +62,7 @@ SUCCESSORS: dict[TransportOrderState, frozenset[TransportOrderState]] = {
 }
 """Which states may follow which, in openTCS's life cycle; and an order may go on with another vehicle."""
 
-WISHES = (
+REQUEST_FIELDS = (
     "type",
     "priority",
     "intended_vehicle",
@@ -132,14 +132,16 @@ class TransportOrder:
             current_drive_order_index=-1,
             created=now,
             history=(HistoryEntry(timestamp=now, event_code=EventCode.ORDER_CREATED),),
-            **{wish: getattr(request, wish) for wish in WISHES},
+            **{field: getattr(request, field) for field in REQUEST_FIELDS},
         )
         return cls(number, status, request.idempotency_key)
 
     def asked_for_by(self, request: TransportOrderRequest) -> bool:
         """Tell whether ``request`` says what the one said that made the order; names are another matter."""
         same_stops = tuple(each.destination for each in self.status.drive_orders) == request.destinations
-        return same_stops and all(getattr(self.status, wish) == getattr(request, wish) for wish in WISHES)
+        return same_stops and all(
+            getattr(self.status, field) == getattr(request, field) for field in REQUEST_FIELDS
+        )
 
     @property
     def name(self) -> str:

@@ -8,7 +8,7 @@ from typing import Self
 from pydantic import BaseModel, ConfigDict, Field
 
 from nena_order_service.dispatching.dispatcher import Pick
-from nena_order_service.dispatching.way import Leg, Way, WayFinder
+from nena_order_service.dispatching.way import Leg, RouteFinder, RoutePlan
 from nena_order_service.fleet import (
     OperationMap,
     RobotView,
@@ -24,7 +24,7 @@ from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.routing import NoRouteError, Route
 from nena_order_service.traffic.manager import Journey
 from nena_order_service.traffic.resources import ResourceSet
-from nena_order_service.traffic.traffic_control import Wish
+from nena_order_service.traffic.traffic_control import RouteRequest
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.plant import BACKWARD_SUFFIX, PlantModel, UnknownObjectError
 from nena_shared.vda5050.topics import RobotKey
@@ -137,7 +137,7 @@ EVASION_PREFIX = "evasion-"
 class OrderPlanner:
     """Knows the plant, its ways and which action an operation stands for."""
 
-    def __init__(self, plant: PlantModel, finder: WayFinder, operations: OperationMap) -> None:
+    def __init__(self, plant: PlantModel, finder: RouteFinder, operations: OperationMap) -> None:
         self.plant = plant
         self.finder = finder
         self._operations = operations
@@ -170,7 +170,7 @@ class OrderPlanner:
         vehicle: FleetVehicle,
         standing: Standing,
         avoid: frozenset[str] = frozenset(),
-    ) -> Way:
+    ) -> RoutePlan:
         """Find the way through the destinations that are not reached yet, which keeps off ``avoid``, too.
 
         Raises NoRouteError.
@@ -213,15 +213,15 @@ class OrderPlanner:
             return ""
         return ""
 
-    def wish(self, order: TransportOrder, vehicle: FleetVehicle, leg: Leg) -> Wish:
+    def route_request(self, order: TransportOrder, vehicle: FleetVehicle, leg: Leg) -> RouteRequest:
         """Give what a vehicle wants of traffic for the current drive order, whose way is ``leg``."""
         destination = order.status.drive_orders[order.status.current_drive_order_index].destination
         if destination.coordinate:
             goal = self.finder.nearest(destination.coordinate)
-            return Wish(vehicle.name, goal, straight_mm=round(leg.cost))
+            return RouteRequest(vehicle.name, goal, straight_mm=round(leg.cost))
         name = destination.location_name or ""
         location = name if name in self.plant.locations_by_name else None
-        return Wish(vehicle.name, leg.points[-1], location, order.resources_to_avoid)
+        return RouteRequest(vehicle.name, leg.points[-1], location, order.resources_to_avoid)
 
     def vda_order(
         self,

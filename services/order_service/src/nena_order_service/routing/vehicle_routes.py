@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from functools import lru_cache
 
-from nena_order_service.dispatching.way import WayFinder
+from nena_order_service.dispatching.way import RouteFinder
 from nena_order_service.routing import NoRouteError, Route
 from nena_order_service.vehicles.registry import VehicleRegistry
 from nena_shared.plant import Vehicle
 
 ROUTES_KEPT = 2_000
-"""Routes that are remembered, of a few kB each; a wish that waits asks for the same one again and again."""
+"""Routes that are remembered, of a few kB each; a request that waits asks for the same one each time."""
 
 
 class VehicleRoutes:
     """Finds routes as the plant model's data of each vehicle let it drive, and remembers them."""
 
-    def __init__(self, finder: WayFinder, registry: VehicleRegistry) -> None:
+    def __init__(self, finder: RouteFinder, registry: VehicleRegistry) -> None:
         self._finder = finder
         self._registry = registry
         self._route = lru_cache(ROUTES_KEPT)(self._find)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cache, partial
 
 from nena_order_service.context import Context
-from nena_order_service.dispatching.way import Way
+from nena_order_service.dispatching.way import RoutePlan
 from nena_order_service.fleet import (
     FailureKind,
     FleetOutput,
@@ -20,7 +20,7 @@ from nena_order_service.fleet import (
 from nena_order_service.fleet.vda_order import state_request
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.vda_orders import SentOrder
-from nena_order_service.traffic.traffic_control import Departure, Evasion, NoWay, Wish
+from nena_order_service.traffic.traffic_control import Evasion, RouteGrant, RouteRejection, RouteRequest
 from nena_order_service.vehicles.positions import Positions
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.log import get_logger
@@ -180,7 +180,7 @@ class _Wanted:
     """An order of whose drive order nothing is sent yet, and the route request of its vehicle."""
 
     order: TransportOrder
-    wish: Wish
+    route_request: RouteRequest
     retriable: bool
 
 
@@ -224,7 +224,7 @@ class Driving:
         self,
         order: TransportOrder,
         vehicle: FleetVehicle,
-        way: Way,
+        way: RoutePlan,
         *,
         first: bool = False,
         retriable: bool = False,
@@ -235,9 +235,9 @@ class Driving:
         be tried again at the robot.
         """
         self._positions.see(vehicle)
-        wish = self._planner.wish(order, vehicle, way.legs[0])
-        self._wanted[vehicle.name] = _Wanted(order, wish, retriable)
-        self._traffic.wish(wish, first=first)
+        route_request = self._planner.route_request(order, vehicle, way.legs[0])
+        self._wanted[vehicle.name] = _Wanted(order, route_request, retriable)
+        self._traffic.request_route(route_request, first=first)
         self._state.drive_due = True
 
     def abandon(self, vehicle: FleetVehicle) -> None:
@@ -266,9 +266,9 @@ class Driving:
             self.send_on(shorter)
 
     def reconsider(self, misfits: Callable[[SentOrder], bool]) -> None:
-        """Let those wish anew of whose VDA orders nothing is sent yet, where these do not fit any more."""
+        """Request routes again for unsent VDA orders that ``misfits`` finds unfit."""
         for name in [each for each, record in self._unsent.items() if misfits(record)]:
-            self._wish_anew(name)
+            self._request_again(name)
 
     def resume(self, vehicle: FleetVehicle, record: SentOrder) -> None:
         """Take up a VDA order from before a restart: its robot holds all that it was given."""
@@ -347,22 +347,23 @@ class Driving:
                 self._reported[name] = why
 
     def _reconsider(self) -> None:
-        """Let those wish anew who were granted ways on which somebody has come to rest since."""
+        """Request routes again where another vehicle has come to rest on a granted one."""
         for name in filter(self._traffic.is_blocked, tuple(self._unsent)):
-            self._wish_anew(name)
+            self._request_again(name)
 
-    def _wish_anew(self, name: str) -> None:
+    def _request_again(self, name: str) -> None:
         """Take back a way of which nothing was sent."""
         del self._unsent[name]
         self._traffic.revoke(name)
         if name in self._wanted:
-            self._traffic.wish(self._wanted[name].wish, first=True)
+            self._traffic.request_route(self._wanted[name].route_request, first=True)
         self._state.drive_due = True
 
     def _replan(self) -> None:
         """Let VDA orders end where their bases do whose ways lead over robots that will not make room.
 
-        Then these robots are at rest, too: the order's one wishes anew, and goes around or changes places.
+        Then these robots are at rest, too: the vehicle with the order requests a route again, and goes around
+        them or changes places.
         """
         for name in tuple(self._traffic.stuck(self._movable, self.mobility.lost)):
             record = self._sent.of_robot(self._vehicle(name).key)
@@ -402,9 +403,9 @@ class Driving:
     def _movable(self, name: str) -> bool:
         return self.mobility.movable(name, wants=name in self._wanted)
 
-    def _begin(self, granted: Departure | Evasion | NoWay) -> Iterator[Stuck]:
+    def _begin(self, granted: RouteGrant | Evasion | RouteRejection) -> Iterator[Stuck]:
         vehicle = self._vehicle(granted.vehicle)
-        if isinstance(granted, NoWay):
+        if isinstance(granted, RouteRejection):
             self._wanted.pop(vehicle.name, None)
             yield Stuck(vehicle, str(granted.error))
             return
@@ -415,8 +416,8 @@ class Driving:
         if standing is None or not self._stands_as_known(vehicle, standing):
             self._traffic.revoke(vehicle.name)
             self._rest(vehicle)
-            if isinstance(granted, Departure):
-                self._traffic.wish(granted.wish, first=True)
+            if isinstance(granted, RouteGrant):
+                self._traffic.request_route(granted.route_request, first=True)
             self._state.drive_due = False  # not again before something is heard or looked at
             return
         try:
@@ -430,7 +431,7 @@ class Driving:
     def _stands_as_known(self, vehicle: FleetVehicle, standing: Standing) -> bool:
         return self._traffic.stands(vehicle.name, standing.point, on_point=standing.on_point)
 
-    def _record(self, granted: Departure | Evasion, vehicle: FleetVehicle, standing: Standing) -> SentOrder:
+    def _record(self, granted: RouteGrant | Evasion, vehicle: FleetVehicle, standing: Standing) -> SentOrder:
         if isinstance(granted, Evasion):
             vda_order = self._planner.evasion(vehicle, standing, granted.route)
             log.info("vehicle makes room", vehicle=vehicle.name, goal=granted.route.destination)

@@ -7,23 +7,23 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from nena_order_service.routing import Step
-from nena_order_service.traffic.resources import Footings, Found, Resources, ResourceSet
+from nena_order_service.traffic.resources import Found, OccupancyFinder, Resources, ResourceSet
 from nena_order_service.traffic.traffic_control import (
-    Departure,
     Evasion,
-    Hindrance,
-    NoWay,
     Refusal,
+    RouteGrant,
+    RouteRejection,
+    RouteRequest,
+    Routes,
     Scheduler,
     TrafficControl,
-    Ways,
-    Wish,
+    WaitReason,
     nobody,
 )
 from nena_shared.plant import PlantModel
 from nena_shared.plant.track import BoundingBox
 
-D = TypeVar("D", bound=Departure | Evasion)
+D = TypeVar("D", bound=RouteGrant | Evasion)
 
 
 @dataclass(slots=True)
@@ -51,10 +51,10 @@ class TrafficManager:
     standing. Nothing is ever given to two vehicles; only those that were found on the same place share it.
     """
 
-    def __init__(self, plant: PlantModel, ways: Ways, *, exclusive: bool = True) -> None:
+    def __init__(self, plant: PlantModel, ways: Routes, *, exclusive: bool = True) -> None:
         self.resources = Resources(plant, exclusive=exclusive)
         self._control = TrafficControl(plant, ways, self.resources)
-        self._footings = Footings(plant, self.resources)
+        self._footings = OccupancyFinder(plant, self.resources)
         self._journeys: dict[str, Journey] = {}
         self._broken_off: dict[str, tuple[ResourceSet, ...]] = {}
         """What vehicles that broke off may be on, to the next point of their ways; or that move by hand."""
@@ -162,9 +162,9 @@ class TrafficManager:
         self._left_at.pop(vehicle, None)
         self._scheduler.remove(vehicle)
 
-    def wish(self, wish: Wish, *, first: bool = False) -> None:
-        """Take in what a vehicle that rests wants; see :meth:`TrafficControl.wish`."""
-        self._control.wish(wish, first=first)
+    def request_route(self, route_request: RouteRequest, *, first: bool = False) -> None:
+        """Take in what a vehicle that rests wants; see :meth:`TrafficControl.request_route`."""
+        self._control.request_route(route_request, first=first)
 
     def drop(self, vehicle: str) -> None:
         """Forget what a vehicle wants."""
@@ -172,11 +172,11 @@ class TrafficManager:
 
     def displaces(self, vehicle: str, goal: str) -> bool:
         """Tell whether others that rest, or will, would have to make room for a drive to ``goal``."""
-        return self._control.displaces(Wish(vehicle, goal))
+        return self._control.displaces(RouteRequest(vehicle, goal))
 
     def decide(
         self, movable: Callable[[str], bool], lost: Callable[[str], bool] = nobody
-    ) -> Iterator[Departure | Evasion | NoWay]:
+    ) -> Iterator[RouteGrant | Evasion | RouteRejection]:
         """Let vehicles depart; see :meth:`TrafficControl.decide`.
 
         Who has come to rest on the way of others, though it was to go on, is sent away first.
@@ -184,7 +184,7 @@ class TrafficManager:
         for evasion in self._clear_ways(movable):
             yield self._departed(evasion)
         for each in self._control.decide(movable, lost):
-            yield each if isinstance(each, NoWay) else self._departed(each)
+            yield each if isinstance(each, RouteRejection) else self._departed(each)
 
     def _clear_ways(self, movable: Callable[[str], bool]) -> Iterator[Evasion]:
         for vehicle, journey in tuple(self._journeys.items()):
@@ -241,7 +241,7 @@ class TrafficManager:
         """Tell whether somebody who rests keeps a vehicle from going on its way."""
         journey = self._journeys.get(vehicle)
         refusal = journey.refusal if journey else None
-        return refusal is not None and refusal.hindrance is Hindrance.RESTING
+        return refusal is not None and refusal.hindrance is WaitReason.RESTING
 
     def ahead(self, vehicle: str) -> int:
         """Give how many sets a vehicle holds in front of it; raises UnknownOccupantError."""
@@ -295,7 +295,7 @@ class TrafficManager:
     @property
     def active(self) -> frozenset[str]:
         """The vehicles that are on their ways or wish for one."""
-        return frozenset((*self._journeys, *self._control.wishing))
+        return frozenset((*self._journeys, *self._control.requesting))
 
     def why_waiting(self, vehicle: str) -> str:
         """Say why a vehicle does not depart or go on; empty where traffic does not keep it."""

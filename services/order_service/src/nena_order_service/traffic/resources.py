@@ -217,14 +217,14 @@ class Found:
 
 
 @dataclass(frozen=True, slots=True)
-class Footing:
+class OccupiedResources:
     """What is under a vehicle, and what it needs to come to the point where its ways begin."""
 
     under: ResourceSet
     entry: ResourceSet | None = None
 
 
-class Footings:
+class OccupancyFinder:
     """Tells what is under vehicles on one plant.
 
     On a point that is the point. Beside it, these are the paths, as straight lines, and the points that come
@@ -240,16 +240,18 @@ class Footings:
             (_box(places[each.source], places[each.destination]), each) for each in plant.paths
         )
 
-    def of(self, found: Found, box: BoundingBox) -> Footing:
+    def of(self, found: Found, box: BoundingBox) -> OccupiedResources:
         """Give the footing of a vehicle of this size."""
         reach_mm = box.length_mm / 2 + abs(box.reference_offset_x_mm)
         members = list(dict.fromkeys(self._under(found, reach_mm)))
         under = self._resources.on(found.point, members)
         if found.on_point or found.place_mm is None:
-            return Footing(under)
+            return OccupiedResources(under)
         point = self._plant.point(found.point)
         way_mm = hypot(point.x_mm - found.place_mm[0], point.y_mm - found.place_mm[1])
-        return Footing(under, self._resources.on(found.point, (found.point,), length_mm=round(way_mm)))
+        return OccupiedResources(
+            under, self._resources.on(found.point, (found.point,), length_mm=round(way_mm))
+        )
 
     def _under(self, found: Found, reach_mm: float) -> Iterator[str]:
         if found.on_point or found.place_mm is None:

@@ -15,7 +15,7 @@ from nena_shared.plant import PlantModel
 from nena_shared.plant.track import PointType
 
 
-class Ways(Protocol):
+class Routes(Protocol):
     """Gives the ways of vehicles, which it knows by name, between points of the plant."""
 
     def route(self, vehicle: str, start: str, goal: str, *, avoid: Collection[str] = frozenset()) -> Route:
@@ -27,7 +27,7 @@ class Ways(Protocol):
         ...
 
 
-class Hindrance(Enum):
+class WaitReason(Enum):
     """Why resources are not granted."""
 
     HELD = auto()
@@ -42,18 +42,18 @@ class Hindrance(Enum):
 class Refusal:
     """Why a vehicle must wait, and for whom."""
 
-    hindrance: Hindrance
+    hindrance: WaitReason
     vehicles: tuple[str, ...]
     resource: str
 
     def __str__(self) -> str:
         names = ", ".join(self.vehicles)
         match self.hindrance:
-            case Hindrance.HELD:
+            case WaitReason.HELD:
                 return f"waits for {self.resource!r}, which {names} holds"
-            case Hindrance.RESTING:
+            case WaitReason.RESTING:
                 return f"waits for {self.resource!r}, where {names} rests"
-            case Hindrance.ORDER:
+            case WaitReason.ORDER:
                 return f"lets {names} go first at {self.resource!r}"
 
 
@@ -235,7 +235,7 @@ class Scheduler:
         way = tuple(way)
         for other, resource in self._others(self._holds, name, way):
             if self._occupants[other].resting:
-                return Refusal(Hindrance.RESTING, self.resting_on(name, way), resource)
+                return Refusal(WaitReason.RESTING, self.resting_on(name, way), resource)
         return None
 
     def _held(self, name: str, wanted: ResourceSet) -> Refusal | None:
@@ -244,20 +244,20 @@ class Scheduler:
             return None
         resting = all(self._occupants[other].resting for other, _ in others)
         names = tuple(dict.fromkeys(other for other, _ in others))
-        return Refusal(Hindrance.RESTING if resting else Hindrance.HELD, names, others[0][1])
+        return Refusal(WaitReason.RESTING if resting else WaitReason.HELD, names, others[0][1])
 
     def _precedence(self, name: str, wanted: ResourceSet) -> Refusal | None:
         """Tell who claims ``wanted`` and must go before this vehicle, directly or by others in between."""
         for other, resource in self._claims.others(name, wanted.uses):
             if self._must_precede(other, name):
-                return Refusal(Hindrance.ORDER, (other,), resource)
+                return Refusal(WaitReason.ORDER, (other,), resource)
         return None
 
     def _cycle(self, name: str) -> Refusal | None:
         """Tell who must go before this vehicle, directly or by others in between, and also after it."""
         for other, resource in self._later(name):
             if self._must_precede(other, name):
-                return Refusal(Hindrance.ORDER, (other,), resource)
+                return Refusal(WaitReason.ORDER, (other,), resource)
         return None
 
     def _must_precede(self, first: str, later: str) -> bool:
@@ -295,7 +295,7 @@ class Evasion:
 class Evader:
     """Finds places where vehicles that rest can wait without being in the way."""
 
-    def __init__(self, plant: PlantModel, resources: Resources, scheduler: Scheduler, ways: Ways) -> None:
+    def __init__(self, plant: PlantModel, resources: Resources, scheduler: Scheduler, ways: Routes) -> None:
         self._plant = plant
         self._resources = resources
         self._scheduler = scheduler
@@ -329,7 +329,7 @@ class Evader:
                 if refusal is None:
                     yield Evasion(vehicle, route, tuple(sets))
                     break
-                if refusal.hindrance is Hindrance.RESTING and enclosed is None:
+                if refusal.hindrance is WaitReason.RESTING and enclosed is None:
                     enclosed = refusal.vehicles, sets
             else:
                 if enclosed:
@@ -375,7 +375,7 @@ LONGEST_DETOUR = 1.5
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class RouteRequest:
     """A vehicle that rests wants to drive to ``goal``, and there to use ``location`` if one is named.
 
     Where ``straight_mm`` is given it drives so far straight, off the paths, to a place that is nearest to
@@ -390,22 +390,22 @@ class Wish:
 
 
 @dataclass(frozen=True, slots=True)
-class Departure:
+class RouteGrant:
     """A vehicle may begin its way; it is claimed. A straight way has no route."""
 
-    wish: Wish
+    route_request: RouteRequest
     route: Route | None
     way: tuple[ResourceSet, ...]
 
     @property
     def vehicle(self) -> str:
         """The vehicle that may begin."""
-        return self.wish.vehicle
+        return self.route_request.vehicle
 
 
 @dataclass(frozen=True, slots=True)
-class NoWay:
-    """A vehicle's wish is forgotten: no way leads to its goal any more."""
+class RouteRejection:
+    """A vehicle's route request is dropped: no route leads to its goal any more."""
 
     vehicle: str
     error: NoRouteError
@@ -425,47 +425,47 @@ def nobody(_vehicle: str) -> bool:
 
 
 class TrafficControl:
-    """Keeps the wishes in the order in which they came, and grants each as soon as it can.
+    """Keeps route requests in the order in which they came, and grants each as soon as it can.
 
-    The oldest wish that waits has the right of way: nobody comes to rest on its way any more, and who rests
-    there already makes room, even with a wish of its own. So its turn comes.
+    The oldest request that waits has the right of way: no vehicle comes to rest on its route any more, and
+    any that rests there makes room, even with a request of its own. So its turn comes.
     """
 
-    def __init__(self, plant: PlantModel, ways: Ways, resources: Resources | None = None) -> None:
+    def __init__(self, plant: PlantModel, ways: Routes, resources: Resources | None = None) -> None:
         self.resources = resources or Resources(plant)
         self.scheduler = Scheduler()
         self._ways = ways
         self._drivable = {*plant.points_by_name, *plant.paths_by_name}
         self._evader = Evader(plant, self.resources, self.scheduler, ways)
-        self._wishes: dict[str, Wish] = {}
+        self._requests: dict[str, RouteRequest] = {}
         self._refusals: dict[str, Refusal] = {}
 
-    def wish(self, wish: Wish, *, first: bool = False) -> None:
+    def request_route(self, route_request: RouteRequest, *, first: bool = False) -> None:
         """Take in what a vehicle wants; it replaces what the same vehicle wanted, and keeps its place.
 
         A vehicle that had its turn, but could not come to its goal, is ``first`` in the row.
         """
         if first:
-            self._wishes = {wish.vehicle: wish, **self._wishes}
-        self._wishes[wish.vehicle] = wish
+            self._requests = {route_request.vehicle: route_request, **self._requests}
+        self._requests[route_request.vehicle] = route_request
 
     def drop(self, vehicle: str) -> None:
         """Forget what a vehicle wants."""
-        self._wishes.pop(vehicle, None)
+        self._requests.pop(vehicle, None)
         self._refusals.pop(vehicle, None)
 
     @property
-    def wishing(self) -> tuple[str, ...]:
-        """The vehicles that want something, oldest wish first."""
-        return tuple(self._wishes)
+    def requesting(self) -> tuple[str, ...]:
+        """The vehicles with a route request, oldest first."""
+        return tuple(self._requests)
 
     def why_waiting(self, vehicle: str) -> Refusal | None:
-        """Say why the wish of a vehicle is not granted yet."""
+        """Return why the request of a vehicle is not granted yet."""
         return self._refusals.get(vehicle)
 
     def decide(
         self, movable: Callable[[str], bool], lost: Callable[[str], bool] = nobody
-    ) -> Iterator[Departure | Evasion | NoWay]:
+    ) -> Iterator[RouteGrant | Evasion | RouteRejection]:
         """Grant what can be granted, oldest first, and send away who rests in the way.
 
         ``movable`` tells of a vehicle at rest whether it could drive away now: it does nothing else there.
@@ -473,40 +473,45 @@ class TrafficControl:
         anything, and takes a detour of any length.
         """
         senior: _Senior | None = None
-        for wish in tuple(self._wishes.values()):
-            if not self._may_be_granted(wish) or not movable(wish.vehicle):
+        for route_request in tuple(self._requests.values()):
+            if not self._may_be_granted(route_request) or not movable(route_request.vehicle):
                 continue
-            granted = self._grant(wish, senior, lost)
-            if isinstance(granted, Departure | NoWay):
-                self.drop(wish.vehicle)
+            granted = self._grant(route_request, senior, lost)
+            if isinstance(granted, RouteGrant | RouteRejection):
+                self.drop(route_request.vehicle)
                 yield granted
                 continue
             refusal, way = granted
-            self._refusals[wish.vehicle] = refusal
-            if refusal.hindrance is Hindrance.RESTING and any(map(lost, refusal.vehicles)):
+            self._refusals[route_request.vehicle] = refusal
+            if refusal.hindrance is WaitReason.RESTING and any(map(lost, refusal.vehicles)):
                 continue
-            senior = senior or _Senior(wish.vehicle, way)
-            if refusal.hindrance is Hindrance.RESTING:
-                first = senior.vehicle == wish.vehicle
+            senior = senior or _Senior(route_request.vehicle, way)
+            if refusal.hindrance is WaitReason.RESTING:
+                first = senior.vehicle == route_request.vehicle
                 yield from self._make_room(refusal, [*senior.way, *way], movable, first=first)
 
-    def _may_be_granted(self, wish: Wish) -> bool:
-        """Tell whether the wish still stands, and its vehicle rests."""
-        if self._wishes.get(wish.vehicle) is not wish or wish.vehicle not in self.scheduler:
+    def _may_be_granted(self, route_request: RouteRequest) -> bool:
+        """Return whether the request still stands, and its vehicle rests."""
+        if (
+            self._requests.get(route_request.vehicle) is not route_request
+            or route_request.vehicle not in self.scheduler
+        ):
             return False
-        return self.scheduler.occupant(wish.vehicle).resting
+        return self.scheduler.occupant(route_request.vehicle).resting
 
-    def displaces(self, wish: Wish) -> bool:
+    def displaces(self, route_request: RouteRequest) -> bool:
         """Tell whether vehicles that rest, or will, would have to make room for what a vehicle might want."""
         try:
-            route = self._route(wish)
+            route = self._route(route_request)
         except NoRouteError:
             return False
-        way = self._sets(wish, route)
-        if route is None or not self.scheduler.rests_or_will_rest_on(wish.vehicle, way):
+        way = self._sets(route_request, route)
+        if route is None or not self.scheduler.rests_or_will_rest_on(route_request.vehicle, way):
             return False
-        detour = self._detour(wish, way, route.cost * LONGEST_DETOUR)
-        return detour is None or self.scheduler.rests_or_will_rest_on(wish.vehicle, self._sets(wish, detour))
+        detour = self._detour(route_request, way, route.cost * LONGEST_DETOUR)
+        return detour is None or self.scheduler.rests_or_will_rest_on(
+            route_request.vehicle, self._sets(route_request, detour)
+        )
 
     def clear(
         self, blockers: Sequence[str], way: Sequence[ResourceSet], movable: Callable[[str], bool]
@@ -518,56 +523,64 @@ class TrafficControl:
         self, refusal: Refusal, kept_free: list[ResourceSet], movable: Callable[[str], bool], *, first: bool
     ) -> Iterator[Evasion]:
         def may_be_sent(vehicle: str) -> bool:
-            return movable(vehicle) and (first or vehicle not in self._wishes)
+            return movable(vehicle) and (first or vehicle not in self._requests)
 
         yield from self._evader.evade(refusal.vehicles, kept_free, may_be_sent)
 
     def _grant(
-        self, wish: Wish, senior: _Senior | None, lost: Callable[[str], bool]
-    ) -> Departure | NoWay | tuple[Refusal, list[ResourceSet]]:
+        self, route_request: RouteRequest, senior: _Senior | None, lost: Callable[[str], bool]
+    ) -> RouteGrant | RouteRejection | tuple[Refusal, list[ResourceSet]]:
         """Claim the cheapest way or a detour; else tell why the cheapest one was refused."""
         try:
-            route = self._route(wish)
+            route = self._route(route_request)
         except NoRouteError as error:
-            return NoWay(wish.vehicle, error)
-        way = self._sets(wish, route)
-        refusal = self._claim(wish, way, senior)
+            return RouteRejection(route_request.vehicle, error)
+        way = self._sets(route_request, route)
+        refusal = self._claim(route_request, way, senior)
         if refusal is None:
-            return Departure(wish, route, tuple(way))
-        if route and refusal.hindrance is Hindrance.RESTING:
+            return RouteGrant(route_request, route, tuple(way))
+        if route and refusal.hindrance is WaitReason.RESTING:
             longest = inf if any(map(lost, refusal.vehicles)) else route.cost * LONGEST_DETOUR
-            detour = self._detour(wish, way, longest)
-            around = self._sets(wish, detour) if detour else []
-            if detour and self._claim(wish, around, senior) is None:
-                return Departure(wish, detour, tuple(around))
+            detour = self._detour(route_request, way, longest)
+            around = self._sets(route_request, detour) if detour else []
+            if detour and self._claim(route_request, around, senior) is None:
+                return RouteGrant(route_request, detour, tuple(around))
         return refusal, way
 
-    def _route(self, wish: Wish, avoid: frozenset[str] = frozenset()) -> Route | None:
-        if wish.straight_mm is not None:
+    def _route(self, route_request: RouteRequest, avoid: frozenset[str] = frozenset()) -> Route | None:
+        if route_request.straight_mm is not None:
             return None
-        start = self.scheduler.occupant(wish.vehicle).point
-        return self._ways.route(wish.vehicle, start, wish.goal, avoid=wish.avoid | avoid)
+        start = self.scheduler.occupant(route_request.vehicle).point
+        return self._ways.route(
+            route_request.vehicle, start, route_request.goal, avoid=route_request.avoid | avoid
+        )
 
-    def _claim(self, wish: Wish, way: list[ResourceSet], senior: _Senior | None) -> Refusal | None:
-        end = self.scheduler.end_of(wish.vehicle, way)
+    def _claim(
+        self, route_request: RouteRequest, way: list[ResourceSet], senior: _Senior | None
+    ) -> Refusal | None:
+        end = self.scheduler.end_of(route_request.vehicle, way)
         if senior and (resource := overlap(end, senior.way)):
-            return Refusal(Hindrance.ORDER, (senior.vehicle,), resource)
-        return self.scheduler.claim(wish.vehicle, way)
+            return Refusal(WaitReason.ORDER, (senior.vehicle,), resource)
+        return self.scheduler.claim(route_request.vehicle, way)
 
-    def _detour(self, wish: Wish, way: list[ResourceSet], longest: float) -> Route | None:
-        resting = self.scheduler.resting_on(wish.vehicle, way)
+    def _detour(self, route_request: RouteRequest, way: list[ResourceSet], longest: float) -> Route | None:
+        resting = self.scheduler.resting_on(route_request.vehicle, way)
         held = (each for name in resting for each in self.scheduler.occupant(name).held)
         avoid = {resource for each in held for resource in each.uses if resource in self._drivable}
         try:
-            detour = self._route(wish, frozenset(avoid - {wish.goal}))
+            detour = self._route(route_request, frozenset(avoid - {route_request.goal}))
         except NoRouteError:
             return None
         return detour if detour and detour.cost <= longest else None
 
-    def _sets(self, wish: Wish, route: Route | None) -> list[ResourceSet]:
-        occupant = self.scheduler.occupant(wish.vehicle)
+    def _sets(self, route_request: RouteRequest, route: Route | None) -> list[ResourceSet]:
+        occupant = self.scheduler.occupant(route_request.vehicle)
         if route is None:
-            return [self.resources.on(wish.goal, (wish.goal,), length_mm=wish.straight_mm or 0)]
+            return [
+                self.resources.on(
+                    route_request.goal, (route_request.goal,), length_mm=route_request.straight_mm or 0
+                )
+            ]
         return self.resources.way(
-            route.steps, start=occupant.held[-1], entry=occupant.entry, location=wish.location
+            route.steps, start=occupant.held[-1], entry=occupant.entry, location=route_request.location
         )
