@@ -19,7 +19,7 @@ from pydantic import AliasChoices, BeforeValidator
 from pydantic.fields import FieldInfo
 
 from nena_shared.vda5050.base import WireObject
-from nena_shared.vda5050.spelling import Reads
+from nena_shared.vda5050.wire_names import Reads
 
 
 @dataclass(frozen=True, slots=True)

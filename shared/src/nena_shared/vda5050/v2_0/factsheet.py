@@ -7,7 +7,6 @@ from typing import Annotated, ClassVar
 from pydantic import AliasChoices, Field
 
 from nena_shared.vda5050.base import UInt32
-from nena_shared.vda5050.spelling import Absent
 from nena_shared.vda5050.v2_0.order import EdgeV20, OrderV20
 from nena_shared.vda5050.v2_1.action import ActionV21
 from nena_shared.vda5050.v2_1.factsheet import (
@@ -20,6 +19,7 @@ from nena_shared.vda5050.v2_1.factsheet import (
 )
 from nena_shared.vda5050.v2_1.order import CorridorV21, NodeV21
 from nena_shared.vda5050.v2_1.parameter import missing_names
+from nena_shared.vda5050.wire_names import Absent
 
 
 class PhysicalParametersV20(PhysicalParametersV21):

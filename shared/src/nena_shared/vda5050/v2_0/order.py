@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from nena_shared.vda5050.spelling import Absent
 from nena_shared.vda5050.v2_1.order import EdgeV21, OrderV21
+from nena_shared.vda5050.wire_names import Absent
 
 
 class EdgeV20(EdgeV21):

@@ -7,9 +7,9 @@ from typing import Annotated
 from pydantic import Field, PlainSerializer
 
 from nena_shared.vda5050.base import Percent
-from nena_shared.vda5050.spelling import Absent
 from nena_shared.vda5050.v2_1.error import ErrorEntryV21
 from nena_shared.vda5050.v2_1.state import PowerSupplyV21, StateV21
+from nena_shared.vda5050.wire_names import Absent
 
 WholePercent = Annotated[Percent, PlainSerializer(round, return_type=int, when_used="json")]
 

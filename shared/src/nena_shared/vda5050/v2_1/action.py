@@ -8,7 +8,7 @@ from pydantic import Field, JsonValue, ValidationInfo, field_serializer, model_v
 
 from nena_shared.vda5050.action import Action, ActionParameter, ActionState, ActionStatus, BlockingType
 from nena_shared.vda5050.base import Identifier
-from nena_shared.vda5050.spelling import Absent, reads, writes
+from nena_shared.vda5050.wire_names import Absent, reads, writes
 
 ActionTypeV21 = Annotated[
     Identifier,

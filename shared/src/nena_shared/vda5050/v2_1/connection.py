@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Annotated
 
 from nena_shared.vda5050.connection import Connection, ConnectionState
-from nena_shared.vda5050.spelling import reads, writes
 from nena_shared.vda5050.v2_1.base import TimestampV2
+from nena_shared.vda5050.wire_names import reads, writes
 
 ConnectionStateV21 = Annotated[
     ConnectionState,

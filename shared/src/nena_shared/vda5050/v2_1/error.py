@@ -9,9 +9,9 @@ from pydantic import ValidationInfo, field_serializer, model_validator
 
 from nena_shared.vda5050.base import WireObject
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference
-from nena_shared.vda5050.spelling import Absent, writes
 from nena_shared.vda5050.v2_1.error_type import REJECTIONS, WRITTEN
 from nena_shared.vda5050.v2_1.parameter import neutral_path, written_path
+from nena_shared.vda5050.wire_names import Absent, writes
 
 PARAMETER: Final = "parameter"
 """The key under which the value names a parameter."""

@@ -17,10 +17,10 @@ from nena_shared.vda5050.order import (
     NodePosition,
     Order,
 )
-from nena_shared.vda5050.spelling import Absent, reads, writes
 from nena_shared.vda5050.v2_1.action import ActionV21
 from nena_shared.vda5050.v2_1.base import Negated, TimestampV2
 from nena_shared.vda5050.v2_1.trajectory import TrajectoryV21
+from nena_shared.vda5050.wire_names import Absent, reads, writes
 
 
 def _ellipse(radius: object) -> object:

@@ -8,7 +8,6 @@ from pydantic import Field, model_validator
 
 from nena_shared.vda5050.base import NotNegative, Percent, WireObject
 from nena_shared.vda5050.order import NodePosition
-from nena_shared.vda5050.spelling import Absent, always, reads, writes
 from nena_shared.vda5050.state import (
     EdgeState,
     EmergencyStop,
@@ -25,6 +24,7 @@ from nena_shared.vda5050.v2_1.action import ActionStateV21
 from nena_shared.vda5050.v2_1.base import TimestampV2
 from nena_shared.vda5050.v2_1.error import ErrorEntryV21
 from nena_shared.vda5050.v2_1.trajectory import TrajectoryV21
+from nena_shared.vda5050.wire_names import Absent, always, reads, writes
 
 OperatingModeV21 = Annotated[
     OperatingMode,

@@ -7,10 +7,10 @@ from typing import Annotated
 from pydantic import Field
 
 from nena_shared.vda5050.base import Identifier, UInt32, Version
-from nena_shared.vda5050.spelling import Absent, always
 from nena_shared.vda5050.v2_1.base import TimestampOrNow
 from nena_shared.vda5050.v2_1.state import MobileRobotPositionV21
 from nena_shared.vda5050.visualization import Visualization
+from nena_shared.vda5050.wire_names import Absent, always
 
 
 class VisualizationV21(Visualization):

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.base import Identifier
-from nena_shared.vda5050.spelling import reads
+from nena_shared.vda5050.wire_names import reads
 
 ActionTypeV30 = Annotated[Identifier, reads({"initPosition": "initializePosition"})]
 

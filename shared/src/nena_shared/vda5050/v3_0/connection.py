@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated
 
 from nena_shared.vda5050.connection import Connection, ConnectionState
-from nena_shared.vda5050.spelling import reads
+from nena_shared.vda5050.wire_names import reads
 
 
 class ConnectionV30(Connection):

@@ -17,8 +17,8 @@ from nena_shared.vda5050.factsheet import (
     TypeSpecification,
     ValueDataType,
 )
-from nena_shared.vda5050.spelling import reads
 from nena_shared.vda5050.v3_0.action import ActionTypeV30
+from nena_shared.vda5050.wire_names import reads
 
 KINEMATICS = {"DIFF": "DIFFERENTIAL", "OMNI": "OMNIDIRECTIONAL", "THREEWHEEL": "THREE_WHEEL"}
 

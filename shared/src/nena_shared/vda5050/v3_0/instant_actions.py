@@ -7,8 +7,8 @@ from typing import Annotated
 from pydantic import AfterValidator
 
 from nena_shared.vda5050.action import BlockingType, InstantActions
-from nena_shared.vda5050.spelling import writes
 from nena_shared.vda5050.v3_0.action import ActionV30
+from nena_shared.vda5050.wire_names import writes
 
 
 class InstantActionV30(ActionV30):

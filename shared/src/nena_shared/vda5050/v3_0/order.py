@@ -19,8 +19,8 @@ from nena_shared.vda5050.order import (
     Order,
     Trajectory,
 )
-from nena_shared.vda5050.spelling import Absent, reads
 from nena_shared.vda5050.v3_0.action import ActionV30
+from nena_shared.vda5050.wire_names import Absent, reads
 
 
 def _half_turn(theta: float) -> float:

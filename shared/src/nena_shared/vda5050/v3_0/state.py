@@ -8,10 +8,10 @@ from nena_shared.vda5050.action import ActionState
 from nena_shared.vda5050.error import ErrorEntry
 from nena_shared.vda5050.order import NodePosition
 from nena_shared.vda5050.request import EdgeRequest, RequestStatus, ZoneRequest
-from nena_shared.vda5050.spelling import Absent, reads, writes
 from nena_shared.vda5050.state import EdgeState, NodeState, OperatingMode, PlannedPath, State
 from nena_shared.vda5050.v3_0.action import ActionTypeV30
 from nena_shared.vda5050.v3_0.order import TrajectoryV30
+from nena_shared.vda5050.wire_names import Absent, reads, writes
 
 RequestStatusV30 = Annotated[RequestStatus, writes({"QUEUED": "REQUESTED"}, RequestStatus)]
 """Section 6.9 has QUEUED, table and schema do not: read, but not sent to a fleet control of 3.0.0."""

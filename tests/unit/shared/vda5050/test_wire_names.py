@@ -6,7 +6,7 @@ from typing import Annotated
 import pytest
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
-from nena_shared.vda5050.spelling import Absent, always, reads, writes
+from nena_shared.vda5050.wire_names import Absent, always, reads, writes
 
 
 class Light(StrEnum):

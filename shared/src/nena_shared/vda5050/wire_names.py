@@ -1,4 +1,4 @@
-"""How the form of a version says that it spells values in its own way, or lacks a field."""
+"""Annotations by which the form of a version writes values under other names, or lacks a field."""
 
 from __future__ import annotations
 
