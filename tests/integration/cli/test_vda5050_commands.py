@@ -182,18 +182,18 @@ async def _start(command: list[str]) -> subprocess.Popen[str]:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "text"),
     [
         (("check", "/nowhere.jsonl"), "cannot be read"),
-        (("check", "mqtt://127.0.0.1:1", "--seconds", "30"), "not reached"),
+        (("check", "mqtt://127.0.0.1:1", "--seconds", "30"), "Cannot connect to the broker"),
         (("record", "http://x", "never.jsonl"), "Invalid broker URL"),
     ],
 )
-def test_what_cannot_be_done_is_one_clear_line_and_status_2(arguments: tuple[str, ...], said: str) -> None:
+def test_what_cannot_be_done_is_one_clear_line_and_status_2(arguments: tuple[str, ...], text: str) -> None:
     done = nena(*arguments)
 
     assert done.returncode == 2
-    assert said in done.stderr
+    assert text in done.stderr
     assert "Traceback" not in done.stderr
 
 

@@ -171,13 +171,13 @@ def _by_command(place: Place, app: typer.Typer, before: list[str], sample: bytes
     """Read a file by a command of ``nena``; the order service refuses all that comes to it."""
     file, sent = place.new() / "given.json", []
 
-    def post(_: Connection, _model: object, path: str, body: Any, *_headers: object) -> None:
+    def call(_: Connection, operation: object, name: str = "", *, body: Any, **_more: object) -> None:
         sent.append(httpx.Request("POST", "http://127.0.0.1", json=body))
-        raise RefusedError(Problem(title="Conflict", status=409, detail=f"{path} has come"))
+        raise RefusedError(Problem(title="Conflict", status=409, detail=f"{operation} {name} has come"))
 
     def read() -> None:
         sent.clear()
-        with patch.object(Connection, "post", post):
+        with patch.object(Connection, "call", call):
             done = CliRunner().invoke(app, [*before, str(file)])
         if done.exception and not isinstance(done.exception, SystemExit):
             raise done.exception

@@ -64,6 +64,7 @@ BODIES: dict[str, dict[str, Any]] = {
     "orderSequence": {"orderSequence": "S-1"},
     "orderSequences": {"finished": True, "limit": 5, "after": "12"},
     "completeOrderSequence": {"orderSequence": "S-1", "version": 1},
+    "summary": {},
 }
 ORDER = {
     "name": "T-1",

@@ -94,14 +94,14 @@ def test_each_rule_has_a_code_of_its_own_and_a_section_in_some_version() -> None
         assert any(rule.section(version, Topic.ORDER) for version in CODECS), rule
 
 
-def said(version: str, topic: str, payload: bytes) -> Talk:
+def sent(version: str, topic: str, payload: bytes) -> Talk:
     return Talk(version).raw(f"fleet/{codec_for(version).major_version}/ACME/r1/{topic}", payload)
 
 
 def changed(version: str, **fields: Any) -> Talk:
     """Give a conversation of one state, with some fields of its JSON replaced."""
     content = json.loads(codec_for(version).encode(example_state())) | fields
-    return said(version, "state", json.dumps(content).encode())
+    return sent(version, "state", json.dumps(content).encode())
 
 
 @pytest.mark.parametrize("version", VERSIONS)
@@ -124,7 +124,7 @@ def test_a_message_in_order_is_fine(version: str) -> None:
 def test_what_is_no_message_is_named_with_the_section_that_describes_it(
     version: str, topic: str, section: str
 ) -> None:
-    talk = said(version, topic, json.dumps({"version": version}).encode())
+    talk = sent(version, topic, json.dumps({"version": version}).encode())
 
     assert {each.rule for each in talk.findings} == {Rule.MESSAGE}
     finding = talk.findings[0]
@@ -133,7 +133,7 @@ def test_what_is_no_message_is_named_with_the_section_that_describes_it(
 
 
 def test_what_is_no_json_is_read_by_the_version_of_its_topic() -> None:
-    (finding,) = said("2.1.0", "state", b"hello").findings
+    (finding,) = sent("2.1.0", "state", b"hello").findings
 
     assert (finding.rule, finding.version) == (Rule.MESSAGE, "2.1.0")
 
@@ -141,7 +141,7 @@ def test_what_is_no_json_is_read_by_the_version_of_its_topic() -> None:
 @pytest.mark.parametrize(("version", "section"), [("2.0.0", "6.6.1"), ("3.0.0", "6.1.1")])
 def test_a_graph_that_a_schema_would_let_pass_is_named(version: str, section: str) -> None:
     good = codec_for(version).encode(order("n0", "n1"))
-    talk = said(version, "order", good.replace(b'"sequenceId":2', b'"sequenceId":4'))
+    talk = sent(version, "order", good.replace(b'"sequenceId":2', b'"sequenceId":4'))
 
     (finding,) = talk.findings
     assert (finding.rule, finding.section) == (Rule.GRAPH, section)
@@ -167,7 +167,7 @@ def test_fields_deep_inside_are_named_by_their_path() -> None:
     payload = json.loads(codec_for("2.1.0").encode(order("n0", "n1")))
     payload["nodes"][1]["nodePosition"]["z"] = 3.0
 
-    assert said("2.1.0", "order", json.dumps(payload).encode()).texts.startswith("nodes.1.nodePosition.z ")
+    assert sent("2.1.0", "order", json.dumps(payload).encode()).texts.startswith("nodes.1.nodePosition.z ")
 
 
 def test_what_is_understood_in_spite_of_its_spelling_is_named() -> None:
@@ -183,8 +183,8 @@ def test_an_instant_action_of_3_blocks_nothing() -> None:
     pause = InstantActions(**HEADER, actions=(action("a", "HARD", "startPause"),))
     payload = codec_for("2.1.0").encode(pause)
 
-    assert said("2.1.0", "instantActions", payload).rules == []
-    (finding,) = said("3.0.0", "instantActions", payload.replace(b'"2.1.0"', b'"3.0.0"')).findings
+    assert sent("2.1.0", "instantActions", payload).rules == []
+    (finding,) = sent("3.0.0", "instantActions", payload.replace(b'"2.1.0"', b'"3.0.0"')).findings
     assert finding.rule is Rule.SPELLING
     assert "actions.0.blockingType is written 'HARD'; this version writes 'NONE'" in finding.text
 

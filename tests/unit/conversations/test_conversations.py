@@ -42,8 +42,8 @@ RETRIABLE = {
 
 
 def conversation(file: Path) -> list[ReceivedMessage]:
-    said = (parse(entry, number) for number, entry in enumerate(read_file(file), start=1))
-    return [each for each in said if each]
+    messages = (parse(entry, number) for number, entry in enumerate(read_file(file), start=1))
+    return [each for each in messages if each]
 
 
 def test_every_story_was_recorded_in_every_version_that_has_it() -> None:
@@ -65,9 +65,9 @@ def test_nothing_is_wrong_with_it(file: Path) -> None:
 def test_fleet_control_understands_the_robot(file: Path) -> None:
     fleet = FleetController(FleetSettings())
     fleet.on_broker(connected=True, now=0.0)
-    said = conversation(file)
+    messages = conversation(file)
     last: State | None = None
-    for now, each in enumerate(said):
+    for now, each in enumerate(messages):
         match each.message:
             case Connection() as message:
                 fleet.on_connection(each.robot, message, float(now))
@@ -78,21 +78,21 @@ def test_fleet_control_understands_the_robot(file: Path) -> None:
                 last = message
                 assert fleet.view(each.robot, float(now)).link is LinkStatus.ONLINE
 
-    view = fleet.view(said[0].robot, float(len(said)))
+    view = fleet.view(messages[0].robot, float(len(messages)))
     assert view.state == last
     assert view.factsheet is not None
     assert view.link is LinkStatus.OFFLINE
 
 
 class Replay:
-    """A core that is told what fleet control said, and does what the robot did."""
+    """A core that receives the messages of fleet control and acts as the robot did."""
 
     def __init__(self, version: str) -> None:
         self.bench = Bench(rules=RULES[version], actions=ACTIONS | RETRIABLE)
         self.bench.do(Started(NOON))
 
-    def hear(self, said: ReceivedMessage) -> None:
-        match said.message:
+    def receive(self, received: ReceivedMessage) -> None:
+        match received.message:
             case Order() as order:
                 self.bench.do(OrderReceived(order))
             case InstantActions() as message:
@@ -139,12 +139,12 @@ def told(state: State) -> dict[str, object]:
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
 def test_the_robots_core_says_the_same_again(file: Path) -> None:
-    said = conversation(file)
-    replay = Replay(said[0].codec.version)
+    messages = conversation(file)
+    replay = Replay(messages[0].codec.version)
     compared = 0
-    for each, following in zip(said, [*said[1:], None], strict=True):
+    for each, following in zip(messages, [*messages[1:], None], strict=True):
         if each.sender is Sender.FLEET:
-            replay.hear(each)
+            replay.receive(each)
             continue
         if isinstance(each.message, State):
             replay.follow(each.message)

@@ -38,19 +38,19 @@ CANCEL = "cancelOrder"
 
 
 def conversation(file: Path) -> list[ReceivedMessage]:
-    said = (parse(entry, number) for number, entry in enumerate(read_file(file), start=1))
-    return [each for each in said if each]
+    messages = (parse(entry, number) for number, entry in enumerate(read_file(file), start=1))
+    return [each for each in messages if each]
 
 
 class Fleet:
     """A fleet control that is to do what the recorded one did, and hears what it was answered."""
 
-    def __init__(self, said: list[ReceivedMessage]) -> None:
-        self.said = said
-        self.robot = said[0].robot
+    def __init__(self, messages: list[ReceivedMessage]) -> None:
+        self.messages = messages
+        self.robot = messages[0].robot
         self.cancel_ids = [
             action.action_id
-            for each in said
+            for each in messages
             if isinstance(each.message, InstantActions)
             for action in each.message.actions
             if action.action_type == CANCEL
@@ -59,13 +59,13 @@ class Fleet:
         self.outputs: list[FleetOutput] = list(self.controller.on_broker(connected=True, now=0.0))
 
     def go_through(self) -> None:
-        begin = self.said[0].time
-        for each in self.said:
+        begin = self.messages[0].time
+        for each in self.messages:
             now = (each.time - begin).total_seconds()
             self.outputs += self.turn(each, now)
 
-    def turn(self, said: ReceivedMessage, now: float) -> Iterator[FleetOutput]:
-        match said.message:
+    def turn(self, received: ReceivedMessage, now: float) -> Iterator[FleetOutput]:
+        match received.message:
             case Connection() as message:
                 yield from self.controller.on_connection(self.robot, message, now)
             case Factsheet() as message:
@@ -83,7 +83,7 @@ class Fleet:
 
     @property
     def orders(self) -> list[Order]:
-        return [each.message for each in self.said if isinstance(each.message, Order)]
+        return [each.message for each in self.messages if isinstance(each.message, Order)]
 
 
 def replayed(version: str, story: str) -> Fleet:
@@ -163,11 +163,11 @@ def test_fleet_control_cancels_what_has_failed(version: str) -> None:
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
 def test_the_fleet_model_shows_what_the_robot_said(file: Path) -> None:
-    said = conversation(file)
+    messages = conversation(file)
     model = FleetModel(ModelLimits())
-    start = said[0].time
+    start = messages[0].time
     model.on_link(connected=True, at=Timestamp(0.0, start))
-    for each in said:
+    for each in messages:
         at = Timestamp((each.time - start).total_seconds(), each.time)
         match each.message:
             case Connection() as message:
@@ -188,8 +188,8 @@ def test_the_fleet_model_shows_what_the_robot_said(file: Path) -> None:
                     assert order is not None
                     assert (order["orderId"], order["lastNodeId"]) == (message.order_id, message.last_node_id)
 
-    model.flush(Timestamp(0.0, said[-1].time + timedelta(seconds=1)))
-    view = model.robot_view(said[0].robot)
+    model.flush(Timestamp(0.0, messages[-1].time + timedelta(seconds=1)))
+    view = model.robot_view(messages[0].robot)
     assert view is not None
     assert (view["connection"], view["malformed"]) == ("OFFLINE", 0)
-    assert view["protocolVersion"] == said[0].codec.version
+    assert view["protocolVersion"] == messages[0].codec.version
