@@ -44,12 +44,10 @@ async def robot(process: BenchRobot) -> BenchRobot:
     """Give the robot in AUTOMATIC at the place of n0, with no order under way and no error."""
     await process.command("operatingMode", mode="AUTOMATIC")
     await process.command("speed", speed=500)
-    await process.command("pose", x=0, y=0)
-    state = await process.state(lambda state: not idle(state) or ready(state))
-    if not idle(state):
+    if not idle(await process.state(lambda _: True)):
         await process.cancel()
-        await process.command("pose", x=0, y=0)
-        await process.state(lambda state: ready(state) and idle(state))
+    await process.command("pose", x=0, y=0)  # while it drives, the robot would drive on from there
+    await process.state(lambda state: ready(state) and idle(state))
     return process
 
 
