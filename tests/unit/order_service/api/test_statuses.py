@@ -1,14 +1,20 @@
 from __future__ import annotations
 
+import asyncio
 from datetime import UTC, datetime
+from unittest.mock import Mock
 
 import pytest
 
 from nena_order_service.api import statuses as ended_orders
-from nena_order_service.api.statuses import EndedOrders
+from nena_order_service.api.statuses import EndedOrders, RetainedSweep
+from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import TransportOrderState, TransportOrderStatus
+from nena_shared.mqtt import MqttLink
+from nena_shared.settings import MqttSettings
+from support.forgetful import cancel_again_at_once, forgetful
 from support.pausing import turn_passes
-from support.waiting import until
+from support.waiting import PATIENCE, until
 
 LONG = 3600.0
 
@@ -71,3 +77,17 @@ async def test_after_the_close_nothing_is_cleared() -> None:
     await until(lambda: cleared != [])
     await turn_passes()
     assert (cleared, closed.statuses()) == (["T-2"], ())
+
+
+async def test_it_ends_also_when_its_link_forgets_that_it_is_to_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    cancel_again_at_once(monkeypatch)
+    monkeypatch.setattr(MqttLink, "run", forgetful)
+    sweep = RetainedSweep(
+        MqttSettings(), client_id="sweep", engine=Mock(), publisher=Mock(topics=FleetTopics())
+    )
+    running = asyncio.create_task(sweep.run(), name="sweep")
+    await turn_passes()
+    await turn_passes()
+    running.cancel()
+    await asyncio.wait({running}, timeout=PATIENCE)
+    assert running.cancelled()
