@@ -64,7 +64,7 @@ class EngineSettings(SettingsGroup):
 
 
 class FleetControl(Protocol):
-    """Sends to robots what it is told, and tells how they are; its news go to the kernel's ``on_news``."""
+    """The port to the robots; its events go to the engine's ``on_events``."""
 
     def start_vda_order(self, robot: RobotKey, vda_order: VdaOrder) -> None:
         """Send a VDA order; raises RobotBusyError."""

@@ -31,7 +31,7 @@ class Recovery:
         self._gate = gate
 
     def take_up_vehicles(self) -> None:
-        """Let the vehicles of the book hold what they held, and go on making room."""
+        """Restore the resources that stored vehicles held, and let them go on making room."""
         known = tuple(self._registry.discover(record.robot) for record in self._vehicles)
         self._gate.begin(known)
         for vehicle in known:

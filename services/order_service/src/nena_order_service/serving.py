@@ -194,7 +194,7 @@ class Serving(Generic[P]):
     """Runs an order service; its plant model is that of the file until a host puts another one.
 
     What a host has put counts until the file changes, and is forgotten then. A change is checked and
-    committed between two steps of the kernel; then everything is made anew over the same store, as after a
+    committed between two units of work; then everything is built again over the same store, as after a
     restart: robots go on with what they have, and orders where these are.
     """
 

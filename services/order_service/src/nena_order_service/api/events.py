@@ -94,7 +94,7 @@ class _Event:
 
 
 class EventStream:
-    """Listens to the kernel; every method is for the event loop's thread."""
+    """Listens to the engine; every method is for the event loop's thread."""
 
     def __init__(self, engine: Engine, settings: EventSettings) -> None:
         self._engine = engine

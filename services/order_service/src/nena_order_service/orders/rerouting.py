@@ -51,7 +51,7 @@ class _UnderWay:
 
 
 class Rerouting:
-    """Plans ways anew, inside of the kernel's steps.
+    """Replans routes of vehicles under way, in the engine's units of work.
 
     What a robot was told to drive, and what it holds, never changes by that. A *regular* rerouting gives back
     the claims behind it and claims another way from there; where traffic does not grant that, the old one

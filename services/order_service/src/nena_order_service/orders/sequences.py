@@ -1,4 +1,4 @@
-"""Order sequences inside of the kernel's steps: whose turn it is, and which vehicle does them."""
+"""Order sequences as their orders go on: which order is next, and which vehicle does them."""
 
 from __future__ import annotations
 

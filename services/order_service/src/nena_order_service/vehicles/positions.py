@@ -26,7 +26,7 @@ class _Sighting:
 
 
 class Positions:
-    """Tells the traffic desk where vehicles without a way are, by what their robots say.
+    """Tells the traffic manager where vehicles without a way are, by what their robots say.
 
     What a vehicle holds is stored, so that a restart knows it before it hears anything. A vehicle that says
     nothing, or not where it is, keeps what it holds.
