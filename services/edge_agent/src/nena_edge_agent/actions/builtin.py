@@ -1,4 +1,4 @@
-"""wait: stand, or drive on, for a time that the order gives."""
+"""Actions that every robot has: wait, logReport, downloadZoneSet, map transforms, and timed operations."""
 
 from __future__ import annotations
 

@@ -1,9 +1,4 @@
-"""Fields of a message with the parameters of an action in them, as settings give them.
-
-The whole rule: ``{name}`` stands for a value. A text that is nothing but ``{name}`` becomes the value itself,
-whatever its type; in a longer text the value is written out. ``{{`` and ``}}`` are braces. There is nothing
-to call, to look into or to format, so that no order can do more than fill in its values.
-"""
+"""ROS messages of configured actions: templates of their fields, their shape, their types, and matching."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The interface of an action plug-in."""
+"""The interface of action plug-ins: what a plug-in offers, and the ports of the robot that it may use."""
 
 from __future__ import annotations
 

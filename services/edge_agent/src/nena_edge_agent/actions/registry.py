@@ -1,4 +1,4 @@
-"""Which action types a robot has, and what does each."""
+"""The actions that a robot offers, and the installed plug-ins that bring them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The ports of one robot's plug-ins, joined with its driver when that is made."""
+"""The robot as action plug-ins see it: drives, the load sensor, and ROS."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One action that a plug-in was given: what it reports is checked, bounded in time, and ends once."""
+"""Run actions by their plug-ins: supervise each run, check its reports, and notice a blocked event loop."""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Why Nav2 says that a drive has failed: the error codes in the results of its actions (Jazzy)."""
+"""Give goals to Nav2's action and follow them, with what an action reports beside the status array.
+
+A goal has an id of ours, it is accepted or refused, its result says why a drive failed, and its feedback how
+it goes. Where the action's server is missing, goals are given by topic if the settings allow it.
+"""
 
 from __future__ import annotations
 

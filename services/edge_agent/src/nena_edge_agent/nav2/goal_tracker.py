@@ -1,4 +1,9 @@
-"""What the goal tracker wants done."""
+"""Give goals to Nav2 by topic and follow them: which are ours, what became of them, what to do next.
+
+Events and the time (monotonic seconds) go in, commands come out. A goal waits (for Nav2, or for the end of a
+cancelled goal), is given until the status array confirms it, is followed by its id, and counts as reached
+when a pose agrees. A halt that the navigator does not obey is carried out at the controller itself.
+"""
 
 from __future__ import annotations
 

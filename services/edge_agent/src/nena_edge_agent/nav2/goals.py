@@ -1,4 +1,8 @@
-"""The status array of Nav2's action, as plain data (action_msgs/GoalStatusArray)."""
+"""The goals in Nav2's status array, and which of them are this agent's.
+
+A goal given by topic carries no id of ours, so its owner is worked out: each goal given may claim one new id.
+A goal given by the action has an id with the agent's prefix. A restarted server makes all ids void.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Poses in the plane: headings and quaternions, agreement with a goal, sureness of the localisation."""
+"""Where the robot is: its newest pose, whether poses still come, and setting the initial position."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From an occupancy grid to a picture of it: small, and drawn in any colour by the viewer."""
+"""Watch the robot's map topic and convert it to a small PNG whose colour the viewer chooses."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether the robot stands, by its odometry."""
+"""What the robot's base reports: standstill and movement by its odometry, and its battery."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""What has to stand in the environment before rclpy is loaded."""
+"""The life of the robot's ROS session: its environment, its start, end and retries, and where it is kept.
+
+Nothing here loads rclpy.
+"""
 
 from __future__ import annotations
 
