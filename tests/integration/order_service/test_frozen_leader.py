@@ -59,7 +59,7 @@ async def test_a_leader_that_wakes_after_a_takeover_sends_nothing(shared: Fleet,
     frozen = asyncio.Event()
     loop = asyncio.get_running_loop()
 
-    def freeze(_: str, robot: InstantRobot) -> None:
+    def freeze(_order: str, robot: InstantRobot) -> None:
         if not frozen.is_set():
             first.process.send_signal(signal.SIGSTOP)
             for _ in range(BACKLOG):
