@@ -7,7 +7,7 @@ from structlog.testing import capture_logs
 
 from nena_edge_agent.driver.map_port import MapPose
 from nena_edge_agent.driver.port import BatteryReport
-from nena_edge_agent.nav2.robot_base import Battery, BatteryReading, MovementWatch, Standstill
+from nena_edge_agent.nav2.robot_base import Battery, BatteryReading, MovementWatch, Standstill, without_noise
 from nena_edge_agent.nav2.settings import BatteryScale
 
 
@@ -137,3 +137,20 @@ def test_percent_under_percent_is_nothing_to_tell() -> None:
     with capture_logs() as lines:
         Battery("percent").report(BatteryReading(57.0, 24.0, 0.0, DISCHARGING))
     assert lines == []
+
+
+@pytest.mark.parametrize(
+    ("measured", "velocity"),
+    [((0.03, -0.03), (0.0, 0.0)), ((0.031, 0.0), (0.031, 0.0)), ((-0.5, 0.02), (-0.5, 0.0))],
+)
+def test_noise_of_the_odometry_counts_as_standing(
+    measured: tuple[float, float], velocity: tuple[float, float]
+) -> None:
+    assert without_noise(measured, 0.03) == velocity
+
+
+def test_a_robot_whose_odometry_drifts_at_rest_is_seen_standing() -> None:
+    standstill = Standstill()
+    for tick in range(5):
+        standstill.on_velocity(*without_noise((0.02, -0.015), 0.03), 0.1 * tick)
+    assert standstill.stands(0.4)

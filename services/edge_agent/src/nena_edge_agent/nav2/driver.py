@@ -45,7 +45,7 @@ from nena_edge_agent.nav2.commands import (
 from nena_edge_agent.nav2.goals import GoalEntry, GoalIdPrefix
 from nena_edge_agent.nav2.localisation import InitialPosition, Localisation, PoseWatch, PublishInitialPose
 from nena_edge_agent.nav2.poses import PoseReading, impossible
-from nena_edge_agent.nav2.robot_base import Battery, BatteryReading, MovementWatch
+from nena_edge_agent.nav2.robot_base import Battery, BatteryReading, MovementWatch, without_noise
 from nena_edge_agent.nav2.session_control import (
     NodeExtension,
     SessionError,
@@ -320,8 +320,9 @@ class Nav2Driver:
         if progress := self._feedback.progress(reading, self._map_id, now):
             self._tell(progress)
 
-    def _on_velocity(self, velocity: tuple[float, float]) -> None:
+    def _on_velocity(self, measured: tuple[float, float]) -> None:
         now = self._clock.monotonic()
+        velocity = without_noise(measured, self._settings.goals.standstill_noise)
         for watcher in (self._tracker, self._movement, self._pose_watch):
             watcher.on_velocity(*velocity, now)
         if self._localisation.on_velocity(velocity, now):

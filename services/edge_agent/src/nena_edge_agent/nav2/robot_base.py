@@ -19,6 +19,12 @@ SLOWING = 0.02
 """m/s or rad/s by which the velocity has to fall to count as slowing down."""
 
 
+def without_noise(velocity: tuple[float, float], noise: float) -> tuple[float, float]:
+    """Return the velocity (m/s, rad/s) with each part at or below ``noise`` as 0."""
+    speed, omega = velocity
+    return (0.0 if abs(speed) <= noise else speed, 0.0 if abs(omega) <= noise else omega)
+
+
 class Standstill:
     """Follows velocities; times are monotonic seconds."""
 

@@ -139,8 +139,16 @@ class GoalSettings(SettingsGroup):
     pose_wait: Seconds = Field(2.0, description="Seconds to wait for a pose that confirms an arrival.")
     standstill_timeout: Seconds = Field(
         3.0,
-        description="Seconds after a stop until a robot that still moves, or that nothing shows to stand, is "
-        "told as not stopped. Without odometry: until it counts as standing after its goal was cancelled.",
+        description="Seconds after a stop until a robot that still moves, or whose standstill nothing "
+        "confirms, is reported as not stopped. Without odometry: until it counts as standing after its goal "
+        "was cancelled.",
+    )
+    standstill_noise: float = Field(
+        0.01,
+        gt=0,
+        le=0.1,
+        description="Largest odometry velocity of a robot that stands, m/s and rad/s. Raise it if the "
+        "odometry drifts at rest; the robot's velocity below it is reported as 0.",
     )
     goal_tolerance: Positive = Field(
         0.25, description="Metres from a goal at which Nav2 counts as there (xy_goal_tolerance)."
