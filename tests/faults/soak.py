@@ -1,6 +1,6 @@
-"""Lets a site work for long, measures it window by window, and writes what was found to docs/soak.md.
+"""Run a site for hours, measure it window by window, and write the results to docs/soak.md.
 
-``python -m faults.soak --minutes 120``; the exit status is 1 where something has drifted or was lost.
+``python -m faults.soak --minutes 120``; the exit status is 1 if something drifted or was lost.
 """
 
 from __future__ import annotations
@@ -29,30 +29,30 @@ DOCUMENT = Path(__file__).parents[2] / "docs" / "soak.md"
 INTRODUCTION = Path(__file__).with_name("soak.md")
 LONGEST_WINDOW = 300.0
 LEAST_COUNT = 10
-"""Windows of a run, so that a drift can be told from chance."""
+"""Windows of a run: enough to distinguish drift from noise."""
 AT_ONCE = 10
 """Orders under way all the time: one for each robot."""
 HOST_ENDS_WITHIN = 60.0
 
 Looks = list[tuple[datetime, dict[str, Footprint]]]
-"""The end of each window, and what the programs took then."""
+"""The end of each window, and the resource use of the programs then."""
 
 
 @dataclass(frozen=True, slots=True)
 class Soaked:
-    """What a run has come to."""
+    """Results of a run."""
 
     windows: list[Window]
     robots: int
     fault: str
-    """What the checker says of orders that failed, were lost or were done twice; empty: nothing."""
+    """The checker's text about orders that failed, were lost or were done twice; empty if none."""
 
 
 async def soak(minutes: float, folder: Path) -> Soaked:
-    """Run a site for so long.
+    """Run a site for ``minutes``.
 
     Raises:
-        AssertionError: a program has ended meanwhile.
+        AssertionError: a program exited during the run.
 
     """
     site = Site(folder, Layout(on_ros=True))
@@ -76,7 +76,7 @@ async def soak(minutes: float, folder: Path) -> Soaked:
 
 
 async def _watched(site: Site, seconds: float) -> Looks:
-    """Look at the programs at the end of each window; fails as soon as one of them has ended."""
+    """Measure the programs at the end of each window; fail as soon as one of them has exited."""
     window = min(LONGEST_WINDOW, seconds / LEAST_COUNT)
     looks: Looks = []
     for number in range(round(seconds / window)):
@@ -92,7 +92,7 @@ async def _watched(site: Site, seconds: float) -> Looks:
 def _windows(
     start: datetime, looks: Looks, answers: Iterable[Answer], orders: Iterable[TransportOrderStatus]
 ) -> list[Window]:
-    """Sort what was measured by window; what came after the last one counts for none."""
+    """Sort the measurements by window; leave out those after the last one."""
     edges = [start, *(end for end, _ in looks)]
     ended = [each for each in orders if each.finished is not None]
     return [
@@ -106,26 +106,26 @@ def _windows(
 
 
 def _seconds(order: TransportOrderStatus) -> float:
-    assert order.finished, "it has ended"
+    assert order.finished, "only ended orders have a duration"
     return (order.finished - order.created).total_seconds()
 
 
 def findings(soaked: Soaked) -> list[str]:
-    """Say what is not as it should be, a sentence each; nothing where all is well."""
+    """Return the defects found, a sentence each; empty if there are none."""
     return [*filter(None, [soaked.fault]), *drift(soaked.windows)]
 
 
 def document(soaked: Soaked, *, minutes: float, load: float) -> str:
-    """Give the whole text of the report."""
+    """Return the text of the report."""
     found, windows = findings(soaked), soaked.windows
     said = "; ".join(found)
     if not found:
-        said = "None lost, none failed, none done twice. No drift: the last third is like the first one."
+        said = "None lost, none failed, none done twice. No drift between the first and the last third."
     orders = sum(len(each.orders) for each in windows)
     day = datetime.now(UTC).date().isoformat()
     head = (
         f"{day}, {minutes:g} minutes, {soaked.robots} robots, {orders} orders, "
-        f"load of the machine at the end {load:.1f}. No program ended. **{said}**"
+        f"machine load at the end {load:.1f}. No program exited. **{said}**"
     )
     parts = [INTRODUCTION.read_text(encoding="utf-8"), head, "", *_latencies(windows), "", *_memory(windows)]
     return "\n".join([*parts, ""])
@@ -152,7 +152,7 @@ def _memory(windows: Sequence[Window]) -> Iterator[str]:
 
 
 def _percentiles(values: Sequence[float]) -> tuple[float, float]:
-    """Give the 50th and the 99th."""
+    """Return the 50th and the 99th percentile."""
     if len(values) < 2:
         return (values[0], values[0]) if values else (float("nan"), float("nan"))
     hundredths = quantiles(values, n=100, method="inclusive")
@@ -164,12 +164,12 @@ def _line(cells: Iterable[str]) -> str:
 
 
 def main() -> int:
-    """Run it, and write the report."""
-    parser = argparse.ArgumentParser(description="Lets a site work for long, and tells what has drifted.")
+    """Run the soak test and write the report."""
+    parser = argparse.ArgumentParser(description="Run a site for hours and report drift.")
     parser.add_argument("--minutes", type=float, default=120)
     parser.add_argument("--output", type=Path, default=DOCUMENT)
     wanted = parser.parse_args()
-    folder = Path(tempfile.mkdtemp(prefix="nena-soak-"))  # with the logs, where something was found
+    folder = Path(tempfile.mkdtemp(prefix="nena-soak-"))  # keeps the logs if there are findings
     soaked = asyncio.run(soak(wanted.minutes, folder))
     found, load = findings(soaked), os.getloadavg()[0]
     if not found:

@@ -1,4 +1,4 @@
-"""Writes docs/recovery.md: what the fault tests found when they were last run as a whole."""
+"""Write docs/recovery.md: the results of the last full run of the fault tests."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ INTRODUCTION = Path(__file__).with_name("introduction.md")
 
 
 def document(records: Iterable[Record]) -> str:
-    """Give the whole text."""
+    """Return the text of the page."""
     found = list(records)
     dates = sorted({each.date for each in found})
     loads = [each.load for each in found]
     times = f"{dates[0]} to {dates[-1]}" if len(dates) > 1 else dates[0]
     said = (
-        f"Run on {times}, at a load of the machine of {min(loads)} to {max(loads)}: "
+        f"Run on {times} on a machine with a load of {min(loads)} to {max(loads)}: "
         f"{len(found)} sites, {sum(each.orders for each in found)} orders, "
-        f"{sum(len(each.faults) for each in found)} faults. **None lost, none done twice, no program ended, "
-        f"none grew without bound.** {_failures(found)}"
+        f"{sum(len(each.faults) for each in found)} faults. **No order was lost or done twice. "
+        f"No program exited or grew without bound.** {_failures(found)}"
     )
     parts = [INTRODUCTION.read_text(encoding="utf-8"), said, "", *_faults(found), "", *_programs(found), ""]
     return "\n".join(parts)
@@ -32,7 +32,9 @@ def document(records: Iterable[Record]) -> str:
 
 def _failures(found: Iterable[Record]) -> str:
     failed = sum(each.failed for each in found)
-    return f"{failed} ended with a reason, as their robots were replaced or there twice." if failed else ""
+    return (
+        f"{failed} ended with a reason, because their robots were replaced or duplicated." if failed else ""
+    )
 
 
 def _faults(found: Iterable[Record]) -> Iterator[str]:
@@ -48,7 +50,10 @@ def _faults(found: Iterable[Record]) -> Iterator[str]:
 
 def _programs(found: Iterable[Record]) -> Iterator[str]:
     """Show the largest growth of each program, whatever the test."""
-    yield "What programs took at the end, and the most that one had grown by since its site was at work:"
+    yield (
+        "Resource use of each program at the end of a test, and its growth since the site was at work "
+        "(maximum of all tests):"
+    )
     yield ""
     yield _line(["Program", "MB", "grown", "Descriptors", "grown", "Threads", "grown"])
     yield _line(["---"] * 7)

@@ -99,5 +99,5 @@ async def test_there_twice(trial: Callable[..., Any]) -> None:
             await site.programs[machine].logged("another program has this client id")
         await running.at_work(FURTHER)
         site.programs.pop("double").kill()
-        await running.recovers("robot there twice")
+        await running.recovers("duplicate robot")
         await site.robots_are("ONLINE", SINGLE)
