@@ -6,6 +6,7 @@ true, and nothing is sent that the rules forbid.
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from typing import Any
 
 import hypothesis.strategies as st
@@ -60,6 +61,8 @@ class Conversation(RuleBasedStateMachine):
         self.cancelled: set[str] = set()
         self.adopted: set[str] = set()
         self.broker = False
+        self.arrived = (datetime.min.replace(tzinfo=UTC), -1)
+        """Timestamp and headerId of the newest state that the order service has had."""
         self.robot_connected = True
         self.robot_forgot = False
         self.instants: dict[str, Any] = {}
@@ -161,6 +164,8 @@ class Conversation(RuleBasedStateMachine):
             return
         bench = self.bench
         self.open_cancels.clear()
+        # A broker gives a new subscriber nothing from before what the old one has had.
+        self.states = [each for each in self.states if (each.timestamp, each.header_id) > self.arrived]
         numbers = len(self.instants)
         ids = (f"r{numbers}-{number}" for number in range(1000))
         bench.fleet = FleetController(SETTINGS, new_id=lambda: next(ids))
@@ -219,6 +224,7 @@ class Conversation(RuleBasedStateMachine):
         self.states.clear()
 
     def the_state_arrives(self, state: State) -> None:
+        self.arrived = max(self.arrived, (state.timestamp, state.header_id))
         self.open_cancels -= {each.action_id for each in state.action_states if each.action_status.ended}
         self.take(self.bench.fleet.on_state(self.bench.robot.key, state, self.bench.now))
 
