@@ -34,7 +34,7 @@ class Client:
         self.feedback: Inbox[Any] = Inbox()
 
     def send(self, *places: tuple[float, float], goal_id: Any = None, frame: str = "map") -> Any:
-        """Give a goal; gives its handle, which says whether it is accepted."""
+        """Return a goal; gives its handle, which says whether it is accepted."""
         request = self._types.Goal()
         stamped = [goal(x, y, frame=frame) for x, y in places]
         if hasattr(request, "poses"):

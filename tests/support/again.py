@@ -46,12 +46,12 @@ def _pytest(*options: str) -> int:
 
 
 def _failed() -> frozenset[str]:
-    """Give the tests that have failed and not passed since."""
+    """Return the tests that have failed and not passed since."""
     return frozenset(json.loads(FAILED.read_text())) if FAILED.exists() else frozenset()
 
 
 def _can_be_tried(failed: str) -> bool:
-    """Tell whether this is a test or a module, and not the name of a worker that has collected others."""
+    """Return whether this is a test or a module, and not the name of a worker that has collected others."""
     return Path(failed.partition("::")[0]).exists()
 
 

@@ -48,7 +48,7 @@ PORTS = range(15_000, 32_000)
 
 
 def free_port() -> int:
-    """Give a TCP port of 127.0.0.1 that nobody has."""
+    """Return a TCP port of 127.0.0.1 that nobody has."""
     while True:
         port = secrets.choice(PORTS)
         with socket.socket() as probe, suppress(OSError):
@@ -57,7 +57,7 @@ def free_port() -> int:
 
 
 def mosquitto() -> str:
-    """Give the path of Mosquitto; the test fails with what to do where there is none."""
+    """Return the path of Mosquitto; the test fails with what to do where there is none."""
     path = shutil.which("mosquitto", path=f"{os.environ.get('PATH', '')}:/usr/sbin:/usr/local/sbin")
     if path is None:
         pytest.fail("these tests need a real MQTT broker: apt-get install mosquitto", pytrace=False)
@@ -223,12 +223,12 @@ class MqttPeer:
         self._client.publish(topic, payload, 1, retain)
 
     def received(self, topic_filter: str = "#") -> list[Inbound]:
-        """Give what came under ``topic_filter`` so far, in the order of arrival."""
+        """Return what came under ``topic_filter`` so far, in the order of arrival."""
         with self._lock:
             return [each for each in self._order if topic_matches_sub(topic_filter, each.topic)]
 
     def payloads(self, topic_filter: str = "#") -> list[bytes]:
-        """Give the payloads that came under ``topic_filter`` so far."""
+        """Return the payloads that came under ``topic_filter`` so far."""
         return [each.payload for each in self.received(topic_filter)]
 
     def clear(self) -> None:
@@ -243,7 +243,7 @@ class MqttPeer:
         *,
         timeout: float = PATIENCE,  # noqa: ASYNC109 - the bound is the point
     ) -> Inbound:
-        """Give the first message (also an earlier one) under ``topic_filter`` that ``accept`` takes."""
+        """Return the first message (also an earlier one) under ``topic_filter`` that ``accept`` takes."""
         return await until(
             lambda: next((each for each in self.received(topic_filter) if accept(each)), None),
             timeout=timeout,

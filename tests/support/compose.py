@@ -94,18 +94,18 @@ class Compose:
         return done.stdout
 
     def url(self, port: str) -> str:
-        """Give the address of a door by the name of its port variable."""
+        """Return the address of a door by the name of its port variable."""
         return f"http://127.0.0.1:{self.ports[port]}"
 
     def containers(self) -> dict[str, dict[str, Any]]:
-        """Give what Docker knows of each container, by the service's name."""
+        """Return what Docker knows of each container, by the service's name."""
         label = f"label=com.docker.compose.project={self.name}"
         found = docker("ps", "--all", "--quiet", "--filter", label).stdout.split()
         details = json.loads(docker("inspect", *found).stdout) if found else []
         return {each["Config"]["Labels"]["com.docker.compose.service"]: each for each in details}
 
     def health(self) -> dict[str, str]:
-        """Give each container's health, or its state where it has no health check."""
+        """Return each container's health, or its state where it has no health check."""
         states = {name: each["State"] for name, each in self.containers().items()}
         return {
             name: state.get("Health", {}).get("Status", state["Status"]) for name, state in states.items()
@@ -152,14 +152,14 @@ class Compose:
         return name
 
     def order(self, name: str) -> dict[str, Any] | None:
-        """Give a transport order, or None while the order service does not tell."""
+        """Return a transport order, or None while the order service does not tell."""
         order: dict[str, Any] | None = read(
             f"{self.url('REST_PORT')}/v1/transportOrders/{name}", **self.login
         )
         return order
 
     def logs(self) -> str:
-        """Give what all of them logged of late."""
+        """Return what all of them logged of late."""
         return self.run("logs", "--no-color", "--tail", "30")
 
     def close(self) -> None:
@@ -168,7 +168,7 @@ class Compose:
 
 
 def read(url: str, **headers: str) -> Any:
-    """Give what is there as JSON, or None while nothing is."""
+    """Return what is there as JSON, or None while nothing is."""
     try:
         answer = httpx.get(url, headers=headers, timeout=5.0)
     except httpx.HTTPError:
@@ -183,7 +183,7 @@ def _compose_command() -> list[str]:
 
 
 def image_is_there(image: str) -> bool:
-    """Tell whether an image is here or comes when it is asked for."""
+    """Return whether an image is here or comes when it is asked for."""
     if docker("image", "inspect", image).returncode == 0:
         return True
     return docker("pull", "--quiet", image, timeout=300).returncode == 0

@@ -7,7 +7,7 @@ from time import process_time
 
 
 def least_cpu(work: Callable[[], object], rounds: int = 3) -> float:
-    """Give the least processor time of some rounds of ``work``, in seconds."""
+    """Return the least processor time of some rounds of ``work``, in seconds."""
     costs = []
     for _ in range(rounds):
         start = process_time()

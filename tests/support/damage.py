@@ -46,17 +46,17 @@ DEPTH = 100_000
 
 
 def stream(name: str) -> Random:
-    """Give the chance by which one test's messages go wrong; FUZZ_SEED chooses another one."""
+    """Return the chance by which one test's messages go wrong; FUZZ_SEED chooses another one."""
     return Random(f"{FUZZ_SEED}{name}")
 
 
 def damaged(payload: bytes, chance: Random) -> bytes:
-    """Give one message made from ``payload``: cut, bent, blown up, or another one altogether."""
+    """Return one message made from ``payload``: cut, bent, blown up, or another one altogether."""
     return chance.choice(WAYS)(payload, chance)
 
 
 def damaged_text(text: bytes, chance: Random) -> bytes:
-    """Give a text of any form, cut, bent, in another encoding, or nested deep."""
+    """Return a text of any form, cut, bent, in another encoding, or nested deep."""
     return chance.choice((_cut, _bent, _bent, _other_encoding, _deep, _deep_toml))(text, chance)
 
 
@@ -122,7 +122,7 @@ def _as_it_was(payload: bytes, _chance: Random) -> bytes:
 
 
 def _spots(value: Any) -> list[tuple[Any, Any]]:
-    """Give all places in a JSON value, each by what holds it and its key there."""
+    """Return all places in a JSON value, each by what holds it and its key there."""
     if isinstance(value, dict):
         inside = list(value.items())
     elif isinstance(value, list):

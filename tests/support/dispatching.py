@@ -43,5 +43,5 @@ def vehicles(**obstacles: str) -> list[DispatchedVehicle]:
 
 
 def pairs(decisions: Decisions) -> dict[str, str]:
-    """Give the vehicles of the orders that were assigned."""
+    """Return the vehicles of the orders that were assigned."""
     return {each.order.name: each.vehicle for each in decisions.assignments}

@@ -31,6 +31,6 @@ def install(files: Mapping[str, str], folder: Path) -> Path:
 
 
 def environment_with(*sites: Path) -> dict[str, str]:
-    """Give the environment of a program that finds what is installed in ``sites``."""
+    """Return the environment of a program that finds what is installed in ``sites``."""
     path = os.pathsep.join([*map(str, sites), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
     return {**os.environ, "PYTHONPATH": path}

@@ -32,7 +32,7 @@ QUICK = {"speed": 50.0, "turn_rate": 50.0, "pose_interval": 0.02}
 
 
 def agent_settings(broker: Broker, interface_name: str, folder: Path, **changes: Any) -> EdgeAgentSettings:
-    """Give the settings of a quick loopback robot."""
+    """Return the settings of a quick loopback robot."""
     values: dict[str, Any] = {
         "mqtt": broker.settings.model_dump(),
         "manufacturer": MANUFACTURER,

@@ -26,12 +26,12 @@ class Execution:
 
 
 def drive_order_of(order_id: str) -> str:
-    """Give the drive order that a VDA 5050 order is for, whichever try of it that is."""
+    """Return the drive order that a VDA 5050 order is for, whichever try of it that is."""
     return order_id.partition("~")[0]
 
 
 def executions(states: Iterable[Inbound]) -> list[Execution]:
-    """Give what was done, in the order in which robots say so in their states (2.x).
+    """Return what was done, in the order in which robots say so in their states (2.x).
 
     An action is done when a robot first says FINISHED, and again each time that it says so after it has
     shown the action as not ended once more. A robot that starts again shows what its journal has: there
@@ -55,7 +55,7 @@ def executions(states: Iterable[Inbound]) -> list[Execution]:
 
 
 def _said_once(states: Iterable[Inbound]) -> Iterator[tuple[str, State]]:
-    """Give each robot's states as they came, which MQTT keeps in order, without what is said again.
+    """Yield each robot's states as they came, which MQTT keeps in order, without what is said again.
 
     A replayed or redelivered state has its old header. After a restart headerIds may begin anew, and with a
     clock set back timestamps come again; both together never do.

@@ -27,7 +27,7 @@ ROBOT = RobotKey("ACME", "r1")
 
 
 def header(number: int = 1, *, robot: RobotKey = ROBOT, at: float = 0.0) -> dict[str, Any]:
-    """Give the header of message ``number``, sent ``at`` seconds after the start."""
+    """Return the header of message ``number``, sent ``at`` seconds after the start."""
     return {
         "header_id": number,
         "timestamp": START + timedelta(seconds=at),

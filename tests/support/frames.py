@@ -56,13 +56,13 @@ async def busy_clock(page: Page) -> CDPSession:
 
 
 async def busy_seconds(session: CDPSession) -> float:
-    """Give the processor time that the page's main thread has used."""
+    """Return the processor time that the page's main thread has used."""
     metrics = (await session.send("Performance.getMetrics"))["metrics"]
     return float(next(each["value"] for each in metrics if each["name"] == "TaskDuration"))
 
 
 async def seconds_for_a_frame(page: Page, session: CDPSession, frames: int = 60) -> float:
-    """Give the processor time that the page takes to draw the panel's map while it moves."""
+    """Return the processor time that the page takes to draw the panel's map while it moves."""
     before = await busy_seconds(session)
     drawn: int = await page.evaluate(_DRAW, frames)
     return (await busy_seconds(session) - before) / drawn

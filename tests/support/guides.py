@@ -9,7 +9,7 @@ DOCS = Path(__file__).parents[2] / "docs"
 
 
 def commands(page: str, holding: str) -> str:
-    """Give the one block of shell commands of a page that holds a text."""
+    """Return the one block of shell commands of a page that holds a text."""
     text = (DOCS / page).read_text(encoding="utf-8")
     blocks: list[str] = re.findall(r"```bash\n(.*?)```", text, re.DOTALL)
     found = [each for each in blocks if holding in each]

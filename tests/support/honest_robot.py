@@ -153,7 +153,7 @@ class HonestRobot:
         )
 
     def factsheet(self) -> Factsheet:
-        """Tell what it can do: all that it does not say, and orders as fast as they come."""
+        """Return what it can do: all that it does not say, and orders as fast as they come."""
         made = example(robot=self.key)
         features = made.protocol_features.model_copy(update={"mobile_robot_actions": self.lists})
         timing = made.protocol_limits.timing.model_copy(update={"minimum_order_interval": 0.0})

@@ -25,7 +25,7 @@ testcontainers_config.ryuk_disabled = True  # one more image that would have to 
 
 
 def image_of(variable: str) -> str:
-    """Give the image that docker-compose.yml takes where its variable is not set."""
+    """Return the image that docker-compose.yml takes where its variable is not set."""
     found = re.search(
         rf"image: \$\{{{variable}:-(.+)\}}", (ROOT / "docker-compose.yml").read_text(encoding="utf-8")
     )
@@ -34,7 +34,7 @@ def image_of(variable: str) -> str:
 
 
 def why_not_there(image: str) -> str:
-    """Say why no container can be made of an image, and what to do; empty: it can."""
+    """Return why no container can be made of an image, and what to do; empty: it can."""
     if not shutil.which("docker") or docker("info").returncode:
         return "no Docker Engine answers: install docker.io and start it"
     if docker("image", "inspect", image).returncode:

@@ -120,13 +120,13 @@ def idle(state: State) -> bool:
 
 
 def errors(state: State) -> list[str]:
-    """Give the types of the errors as 3.0 spells them; 2.x robots spell them in camel case."""
+    """Return the types of the errors as 3.0 spells them; 2.x robots spell them in camel case."""
     types = (each.error_type for each in state.errors)
     return [each if each.isupper() else re.sub("([A-Z])", r"_\1", each).upper() for each in types]
 
 
 def place(state: State) -> MobileRobotPosition:
-    """Give where the robot is."""
+    """Return where the robot is."""
     assert state.mobile_robot_position is not None
     return state.mobile_robot_position
 

@@ -56,7 +56,7 @@ BY_FIELD: dict[str, st.SearchStrategy[Any]] = {
 
 @cache
 def messages(kind: type[M]) -> st.SearchStrategy[M]:
-    """Give valid objects of any neutral class; those of an order keep the rules of the graph."""
+    """Return valid objects of any neutral class; those of an order keep the rules of the graph."""
     fields = {name: _of_field(name, field) for name, field in kind.model_fields.items()}
     if kind is Order:
         fields |= {"nodes": st.just(()), "edges": st.just(())}
@@ -170,7 +170,7 @@ def _of_class(kind: Any, limits: list[Any]) -> st.SearchStrategy[Any]:
 
 
 def _floats(low: float | None, high: float | None) -> st.SearchStrategy[float]:
-    """Give finite numbers; angles without the little that a reader tolerates (see ``Angle``)."""
+    """Return finite numbers; angles without the little that a reader tolerates (see ``Angle``)."""
     if high is not None and pi <= high < pi + 1e-3:
         low, high = low and -pi, pi
     return st.floats(low, high, allow_nan=False, allow_infinity=False)

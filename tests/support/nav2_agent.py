@@ -63,7 +63,7 @@ class Bench:
         return abs(self._odometry.messages[-1].twist.twist.linear.x) if self._odometry.messages else 0.0
 
     async def speed_at(self, state: dict[str, Any]) -> float:
-        """Give how fast the robot was by its odometry, m/s, when a state of it was told."""
+        """Return how fast the robot was by its odometry, m/s, when a state of it was told."""
         told = datetime.fromisoformat(state["timestamp"]).timestamp()
 
         def after() -> bool:
@@ -88,7 +88,7 @@ class Bench:
         self._faults.publish(String(data=json.dumps({"kind": kind, **fields})))
 
     def settings(self, *, ros: dict[str, Any] | None = None, **changes: Any) -> EdgeAgentSettings:
-        """Give the agent's settings."""
+        """Return the agent's settings."""
         values = {"domain_id": self._domain_id, **ROS, **(ros or {})}
         return agent_settings(
             self._broker,
@@ -140,7 +140,7 @@ def ready(state: dict[str, Any]) -> bool:
 
 
 def failure_of(state: dict[str, Any]) -> str | None:
-    """Give why the drive to a node has failed."""
+    """Return why the drive to a node has failed."""
     for error in state["errors"]:
         if error["errorType"] == "nodeUnreachable":
             references = {each["referenceKey"]: each["referenceValue"] for each in error["errorReferences"]}

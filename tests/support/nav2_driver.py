@@ -77,7 +77,7 @@ class DrivenRobot:
     async def hears(
         self, kind: type[E], accept: Callable[[E], bool] = lambda _: True, *, seconds: float = PATIENCE
     ) -> E:
-        """Give the first event of a kind that ``accept`` takes, also an earlier one."""
+        """Return the first event of a kind that ``accept`` takes, also an earlier one."""
         return await until(
             lambda: next((event for event in self.all(kind) if accept(event)), None),
             timeout=seconds,
@@ -89,7 +89,7 @@ class DrivenRobot:
         return self
 
     async def driving(self, goal: MapGoal) -> GoalReport:
-        """Give a goal and wait until navigation has it."""
+        """Return a goal and wait until navigation has it."""
         before = len(self.all(GoalReport))
         self.driver.go_to(goal)
         return await until(
@@ -135,5 +135,5 @@ class ScriptedNav2:
 
 
 def uuid_of(name: str) -> UUID:
-    """Give the goal id that the letter stands for."""
+    """Return the goal id that the letter stands for."""
     return UUID(bytes=name.encode().ljust(16, b"-"))

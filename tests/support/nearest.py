@@ -76,7 +76,7 @@ def plain(value: Any) -> Any:
 
 
 def nearest(version: str, message: Plain) -> Plain:
-    """Give what ``version`` can say of a plain message."""
+    """Return what ``version`` can say of a plain message."""
     result: Plain = _said(version, message) | {"version": version}
     if version != "3.0.0" and message.get("operating_mode") == "INTERVENED":
         result["paused"] = True

@@ -128,7 +128,7 @@ class Line:
 
 @contextmanager
 def line() -> Iterator[Line]:
-    """Give a line to a namespace of its own; the test is skipped where that cannot be had."""
+    """Yield a line to a namespace of its own; the test is skipped where that cannot be had."""
     number = os.getpid() % 30_000 * 8 + next(_numbers) % 8
     third, fourth = number // 64 % 256, number % 64 * 4
     names = f"nena{number}a", f"nena{number}b"

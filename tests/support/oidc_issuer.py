@@ -64,7 +64,7 @@ class SigningKey:
 
 @cache
 def rsa_key() -> SigningKey:
-    """Give the one RSA key of the tests: making one takes a while."""
+    """Return the one RSA key of the tests: making one takes a while."""
     return SigningKey("rsa-1", "RS256", rsa.generate_private_key(65537, 2048))
 
 
@@ -109,7 +109,7 @@ class OidcIssuer:
         self.redirect_uri = f"{panel}api/v1/session/oidc/callback"
 
     def settings_of(self, panel: str) -> dict[str, str]:
-        """Give the settings ``http.oidc`` of the aggregator of this panel."""
+        """Return the settings ``http.oidc`` of the aggregator of this panel."""
         return {"issuer": self.address, "audience": AUDIENCE, "client_id": CLIENT, "panel_url": panel}
 
     def token(self, name: str = "ann", key: SigningKey | None = None, **claims: Any) -> str:
@@ -138,7 +138,7 @@ class OidcIssuer:
         }
 
     def authorize(self, query: dict[str, str]) -> tuple[int, str, str]:
-        """Give status, address to go on to, and page."""
+        """Return status, address to go on to, and page."""
         if query.get("redirect_uri") != self.redirect_uri or query.get("client_id") != CLIENT:
             return 400, "", "unknown client or redirect_uri"
         name = query.pop("person", None)
@@ -159,7 +159,7 @@ class OidcIssuer:
         return 302, f"{self.redirect_uri}?{urlencode({'code': code, 'state': query['state']})}", ""
 
     def exchange(self, form: dict[str, str], login: str) -> tuple[int, dict[str, Any]]:
-        """Give status and answer of the token endpoint."""
+        """Return status and answer of the token endpoint."""
         if not self._is_client(form, login):
             return 401, {"error": "invalid_client"}
         asked = self.codes.pop(form.get("code", ""), None)

@@ -121,7 +121,7 @@ class Fleet:
         return self.agent_of(self.agent_file(serial, **options), serial)
 
     def agent_file(self, serial: str = "robot-01", **options: Unpack[RobotOptions]) -> str:
-        """Give the settings of such a robot, for a test that changes some of them."""
+        """Return the settings of such a robot, for a test that changes some of them."""
         return AGENT_FILE.format(
             interface=self.interface,
             serial=serial,

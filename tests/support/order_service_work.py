@@ -35,7 +35,7 @@ async def order(client: httpx.AsyncClient, name: str) -> int:
 
 
 async def orders_of(client: httpx.AsyncClient) -> dict[str, dict[str, Any]]:
-    """Give all orders by their names; none while nobody answers."""
+    """Return all orders by their names; none while nobody answers."""
     try:
         found = await client.get("/v1/transportOrders", params={"limit": 1000})
         return {each["name"]: each for each in found.json()["transportOrders"]}

@@ -73,7 +73,7 @@ class Program:
         self.process.wait()
 
     async def logged(self, pattern: str, *, start: int = 0) -> re.Match[str]:
-        """Give the first match of ``pattern`` in the log behind ``start``; fails when the program ends."""
+        """Return the first match of ``pattern`` in the log behind ``start``; fails when the program ends."""
 
         def found() -> re.Match[str] | None:
             match = re.search(pattern, self.log[start:])
@@ -91,7 +91,7 @@ class OrderServiceProgram(Program):
         super().__init__("nena-order-service", "--http.port", 0, *arguments, log=log)
 
     async def client(self) -> httpx.AsyncClient:
-        """Give a client once the program listens."""
+        """Return a client once the program listens."""
         url = (await self.logged(r"http listening.* url=(\S+)", start=self._start)).group(1)
         return httpx.AsyncClient(base_url=url, timeout=PATIENCE)
 

@@ -27,12 +27,12 @@ LOOK_EVERY = 0.05
 
 
 async def eventually(ask: Callable[[], Awaitable[T]], what: str) -> T:
-    """Give the first true answer."""
+    """Return the first true answer."""
     return await awaited(ask, bool, what=what, every=LOOK_EVERY)
 
 
 def program(name: str) -> str:
-    """Give the path of `prometheus` or `promtool`; skip the test where there is none."""
+    """Return the path of `prometheus` or `promtool`; skip the test where there is none."""
     path = shutil.which(name)
     if path is None:
         pytest.skip(f"{name} is not there: apt-get install prometheus")
@@ -76,14 +76,14 @@ class Prometheus:
         self._process.wait(END_WITHIN)
 
     async def query(self, expression: str) -> list[dict[str, Any]]:
-        """Give the samples of an instant query; it must be a good one."""
+        """Return the samples of an instant query; it must be a good one."""
         answer = (await self.http.get("/query", params={"query": expression})).json()
         assert answer["status"] == "success", f"{expression}: {answer}"
         found: list[dict[str, Any]] = answer["data"]["result"]
         return found
 
     async def rules(self) -> list[dict[str, Any]]:
-        """Give all rules, with what became of them."""
+        """Return all rules, with what became of them."""
         groups = (await self.http.get("/rules")).json()["data"]["groups"]
         return [rule for group in groups for rule in group["rules"]]
 

@@ -41,7 +41,7 @@ class Publications:
         self.problems += [f"{topic} of {version}: {each} in {payload[:300]!r}" for each in found]
 
     def take(self) -> list[str]:
-        """Give what was found, and forget it."""
+        """Return what was found, and forget it."""
         found, self.problems = self.problems, []
         return found
 
@@ -73,7 +73,7 @@ def robots_problems(messages: Iterable[Inbound]) -> list[str]:
 
 
 def problems_in(messages: Iterable[Inbound]) -> list[str]:
-    """Give what is wrong with messages that programs have published."""
+    """Return what is wrong with messages that programs have published."""
     publications = Publications()
     if not is_there("vda5050-schemas"):
         return []

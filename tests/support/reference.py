@@ -11,7 +11,7 @@ PROJECT = Path(__file__).parents[2]
 
 
 def reference_dir(*parts: str) -> Path:
-    """Give a folder or file of the reference material; skip the test where it is not at hand.
+    """Return a folder or file of the reference material; skip the test where it is not at hand.
 
     It is looked for in ``NENA_REFERENCE``, else in ``../shared/reference`` beside the project.
     """
@@ -21,7 +21,7 @@ def reference_dir(*parts: str) -> Path:
 
 
 def is_there(*parts: str) -> bool:
-    """Tell whether a folder or file of the reference material is at hand."""
+    """Return whether a folder or file of the reference material is at hand."""
     return _path(*parts).exists()
 
 

@@ -10,7 +10,7 @@ from nena_shared.fleet_api.plant import SIDE_LIMIT, RobotMap
 
 
 def room(width: int = 40, height: int = 20) -> bytes:
-    """Give the cells of an empty room with walls around it."""
+    """Return the cells of an empty room with walls around it."""
     row = bytes([100]) + bytes(width - 2) + bytes([100])
     return bytes([100]) * width + row * (height - 2) + bytes([100]) * width
 

@@ -32,7 +32,7 @@ class Oracle:
     horizon_actions: set[str] = field(default_factory=set)
 
     def expected(self, made: Order, *, busy: bool, clearing: bool, stands: bool, forgotten: bool) -> str:
-        """Say what must become of an order: ``taken``, ``dropped`` or ``refused``.
+        """Return what must become of an order: ``taken``, ``dropped`` or ``refused``.
 
         ``clearing``: the held order is being ended; ``stands``: the robot is at the first node of this one;
         ``forgotten``: it knows no last node any more.
@@ -59,7 +59,7 @@ class Oracle:
         return next((node for node in reversed(nodes) if node.released), None)
 
     def takes(self, action_type: str) -> bool:
-        """Tell whether the mode lets fleet control ask for an instant action (section 6.6.6)."""
+        """Return whether the mode lets fleet control ask for an instant action (section 6.6.6)."""
         if action_type == "stateRequest" or self.mode in FLEET_CONTROLS_IN:
             return True
         return action_type == "cancelOrder" and self.mode in ORDERS_TAKEN_IN

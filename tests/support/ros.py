@@ -96,7 +96,7 @@ class Inbox(Generic[T]):
     def wait_for(
         self, accept: Callable[[T], bool] = lambda _: True, *, timeout: float = PATIENCE, what: str = ""
     ) -> T:
-        """Give the first message (also an earlier one) that ``accept`` takes; AssertionError in the end."""
+        """Return the first message (also an earlier one) that ``accept`` takes; AssertionError in the end."""
         seen = 0
 
         def found() -> list[T]:
@@ -110,7 +110,7 @@ class Inbox(Generic[T]):
         return matches[0]
 
     def stays_silent(self, seconds: float) -> bool:
-        """Tell whether nothing new arrives for ``seconds``."""
+        """Return whether nothing new arrives for ``seconds``."""
         with self._changed:
             before = len(self._messages)
             return not self._changed.wait_for(lambda: len(self._messages) > before, seconds)

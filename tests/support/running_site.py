@@ -47,7 +47,7 @@ class Client:
 
 
 def identity_in(folder: Path) -> MqttTlsSettings:
-    """Give what nena-deploy has put into an identity's folder."""
+    """Return what nena-deploy has put into an identity's folder."""
     return MqttTlsSettings(
         ca=folder / "ca.pem", certificate=folder / "certificate.pem", key=folder / "key.pem"
     )

@@ -20,7 +20,7 @@ def schema_problems(version: str, message: str, payload: bytes) -> list[str]:
 
 
 def official_schema(version: str, message: str) -> dict[str, Any]:
-    """Give the official schema of ``message`` with its corrections."""
+    """Return the official schema of ``message`` with its corrections."""
     return _corrected(reference_dir("vda5050-schemas"), version, message)
 
 

@@ -47,7 +47,7 @@ from support.fleet_examples import state
 
 
 def key(name: str) -> RobotKey:
-    """Give the robot of the vehicle called ``name``."""
+    """Return the robot of the vehicle called ``name``."""
     return RobotKey("NeNa", name)
 
 
@@ -311,7 +311,7 @@ async def make_engine(
 
 
 def status_of(engine: Engine, name: str = "T") -> TransportOrderStatus:
-    """Tell how the order of a name stands, which has to be there."""
+    """Return how the order of a name stands, which has to be there."""
     order = engine.state.orders.visible_named(name)
     assert order
     return order.status

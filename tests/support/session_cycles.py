@@ -44,7 +44,7 @@ class Left:
         return cls(process.num_threads(), process.num_fds(), process.memory_info().rss)
 
     def more_than(self, before: Left, cycles: int, seconds: float) -> dict[str, Any]:
-        """Give what so many cycles have left, and how long each took."""
+        """Return what so many cycles have left, and how long each took."""
         return {
             "cycles": cycles,
             "threads_more": self.threads - before.threads,

@@ -28,7 +28,7 @@ By topics the robot's place is known every 0.25 m, by the actions' feedback ever
 
 
 def settings(navigation: Navigation) -> dict[str, Any]:
-    """Give the agent's settings for a robot that passes nodes; those of its ROS side are under ``ros``."""
+    """Return the agent's settings for a robot that passes nodes; those of its ROS side are under ``ros``."""
     return {
         "drive": {"strategy": "pass_through", "pass_radius": WAYS[navigation]},
         "ros": {"navigation": navigation},

@@ -61,7 +61,7 @@ def make_newer(url: str) -> None:
 
 
 def changes(*versions: tuple[TransportOrder, TransportOrder | None]) -> Changes:
-    """Give the changes that lead to each order from the version before it; None: it is new."""
+    """Return the changes that lead to each order from the version before it; None: it is new."""
     made = Changes()
     for order, before in versions:
         made.put_order(order, before)

@@ -24,7 +24,7 @@ async def until(
     timeout: float = PATIENCE,  # noqa: ASYNC109 - the bound is the point
     what: str = "the condition",
 ) -> T:
-    """Give the first true value of ``predicate``; AssertionError when there is none for ``timeout`` s."""
+    """Return the first true value of ``predicate``; AssertionError when there is none for ``timeout`` s."""
 
     async def look() -> T | None:
         return predicate()

@@ -140,7 +140,7 @@ class WiredFleet:
         return [type(each).__name__ for each in self.news if not isinstance(each, RobotChanged)]
 
     async def wait_for(self, name: str) -> FleetOutput:
-        """Give the first news of this kind."""
+        """Return the first news of this kind."""
         return await until(
             lambda: next((each for each in self.news if type(each).__name__ == name), None),
             what=f"{name}, told was {self.story()}",

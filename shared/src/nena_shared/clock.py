@@ -16,7 +16,7 @@ class Clock(Protocol):
         ...
 
     def now(self) -> datetime:
-        """Give the time of day, in UTC."""
+        """Return the time of day, in UTC."""
         ...
 
 
@@ -28,7 +28,7 @@ class SystemClock:
         return time.monotonic()
 
     def now(self) -> datetime:
-        """Give the time of day, in UTC."""
+        """Return the time of day, in UTC."""
         return datetime.now(UTC)
 
 
@@ -44,7 +44,7 @@ class ManualClock:
         return self.seconds
 
     def now(self) -> datetime:
-        """Give the start plus what the clock has been moved."""
+        """Return the start plus what the clock has been moved."""
         return self.start + timedelta(seconds=self.seconds)
 
     def advance(self, seconds: float) -> None:
@@ -56,7 +56,7 @@ class ManualClock:
 
 
 def in_utc(value: datetime) -> datetime:
-    """Give the same moment in UTC; a time without a zone is taken as UTC.
+    """Return the same moment in UTC; a time without a zone is taken as UTC.
 
     Raises:
         ValueError: in UTC the moment would be before the year 1 or after the year 9999.

@@ -13,7 +13,7 @@ _lines: WeakKeyDictionary[Any, WeakSet[Any]] = WeakKeyDictionary()
 
 
 def remember(engine: Any, connection: Any) -> None:  # noqa: ANN401 - SQLAlchemy's and its driver's, without either
-    """Take notice of a connection with a ``fileno()``, for :func:`hang_up`."""
+    """Handle a connection with a ``fileno()``, for :func:`hang_up`."""
     _lines.setdefault(engine, WeakSet()).add(connection)
 
 

@@ -33,7 +33,7 @@ _recent: deque[str] = deque(maxlen=KEPT)
 
 
 def recent_lines() -> list[str]:
-    """Give the newest lines that were logged, oldest first, as plain text."""
+    """Return the newest lines that were logged, oldest first, as plain text."""
     return list(_recent)
 
 
@@ -54,7 +54,7 @@ class _Patient:
 
 
 def get_logger(name: str) -> FilteringBoundLogger:
-    """Give the logger of a module; bind ids to it with ``.bind(robot=..., order=...)``."""
+    """Return the logger of a module; bind ids to it with ``.bind(robot=..., order=...)``."""
     return cast("FilteringBoundLogger", structlog.get_logger(module=name))
 
 
@@ -84,7 +84,7 @@ def _rendering(settings: LogSettings, *, colours: bool) -> tuple[Processor, ...]
 
 
 def _formatter_for_libraries(rendering: tuple[Processor, ...]) -> logging.Formatter:
-    """Give lines of libraries, which log in the standard library's way, the form of our own."""
+    """Return lines of libraries, which log in the standard library's way, the form of our own."""
     return structlog.stdlib.ProcessorFormatter(
         foreign_pre_chain=[_name_module, *COMMON],
         processors=[structlog.stdlib.ProcessorFormatter.remove_processors_meta, _remember, *rendering],

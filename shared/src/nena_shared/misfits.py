@@ -16,7 +16,7 @@ TOLD = 10
 
 
 def in_words(findings: Sequence[Any], *, whole: str, root: str = "", most: int | None = None) -> list[str]:
-    """Give a line for each of pydantic's findings.
+    """Return a line for each of pydantic's findings.
 
     Args:
         findings: as ``ValidationError.errors()`` gives them.
@@ -37,10 +37,10 @@ def path_of(location: Iterable[str | int], root: str = "") -> str:
 
 
 def words_of(finding: Any) -> str:  # noqa: ANN401 - pydantic and FastAPI have types of their own for the same
-    """Say what is wrong with a field."""
+    """Return what is wrong with a field."""
     return WORDS.get(finding["type"]) or shortened(str(finding["msg"]).removeprefix(PREFIX))
 
 
 def shortened(text: str) -> str:
-    """Give the beginning of a long text."""
+    """Return the beginning of a long text."""
     return text if len(text) <= SHOWN else f"{text[:SHOWN]}..."

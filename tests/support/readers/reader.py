@@ -43,7 +43,7 @@ class Reader:
     spoiled: Callable[[bytes, Random], bytes] = damaged
 
     def takes(self, data: bytes) -> bool:
-        """Tell whether it reads ``data``; any other error than its own ends the test."""
+        """Return whether it reads ``data``; any other error than its own ends the test."""
         try:
             self.read(data)
         except self.refusals as error:
@@ -58,7 +58,7 @@ Make = Callable[[Place], Reader]
 
 
 def of_file(file: Path, read: Callable[[], object]) -> Callable[[bytes], object]:
-    """Give what reads bytes from a file."""
+    """Return what reads bytes from a file."""
 
     def reader(data: bytes) -> object:
         file.write_bytes(data)

@@ -96,7 +96,7 @@ class WorldDriver:
             self._own |= set(later[:1])
 
     def _same(self, goal: DriveGoal) -> Goal | None:
-        """Give the goal of an earlier run that leads to the same place and runs, or has got there."""
+        """Return the goal of an earlier run that leads to the same place and runs, or has got there."""
         goals, self._reclaimed = self._reclaimed, None
         mine = [each for each in self._world.goals.values() if each.goal_id in self._own]
         if goals is None or not mine or mine[-1].status not in ("EXECUTING", "SUCCEEDED"):

@@ -49,7 +49,7 @@ def check_end(history: History, undisturbed: History) -> None:
 
 
 def _end_of(history: History, without: set[str]) -> dict[str, Any]:
-    """Give what the last state shows, and where the robot is, ``without`` some actions."""
+    """Return what the last state shows, and where the robot is, ``without`` some actions."""
     state = history.fleet.states[-1]
     end = {
         "order": (state.order_id, state.order_update_id),
@@ -73,7 +73,7 @@ def _end_of(history: History, without: set[str]) -> dict[str, Any]:
 
 
 def _interrupted(history: History) -> set[str]:
-    """Give the actions that a death has failed; they must be such that cannot be begun again."""
+    """Return the actions that a death has failed; they must be such that cannot be begun again."""
     failed = [
         each
         for each in _actions(history.fleet.states[-1])
@@ -133,7 +133,7 @@ def _nothing_is_driven_twice(history: History) -> None:
 
 
 def _ahead(scenario: Scenario, state: State | None) -> set[Place]:
-    """Give the places that a robot may drive to that has shown ``state``."""
+    """Return the places that a robot may drive to that has shown ``state``."""
     orders = [step.message for step in scenario.steps if isinstance(step.message, Order)]
     ids = [(each.order_id, each.order_update_id) for each in orders]
     now = (state.order_id, state.order_update_id) if state else ("", 0)

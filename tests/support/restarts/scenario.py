@@ -40,7 +40,7 @@ class Step:
     when: When = lambda _: True
 
     def echoed(self, state: State) -> bool:
-        """Tell whether ``state`` shows that the robot has the message."""
+        """Return whether ``state`` shows that the robot has the message."""
         match self.message:
             case Order(order_id=order_id, order_update_id=update):
                 return (state.order_id, state.order_update_id) == (order_id, update)
@@ -125,7 +125,7 @@ class Fleet:
 
 
 def over(state: State) -> bool:
-    """Tell whether nothing is left to do, and the robot stands."""
+    """Return whether nothing is left to do, and the robot stands."""
     actions = (*state.action_states, *state.instant_action_states)
     ended = all(each.action_status in (ActionStatus.FINISHED, ActionStatus.FAILED) for each in actions)
     return not state.node_states and not state.driving and ended and not state.paused

@@ -39,7 +39,7 @@ def shown(action_id: str, *statuses: str) -> When:
 
 
 def all_ended(state: State) -> bool:
-    """Tell whether no action of the order is left."""
+    """Return whether no action of the order is left."""
     ended_ones = (ActionStatus.FINISHED, ActionStatus.FAILED)
     return all(each.action_status in ended_ones for each in state.action_states)
 

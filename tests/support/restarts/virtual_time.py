@@ -66,7 +66,7 @@ class LoopClock:
         return asyncio.get_running_loop().time()
 
     def now(self) -> datetime:
-        """Give a time of day that passes with the loop."""
+        """Return a time of day that passes with the loop."""
         return START + timedelta(seconds=self.monotonic())
 
 

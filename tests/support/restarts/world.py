@@ -55,7 +55,7 @@ class World:
         return next((goal for goal in self.goals.values() if not goal.ended), None)
 
     def table(self, own: frozenset[str]) -> GoalTable:
-        """Give the goals as an agent tells them that takes ``own`` for its."""
+        """Return the goals as an agent tells them that takes ``own`` for its."""
         return GoalTable(
             tuple(
                 GoalReport(goal.goal_id, goal.goal_id not in own, goal.status, goal.ended)

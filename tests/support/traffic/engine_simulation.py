@@ -171,7 +171,7 @@ class EngineSimulation:
                 await self._kill()
 
     def _restless(self) -> bool:
-        """Tell whether anybody has still to park or to recharge, and could."""
+        """Return whether anybody has still to park or to recharge, and could."""
         if next(self.engine.state.orders.unfinished(), None) is not None:
             return True
         return any(
@@ -180,7 +180,7 @@ class EngineSimulation:
         )
 
     def _barred(self, robot: DrivingRobot) -> bool:
-        """Tell whether a robot does not park for the sake of others, which have made room often enough."""
+        """Return whether a robot does not park for the sake of others, which have made room often enough."""
         vehicle = self.engine.registry.of(robot.key)
         return vehicle is not None and BARRED in self.engine.status(vehicle).reason
 
@@ -200,7 +200,7 @@ class EngineSimulation:
         return bool(self._left_to_create) or any(map(_of_host, self.engine.state.orders.unfinished()))
 
     def _strikes(self, mean: float) -> bool:
-        """Tell whether something bad happens, at about each tick."""
+        """Return whether something bad happens, at about each tick."""
         if not mean or self.timeline.clock.seconds < self._next_look_for_trouble:
             return False
         self._next_look_for_trouble = self.timeline.clock.seconds + TICK

@@ -20,7 +20,7 @@ def with_docks(plant: PlantModel) -> PlantModel:
 
 
 def with_stations(plant: PlantModel, stations: tuple[str, ...], length_mm: int) -> PlantModel:
-    """Give each station a location, each point a place of its own, and the vehicles a length."""
+    """Return each station a location, each point a place of its own, and the vehicles a length."""
     points = tuple(
         point.model_copy(update={"x_mm": 20_000 * (index % 40), "y_mm": 20_000 * (index // 40)})
         for index, point in enumerate(plant.points)

@@ -30,7 +30,7 @@ class Scene:
         return self.router.costs_from(start)
 
     def way(self, vehicle: str, *points: str) -> list[ResourceSet]:
-        """Give the sets of a way along ``points``, which follows the last set that the vehicle holds."""
+        """Return the sets of a way along ``points``, which follows the last set that the vehicle holds."""
         start = self.scheduler.occupant(vehicle).held[-1]
         ends = [start.point, *points]
         steps = (step for one, other in pairwise(ends) for step in self.router.route(one, other).steps)

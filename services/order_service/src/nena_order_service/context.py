@@ -89,7 +89,7 @@ class FleetControl(Protocol):
         ...
 
     def all_known(self) -> bool:
-        """Tell whether each robot that the broker knows to be there has told its state."""
+        """Return whether each robot that the broker knows to be there has told its state."""
         ...
 
     def connected_for(self) -> float:
@@ -97,7 +97,7 @@ class FleetControl(Protocol):
         ...
 
     def view(self, robot: RobotKey) -> RobotView:
-        """Tell what is known of a robot."""
+        """Return what is known of a robot."""
         ...
 
 

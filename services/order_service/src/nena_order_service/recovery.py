@@ -44,7 +44,7 @@ class Recovery:
             self._vehicles.change(vehicle.key)
 
     def present_vehicle(self, name: str) -> FleetVehicle | None:
-        """Give the vehicle that is now the robot that had this name; None: it has no orders any more.
+        """Return the vehicle that is now the robot that had this name; None: it has no orders any more.
 
         Where nobody has noted which robot that was, it is the vehicle of this name, unless that one is known
         to have been called otherwise.
@@ -57,7 +57,7 @@ class Recovery:
         return named if named and self._vehicles.name_before(named.key) in (None, name) else None
 
     def present_name(self, name: str) -> str:
-        """Give what the vehicle is called now that had this name; the same where it is none any more."""
+        """Return what the vehicle is called now that had this name; the same where it is none any more."""
         vehicle = self.present_vehicle(name)
         return vehicle.name if vehicle else name
 

@@ -31,7 +31,7 @@ PROBLEMS_NAMED = 100
 
 
 def hindrances(engine: Engine, new: PlantModel, registry: VehicleRegistry) -> tuple[str, ...]:
-    """Say what of the present orders and vehicles keeps the plant from being ``new``; nothing: it can be.
+    """Return what of the present orders and vehicles keeps the plant from being ``new``; nothing: it can be.
 
     ``registry`` is that of the new plant. Orders must find their destinations, and vehicles what they hold
     and have claimed, unchanged: what robots were told to drive they drive, and others keep off it.
@@ -101,7 +101,7 @@ class _Differences:
         self._old_blocks, self._new_blocks = _blocks(old), _blocks(new)
 
     def of(self, place: ResourceSet, *, under_way: bool) -> Iterator[str]:
-        """Say what of a place would be gone or different; of who is ``under_way`` also where it is."""
+        """Yield what of a place would be gone or different; of who is ``under_way`` also where it is."""
         for name in dict.fromkeys((place.point, *place.uses)):
             if name in self._old.blocks_by_name:
                 continue
@@ -135,7 +135,7 @@ class _Differences:
 
 
 def _blocks(plant: PlantModel) -> dict[str, set[tuple[str, BlockType]]]:
-    """Give the blocks that each resource is in."""
+    """Return the blocks that each resource is in."""
     found: dict[str, set[tuple[str, BlockType]]] = {}
     for block in plant.blocks:
         for member in block.members:
@@ -300,7 +300,7 @@ class Serving(Generic[P]):
         await done.wait()
 
     async def _present(self) -> PlantModel:
-        """Give the model that a host has put here, unless the file has changed since."""
+        """Return the model that a host has put here, unless the file has changed since."""
         document = (await self._store.documents(KIND)).get("")
         if document is None:
             return self._file.model

@@ -35,7 +35,7 @@ class StoreSettings(SettingsGroup):
     )
 
     def location(self) -> str:
-        """Give the database's URL, from the file where one is named; it may hold a password.
+        """Return the database's URL, from the file where one is named; it may hold a password.
 
         Raises:
             ConfigurationError: the file cannot be read, or is empty.

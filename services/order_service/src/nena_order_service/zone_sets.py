@@ -79,7 +79,7 @@ class ZoneDistribution:
         wanted: Mapping[str, Wanted],
         now: float,
     ) -> Iterator[Due]:
-        """Give what is to be done at a robot that reports ``states``, at ``now`` in monotonic seconds."""
+        """Yield what is to be done at a robot that reports ``states``, at ``now`` in monotonic seconds."""
         known = {each.zone_set_id: each.zone_set_status for each in states}
         for name, each in wanted.items():
             step = _step(each, known.get(name))
@@ -94,7 +94,7 @@ class ZoneDistribution:
             known.note = text
 
     def noted(self, robot: RobotKey, zone_set_id: str) -> str:
-        """Say what was tried last, and what came of it; empty for nothing that is left to do."""
+        """Return what was tried last, and what came of it; empty for nothing that is left to do."""
         known = self._tries.get((robot, zone_set_id))
         return known.note if known else ""
 

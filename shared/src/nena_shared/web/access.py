@@ -63,7 +63,7 @@ class RateLimit:
 
 
 def access_tokens_of(settings: HttpSettings) -> AccessTokens | None:
-    """Give what knows users by the issuer's tokens; None: no issuer is named.
+    """Return what knows users by the issuer's tokens; None: no issuer is named.
 
     Raises:
         ConfigurationError: the libraries are not installed, or a file cannot be used.
@@ -104,7 +104,7 @@ class TokenReader(Protocol):
     """Knows users by tokens that somebody else has made."""
 
     async def who(self, token: str) -> OidcUser:
-        """Give whose token it is; raises what is in :mod:`nena_shared.web.oidc.tokens`."""
+        """Return whose token it is; raises what is in :mod:`nena_shared.web.oidc.tokens`."""
         ...
 
 
@@ -178,7 +178,7 @@ class AccessControl:
         return user
 
     def _may_stay(self, scope: Scope) -> bool:
-        """Tell whether somebody who was let in would be let in again."""
+        """Return whether somebody who was let in would be let in again."""
         user = scope["state"]["user"]
         stays = self.clock.now() < user.expires if isinstance(user, OidcUser) else self._is_still_in(scope)
         if not stays:
@@ -260,7 +260,7 @@ def protect(app: ASGIApp, settings: HttpSettings, role_needed: RoleNeeded) -> Ac
 
 
 def token_of(headers: Headers, *, cookies: bool) -> str:
-    """Give the token that a request shows, in its header or, where that is taken, its cookie; empty: none."""
+    """Return the token of a request, from its header or else its cookie; empty: none."""
     scheme, _, token = headers.get("authorization", "").partition(" ")
     if scheme.lower() == "bearer":
         return token.strip()

@@ -81,7 +81,7 @@ class LastingAnswer:
         await self._send(message)
 
     async def receive(self) -> Message:
-        """Give what comes from the client; after the end, that it has gone."""
+        """Return what comes from the client; after the end, that it has gone."""
         coming = asyncio.ensure_future(self._receive())
         over = asyncio.ensure_future(self._over.wait())
         try:

@@ -18,7 +18,7 @@ RoleName = Literal["viewer", "operator", "admin"]
 
 
 def protected_url(url: str) -> str:
-    """Give ``url`` back where nobody on the way can change what comes from it.
+    """Return ``url`` back where nobody on the way can change what comes from it.
 
     Raises:
         ValueError: it is no URL of the kind, or neither https nor of this machine.

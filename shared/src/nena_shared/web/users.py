@@ -81,12 +81,12 @@ def new_token() -> str:
 
 
 def hash_of(token: str) -> str:
-    """Give what is kept of a token."""
+    """Return what is kept of a token."""
     return hashlib.sha256(token.encode()).hexdigest()
 
 
 def users_of(settings: HttpSettings) -> UserBook | None:
-    """Give those who may log in to a service; None: nobody has to.
+    """Return those who may log in to a service; None: nobody has to.
 
     Raises:
         ConfigurationError: the file that the settings name cannot be used.
@@ -179,7 +179,7 @@ class UserBook:
         self._users = read_users(path)
 
     def who(self, token: str) -> User | None:
-        """Give whose token it is; None: nobody's.
+        """Return whose token it is; None: nobody's.
 
         Raises:
             ConfigurationError: the file has changed and is no longer one of users.

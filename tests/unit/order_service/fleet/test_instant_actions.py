@@ -7,7 +7,7 @@ from itertools import count
 import pytest
 
 from nena_order_service.fleet import FleetSettings, InstantActionEnded, PublishInstantActions
-from nena_order_service.fleet.instant_actions import CLEARING_PAUSE, InstantDesk
+from nena_order_service.fleet.instant_actions import CLEARING_PAUSE, InstantActionManager
 from nena_order_service.fleet.robot import INSTANT_ACTIONS_LIMIT, Robot
 from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
 from nena_shared.vda5050.connection import ConnectionState
@@ -341,7 +341,7 @@ def test_a_cancel_names_the_order_where_it_may(version: str, named: list[str]) -
     assert [each.value for each in cancel.action_parameters] == named
 
 
-def alone(robot: HonestRobot | None = None, **arrays: int) -> InstantDesk:
+def alone(robot: HonestRobot | None = None, **arrays: int) -> InstantActionManager:
     """Give a desk by itself, of a robot that is there; ``arrays`` limits lists in its factsheet."""
     honest, settings, numbers = robot or HonestRobot(), FleetSettings(clear_instant_actions_from=1), count(1)
     known = Robot(honest.key, settings)
@@ -350,7 +350,7 @@ def alone(robot: HonestRobot | None = None, **arrays: int) -> InstantDesk:
     limits = sheet.protocol_limits.model_copy(update={"maximum_array_lengths": MaximumArrayLengths(**arrays)})
     known.take_factsheet(sheet.model_copy(update={"protocol_limits": limits}))
     known.take_state(honest.state(), 0.0)
-    return InstantDesk(known, settings, lambda: f"id-{next(numbers)}", broker=True)
+    return InstantActionManager(known, settings, lambda: f"id-{next(numbers)}", broker=True)
 
 
 def test_what_is_due_goes_out_in_messages_as_short_as_the_robot_wants_them() -> None:
@@ -408,7 +408,7 @@ def test_a_robot_that_does_not_clear_is_told_again_after_a_pause() -> None:
     assert told == [("clearInstantActions", 0.0), ("clearInstantActions", CLEARING_PAUSE)]
 
 
-def sent_types(desk: InstantDesk, now: float) -> list[str]:
+def sent_types(desk: InstantActionManager, now: float) -> list[str]:
     sent = (each for each in desk.send(now) if isinstance(each, PublishInstantActions))
     return [each.action_type for message in sent for each in message.actions]
 

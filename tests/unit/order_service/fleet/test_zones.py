@@ -9,7 +9,7 @@ import pytest
 
 from nena_order_service.fleet import FleetController, FleetSettings, PublishResponses
 from nena_order_service.fleet.settings import ReleasePolicy
-from nena_order_service.fleet.zones import ReleaseDesk
+from nena_order_service.fleet.zones import ReleaseManager
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.request import (
     EdgeRequest,
@@ -30,7 +30,7 @@ ONE, TWO = RobotKey("ACME", "one"), RobotKey("ACME", "two")
 
 class Desk:
     def __init__(self, **settings: object) -> None:
-        self.desk = ReleaseDesk(FleetSettings.model_validate(settings), lambda: NOON)
+        self.desk = ReleaseManager(FleetSettings.model_validate(settings), lambda: NOON)
         self.now = 100.0
         self.away: set[RobotKey] = set()
 

@@ -149,7 +149,7 @@ class MessageTemplate:
 
 
 def _alternatives(fields: JsonValue, shape: Shape) -> Iterator[JsonValue]:
-    """Give each value alone, within the tables around it, where an array in place of one value names many."""
+    """Yield each value alone within its tables, also where an array names many values."""
     if isinstance(fields, dict) and isinstance(shape, Record):
         for key, value in fields.items():
             inner = shape.fields.get(key)

@@ -200,7 +200,7 @@ class Run:
             self._give_up()
 
     def take(self, report: ActionReport) -> None:
-        """Take in what the plug-in reports, from whatever thread."""
+        """Handle what the plug-in reports, from whatever thread."""
         if threading.get_ident() == self._thread:
             self._take(report)
             return

@@ -40,7 +40,7 @@ def yaw_of(x: float, y: float, z: float, w: float) -> float | None:
 
 
 def quaternion_of(yaw: float) -> tuple[float, float]:
-    """Give z and w of the unit quaternion of a heading in rad; x and y are 0."""
+    """Return z and w of the unit quaternion of a heading in rad; x and y are 0."""
     half = wrap(yaw) / 2.0
     return math.sin(half), math.cos(half)
 

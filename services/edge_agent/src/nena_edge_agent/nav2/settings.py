@@ -270,7 +270,7 @@ class RosAddress:
             raise BadAddressError("; ".join(problems)) from None
 
     def applied(self, settings: RosSettings) -> RosSettings:
-        """Give ``settings`` with this address."""
+        """Return ``settings`` with this address."""
         return settings.model_copy(update={"namespace": self.namespace, "domain_id": self.domain_id})
 
     def __str__(self) -> str:

@@ -48,7 +48,7 @@ class Energy:
         return self.level >= wanted and not self.critical
 
     def restriction(self, *, fully: bool) -> str:
-        """Say, as a predicate, why it takes no order but one to recharge; empty if it takes any.
+        """Return, as a predicate, why it takes no order but one to recharge; empty if it takes any.
 
         ``fully``: who charges goes on until it is fully recharged, not just sufficiently. The words stay the
         same while it discharges or recharges.
@@ -129,32 +129,32 @@ CANDIDATE_VALUES: Final[Mapping[CandidateKey, Callable[[Candidate, Now], float |
 
 
 def rank_orders(keys: Sequence[OrderKey], now: Now) -> Callable[[TransportOrder], Rank]:
-    """Give what orders are sorted by; orders that are alike in all ``keys`` by their age."""
+    """Return what orders are sorted by; orders that are alike in all ``keys`` by their age."""
     values = [ORDER_VALUES[key] for key in keys]
     return lambda order: (*(value(order, now) for value in values), order.number)
 
 
 def rank_vehicles(keys: Sequence[VehicleKey]) -> Callable[[DispatchedVehicle], Rank]:
-    """Give what vehicles are sorted by; those that are alike in all ``keys`` by their names."""
+    """Return what vehicles are sorted by; those that are alike in all ``keys`` by their names."""
     values = [VEHICLE_VALUES[key] for key in keys]
     return lambda vehicle: (*(value(vehicle) for value in values), vehicle.name)
 
 
 def rank_candidates(keys: Sequence[CandidateKey], now: Now) -> Callable[[Candidate], Rank]:
-    """Give what pairs are sorted by; those that are alike in all ``keys`` by vehicle, then by age."""
+    """Return what pairs are sorted by; those that are alike in all ``keys`` by vehicle, then by age."""
     values = [CANDIDATE_VALUES[key] for key in keys]
     return lambda pair: (*(value(pair, now) for value in values), pair.vehicle.name, pair.order.number)
 
 
 def acceptable(names: Iterable[str] | None) -> tuple[AcceptableOrderType, ...]:
-    """Give types by their names, the first one liked best; None: any type is accepted."""
+    """Return types by their names, the first one liked best; None: any type is accepted."""
     if names is None:
         return ANY_ORDER_TYPE
     return tuple(AcceptableOrderType(name=name, priority=index) for index, name in enumerate(names))
 
 
 def type_priority(accepted: Iterable[AcceptableOrderType], order_type: str) -> int | None:
-    """Give how much a vehicle likes orders of this type, less is better; None: it does not accept them.
+    """Return how much a vehicle likes orders of this type, less is better; None: it does not accept them.
 
     What it says of the very type counts more than what it says of any (``*``).
     """
@@ -163,7 +163,7 @@ def type_priority(accepted: Iterable[AcceptableOrderType], order_type: str) -> i
 
 
 def why_not_accepted(accepted: Sequence[AcceptableOrderType], order_type: str) -> str:
-    """Say, as a predicate, why a vehicle takes no orders of this type; empty if it does."""
+    """Return, as a predicate, why a vehicle takes no orders of this type; empty if it does."""
     if type_priority(accepted, order_type) is not None:
         return ""
     if not accepted:
@@ -193,7 +193,7 @@ class Carried:
     """Those for loads of single types."""
 
     def why_no_room(self, pick: Pick) -> str:
-        """Say, as a predicate, why there is no room for a load; empty where there may be.
+        """Return, as a predicate, why there is no room for a load; empty where there may be.
 
         Who does not say which places it has has one, and a load that does not say where it is is anywhere.
         """
@@ -210,7 +210,7 @@ class Carried:
 
 
 def carried(state: State, factsheet: Factsheet | None) -> Carried | None:
-    """Give what a robot says that it carries; None where that is nothing, or it cannot tell."""
+    """Return what a robot says that it carries; None where that is nothing, or it cannot tell."""
     if not state.loads:
         return None
     loads = tuple(each.load_position or "" for each in state.loads)
@@ -221,7 +221,7 @@ def carried(state: State, factsheet: Factsheet | None) -> Carried | None:
 
 
 def _places_of(told: LoadSpecification) -> dict[str, frozenset[str]]:
-    """Give the places for loads of each type; a load set that names none is for all of them."""
+    """Return the places for loads of each type; a load set that names none is for all of them."""
     all_places, found = frozenset(told.load_positions or ()), dict[str, frozenset[str]]()
     for each in told.load_sets or ():
         places = all_places.intersection(each.load_positions or all_places)
@@ -252,12 +252,12 @@ class DispatchedVehicle:
     """The loads that it has; None: none, or nobody knows."""
 
     def type_priority(self, order: TransportOrder) -> float:
-        """Give the priority that orders of this type have here, less is better; infinity: it accepts none."""
+        """Return the priority of orders of this type, less is better; infinity: not accepted."""
         priority = type_priority(self.order_types, order.status.type)
         return inf if priority is None else priority
 
     def why_not(self, order: TransportOrder, *, recharges: bool, pick: Pick | None = None) -> str:
-        """Say, as a predicate, why it does not take this order now; empty if it may.
+        """Return, as a predicate, why it does not take this order now; empty if it may.
 
         ``recharges``: the next thing that the order asks for is to recharge. ``pick``: what it is to pick up
         first, None: nothing before it drops something.
@@ -288,26 +288,26 @@ class Knowledge(Protocol):
     """What the dispatcher asks about an order and a vehicle."""
 
     def misfit(self, order: TransportOrder, vehicle: str) -> str:
-        """Say, as a predicate, why a vehicle must not do an order, whatever it does now; empty where it may.
+        """Return why a vehicle must not do an order, whatever it does now; empty where it may.
 
         Of two orders of one kind (see :func:`_kind`) it says the same.
         """
         ...
 
     def recharges(self, order: TransportOrder) -> bool:
-        """Tell whether the next thing that an order asks for is to recharge."""
+        """Return whether the next thing that an order asks for is to recharge."""
         ...
 
     def pick(self, order: TransportOrder) -> Pick | None:
-        """Give what an order begins with picking up; None: it picks up nothing, or drops something first."""
+        """Return what an order picks up first; None: nothing, or it drops something before."""
         ...
 
     def cost(self, order: TransportOrder, vehicle: str) -> RouteCost:
-        """Give the cost of a vehicle's way through an order's destinations; infinity where there is none."""
+        """Return the cost of a vehicle's route through an order's destinations; infinity: no route."""
         ...
 
     def why_no_way(self, order: TransportOrder, vehicle: str) -> str:
-        """Say why there is no way."""
+        """Return why there is no way."""
         ...
 
 
@@ -364,7 +364,7 @@ class Dispatcher:
     def _sorted(
         self, orders: Iterable[TransportOrder], now: Now, kept: Mapping[int, str]
     ) -> Sequence[TransportOrder]:
-        """Give the orders in the order in which they choose; first those for which vehicles are kept."""
+        """Return the orders in the order in which they choose; first those for which vehicles are kept."""
         by_urgency = tuple(self.settings.orders) == URGENCY
         waiting = [*orders] if by_urgency else sorted(orders, key=rank_orders(self.settings.orders, now))
         return sorted(waiting, key=lambda order: order.number not in kept) if kept else waiting
@@ -467,11 +467,11 @@ class _Round:
         return vehicle.why_not(order, recharges=self._recharges(order), pick=self._pick(order))
 
     def _recharges(self, order: TransportOrder) -> bool:
-        """Tell whether an order is one to recharge, where that makes a difference."""
+        """Return whether an order is one to recharge, where that makes a difference."""
         return self._restricted and self._knowledge.recharges(order)
 
     def _pick(self, order: TransportOrder) -> Pick | None:
-        """Give what an order begins with picking up, where that makes a difference."""
+        """Return what an order begins with picking up, where that makes a difference."""
         return self._knowledge.pick(order) if self._loaded else None
 
     def _why(self, best: Candidate, choices: int) -> str:

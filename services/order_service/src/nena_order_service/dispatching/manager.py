@@ -43,7 +43,7 @@ class OrderFit:
     sequences: Sequences
 
     def order_types(self, vehicle: FleetVehicle) -> tuple[AcceptableOrderType, ...]:
-        """Give the types of orders that a vehicle accepts: what hosts have said, else the plant model."""
+        """Return the types of orders that a vehicle accepts: what hosts have said, else the plant model."""
         said = self.records.of(vehicle.key).acceptable_order_types
         if said is not None:
             return said
@@ -54,7 +54,7 @@ class OrderFit:
         self.records.change(vehicle.key, acceptable_order_types=types)
 
     def misfit(self, order: TransportOrder, vehicle: FleetVehicle) -> str:
-        """Say, as a predicate, why a vehicle must not be given an order; empty where it may."""
+        """Return, as a predicate, why a vehicle must not be given an order; empty where it may."""
         if vehicle.name in order.status.excluded_vehicles:
             return "has failed at it"
         why = self.sequences.misfit(order, vehicle.name)
@@ -80,7 +80,7 @@ class KnownCosts:
         self._why.cache_clear()
 
     def why_no_way(self, order: TransportOrder, vehicle: str, start: str) -> str:
-        """Say why a vehicle that starts at a point has no way."""
+        """Return why a vehicle that starts at a point has no way."""
         stops = tuple(_stops(order))
         return self._why(stops, order.resources_to_avoid, vehicle, start)
 
@@ -113,20 +113,20 @@ class OrderKnowledge:
         self._known: dict[tuple[int, int], OrderCosts] = {}
 
     def misfit(self, order: TransportOrder, vehicle: str) -> str:
-        """Say, as a predicate, why a vehicle must not do an order at all; empty where it may."""
+        """Return, as a predicate, why a vehicle must not do an order at all; empty where it may."""
         known = self._costs.registry.named(vehicle)
         return "" if known is None or order.status.automatic else self._fit.misfit(order, known)
 
     def recharges(self, order: TransportOrder) -> bool:
-        """Tell whether the next thing that an order asks for is to recharge."""
+        """Return whether the next thing that an order asks for is to recharge."""
         return self._planner.recharges(order)
 
     def pick(self, order: TransportOrder) -> Pick | None:
-        """Give what an order begins with picking up; None: it picks up nothing, or drops something first."""
+        """Return what an order picks up first; None: nothing, or it drops something before."""
         return self._planner.pick(order)
 
     def cost(self, order: TransportOrder, vehicle: str) -> RouteCost:
-        """Give the cost of a vehicle's way through an order's destinations; infinity where there is none."""
+        """Return the cost of a vehicle's route through an order's destinations; infinity: no route."""
         who, start = self._places[vehicle]
         stops = _stops(order)
         if any(each.coordinate for each in stops):
@@ -139,12 +139,12 @@ class OrderKnowledge:
         return known.source(start)
 
     def why_no_way(self, order: TransportOrder, vehicle: str) -> str:
-        """Say why there is no way."""
+        """Return why there is no way."""
         return self._costs.why_no_way(order, vehicle, self._places[vehicle][1])
 
 
 def _stops(order: TransportOrder) -> list[Destination]:
-    """Give the destinations that are not reached yet."""
+    """Return the destinations that are not reached yet."""
     return [each.destination for each in order.status.drive_orders[order.index :]]
 
 
@@ -207,7 +207,7 @@ class Dispatching:
         """What mattered of each vehicle when it was looked at last."""
 
     def dispatch(self, orders: Sequence[TransportOrder]) -> tuple[list[Dispatched], dict[str, str]]:
-        """Give what is to be assigned of orders, and why the others wait, by name.
+        """Return what is to be assigned of orders, and why the others wait, by name.
 
         Where a vehicle has to give up a dispensable order first, it is kept for its new one from now on.
         """
@@ -247,7 +247,7 @@ class Dispatching:
         self._costs.forget()
 
     def has_changed(self, vehicle: FleetVehicle) -> bool:
-        """Tell whether anything that matters here is new about a vehicle since it was looked at.
+        """Return whether anything that matters here is new about a vehicle since it was looked at.
 
         That it works on an order now is no news: whoever gave it the order has looked at those that wait.
         """
@@ -256,16 +256,16 @@ class Dispatching:
         return now.matters != before and now.seen.obstacle != BUSY
 
     def idle_reason(self, vehicle: FleetVehicle, *, orders_wait: bool) -> str:
-        """Say why a vehicle that works on no order has none."""
+        """Return why a vehicle that works on no order has none."""
         seen = self.consider(vehicle).seen
         return seen.obstacle or seen.restriction or (NO_ORDER_FITS if orders_wait else NO_ORDER)
 
     def is_bound(self, vehicle: FleetVehicle) -> bool:
-        """Tell whether a vehicle does nothing but an order sequence."""
+        """Return whether a vehicle does nothing but an order sequence."""
         return self.fit.sequences.bound_to(vehicle.name) is not None
 
     def consider(self, vehicle: FleetVehicle) -> LocatedCandidate:
-        """Give a vehicle as the dispatcher sees it now."""
+        """Return a vehicle as the dispatcher sees it now."""
         if vehicle.obstacle:
             return _hindered(vehicle, vehicle.obstacle)
         order = self._state.order_of(vehicle.key)
@@ -294,7 +294,7 @@ class Dispatching:
         return LocatedCandidate(vehicle, seen, standing)
 
     def energy(self, vehicle: FleetVehicle, view: RobotView) -> Energy | None:
-        """Give how much energy a vehicle has; None where that is of no account."""
+        """Return how much energy a vehicle has; None where that is of no account."""
         if view.state is None or not self._energy.respected:
             return None
         thresholds = vehicle.model.energy_thresholds if vehicle.model else self._energy.thresholds
@@ -302,7 +302,7 @@ class Dispatching:
         return Energy(power.state_of_charge, power.charging, thresholds)
 
     def _obstacle(self, vehicle: FleetVehicle, view: RobotView, order: TransportOrder | None) -> str:
-        """Say why a vehicle takes no order though it has none, or one that it would give up."""
+        """Return why a vehicle takes no order though it has none, or one that it would give up."""
         if order is None:
             obstacle = self._driving.obstacle(vehicle)
             free = view.availability.can_take_order
@@ -318,19 +318,19 @@ class Dispatching:
         return why_not_on(self._planner.map_id(standing.point, vehicle), view.state)
 
     def _carried(self, vehicle: FleetVehicle, view: RobotView) -> Carried | None:
-        """Give the loads that count: not those of a vehicle whose host has planned all that it is to do."""
+        """Return the loads that count: not those of a vehicle whose host has planned all that it is to do."""
         if view.state is None or not self._loads_respected or self.is_bound(vehicle):
             return None
         return carried(view.state, view.factsheet)
 
     def _is_giving_up(self, vehicle: FleetVehicle, order: TransportOrder) -> bool:
-        """Tell whether a vehicle is about to be free for the order that it is kept for."""
+        """Return whether a vehicle is about to be free for the order that it is kept for."""
         if order.state is not TransportOrderState.WITHDRAWN or vehicle.name not in self._kept.values():
             return False
         return self._view(vehicle).link is LinkStatus.ONLINE
 
     def _would_give_up(self, order: TransportOrder) -> bool:
-        """Tell whether an order is given up for another one; whoever recharges has to be done with that."""
+        """Return whether an order is given up for another one; whoever recharges has to be done with that."""
         if order.state is not TransportOrderState.BEING_PROCESSED or order.held:
             return False
         return order.status.dispensable or (is_automatic_recharge(order) and is_operating(order))
@@ -369,7 +369,7 @@ class Dispatching:
 
 
 def is_operating(order: TransportOrder) -> bool:
-    """Tell whether an order's vehicle does what is to be done at its destination."""
+    """Return whether an order's vehicle does what is to be done at its destination."""
     return order.current.state is DriveOrderState.OPERATING
 
 

@@ -43,7 +43,7 @@ class RoutePlan:
 
 
 def access_points(destination: Destination, plant: PlantModel) -> tuple[str, ...]:
-    """Give the points at which a destination that is no coordinate can be served."""
+    """Return the points at which a destination that is no coordinate can be served."""
     name = destination.location_name or ""
     return plant.access_points(name, destination.operation) if name in plant.locations_by_name else (name,)
 
@@ -71,7 +71,7 @@ class RouteFinder:
         self._locks = dict(locks)
 
     def is_locked(self, path: str) -> bool:
-        """Tell whether new routes keep off a path; what is no path of the plant is not locked."""
+        """Return whether new routes keep off a path; what is no path of the plant is not locked."""
         known = self._plant.paths_by_name.get(path)
         return known is not None and self._locks.get(path, known.locked)
 
@@ -83,7 +83,7 @@ class RouteFinder:
         vehicle: Vehicle | None = None,
         avoid: Collection[str] = frozenset(),
     ) -> bool:
-        """Tell whether there is a way that :meth:`find` would find if hosts unlocked what they locked."""
+        """Return whether there is a way that :meth:`find` would find if hosts unlocked what they locked."""
         try:
             self._find(self._any_day, start, destinations, vehicle=vehicle, avoid=avoid)
         except NoRouteError:
@@ -135,25 +135,25 @@ class RouteFinder:
         return self._router.route(start, goal, vehicle=vehicle, avoid=avoid)
 
     def costs(self, start: str, *, vehicle: Vehicle | None = None) -> Mapping[str, float]:
-        """Give what it costs to reach each point that can be reached."""
+        """Return what it costs to reach each point that can be reached."""
         return self._router.costs_from(start, vehicle=vehicle)
 
     def costs_to(
         self, point: str, *, vehicle: Vehicle | None = None, avoid: Collection[str] = frozenset()
     ) -> CostMap:
-        """Give what it costs to reach a point from each point."""
+        """Return what it costs to reach a point from each point."""
         return self._router.costs_to(point, vehicle=vehicle, avoid=avoid)
 
     def kind(self, vehicle: Vehicle | None) -> int:
-        """Give a number for the kind of a vehicle: those of one kind have the same ways."""
+        """Return a number for the kind of a vehicle: those of one kind have the same ways."""
         return self._router.kind(vehicle)
 
     def nearest(self, coordinate: Coordinate) -> str:
-        """Give the point from which the way goes on after a coordinate."""
+        """Return the point from which the way goes on after a coordinate."""
         return min(self._plant.points, key=lambda point: _distance_mm(point, coordinate)).name
 
     def why_unroutable(self, destinations: Sequence[Destination], avoid: Collection[str]) -> str | None:
-        """Say why no vehicle at all could do this, wherever it stands; None if one could.
+        """Return why no vehicle at all could do this, wherever it stands; None if one could.
 
         As in openTCS, each access point of the first destination is tried as a start.
         """
@@ -201,7 +201,7 @@ class OrderCosts:
     entries: tuple[_Entry, ...]
 
     def source(self, point: str) -> RouteCost:
-        """Give the cost for a vehicle that starts at ``point``."""
+        """Return the cost for a vehicle that starts at ``point``."""
         best = NO_WAY
         for entry in self.entries:
             initial = entry.to_it.source(point)
@@ -224,7 +224,7 @@ class RouteCosts:
         vehicle: Vehicle | None,
         avoid: Collection[str] = frozenset(),
     ) -> RouteCost:
-        """Give the cost of a way as :meth:`RouteFinder.find` would find it."""
+        """Return the cost of a way as :meth:`RouteFinder.find` would find it."""
         if any(each.coordinate for each in destinations):
             return self._searched(start, destinations, vehicle, avoid)
         return self.of(destinations, vehicle=vehicle, avoid=avoid).source(start)
@@ -236,7 +236,7 @@ class RouteCosts:
         vehicle: Vehicle | None,
         avoid: Collection[str] = frozenset(),
     ) -> OrderCosts:
-        """Give the costs of an order that names no coordinates, looked at from its end."""
+        """Return the costs of an order that names no coordinates, looked at from its end."""
         entries: tuple[_Entry, ...] = ()
         later: OrderCosts | None = None
         for destination in reversed(destinations):

@@ -20,7 +20,7 @@ LINK_REASONS: Final = {
 
 
 def away(link: LinkStatus, unreadable: str = "", *, broker: bool) -> str | None:
-    """Say why the robot cannot be reached; None if it can.
+    """Return why the robot cannot be reached; None if it can.
 
     ``unreadable`` says what is wrong with its messages. ``broker`` is also False while the robot has to
     report before it is sent anything, see
@@ -34,7 +34,7 @@ def away(link: LinkStatus, unreadable: str = "", *, broker: bool) -> str | None:
 
 
 def occupied(state: State, instant_ids: Collection[str]) -> str | None:
-    """Say what keeps a robot that can be reached from taking a new order (section 6.6.8); None if nothing."""
+    """Return what keeps a reachable robot from taking a new order (section 6.6.8), or None."""
     if not state.operating_mode.takes_orders:
         return f"is in operating mode {state.operating_mode}, which takes no orders"
     if not is_idle(state, instant_ids):
@@ -43,7 +43,7 @@ def occupied(state: State, instant_ids: Collection[str]) -> str | None:
 
 
 def unfit(state: State) -> str | None:
-    """Say why a free robot would refuse an order or could not drive it; None if it could."""
+    """Return why a free robot would refuse an order or could not drive it; None if it could."""
     error = failures.fatal(state.errors)
     if error is not None:
         return f"has a fatal error: {failures.in_words(error)}"
@@ -55,7 +55,7 @@ def unfit(state: State) -> str | None:
 
 
 def hindered(state: State) -> str | None:
-    """Say what keeps a robot from driving now, though it takes orders; None if nothing."""
+    """Return what keeps a robot from driving now, though it takes orders; None if nothing."""
     if state.safety_state.active_emergency_stop is not EmergencyStop.NONE:
         return "has an active emergency stop"
     return "is paused" if state.paused else _without_navigation(state)
@@ -67,7 +67,7 @@ def _without_navigation(state: State) -> str | None:
 
 
 def vehicle_state(state: State | None, link: LinkStatus, instant_ids: Collection[str]) -> VehicleState:
-    """Give the state in openTCS's words; UNKNOWN is a robot that does not tell."""
+    """Return the state in openTCS's words; UNKNOWN is a robot that does not tell."""
     if state is None or link is not LinkStatus.ONLINE:
         return VehicleState.UNKNOWN
     if failures.fatal(state.errors) is not None:
@@ -80,7 +80,7 @@ def vehicle_state(state: State | None, link: LinkStatus, instant_ids: Collection
 
 
 def matters(state: State) -> tuple[object, ...]:
-    """Give all that VDA orders and news are made of: not where the robot is, nor fractions of a percent.
+    """Return all that VDA orders and news are made of: not where the robot is, nor fractions of a percent.
 
     Of the nodes and edges to come the first counts, and whether there are any: all others follow it.
     """
@@ -108,5 +108,5 @@ def matters(state: State) -> tuple[object, ...]:
 
 
 def equipment(state: State) -> tuple[object, ...]:
-    """Give where a robot has loads, and its maps, for the dispatcher; not what changes all the time."""
+    """Return where a robot has loads, and its maps, for the dispatcher; not what changes all the time."""
     return state.loads and tuple(each.load_position for each in state.loads), state.maps

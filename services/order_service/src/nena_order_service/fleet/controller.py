@@ -12,7 +12,7 @@ from nena_order_service.fleet import availability
 from nena_order_service.fleet.availability import equipment, matters
 from nena_order_service.fleet.failures import RobotBusyError
 from nena_order_service.fleet.feasibility import fitted, order_problem
-from nena_order_service.fleet.instant_actions import InstantDesk
+from nena_order_service.fleet.instant_actions import InstantActionManager
 from nena_order_service.fleet.order_execution import OrderExecution
 from nena_order_service.fleet.outputs import FleetOutput, Outputs, RobotChanged
 from nena_order_service.fleet.robot import (
@@ -27,7 +27,7 @@ from nena_order_service.fleet.robot import (
 )
 from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.fleet.vda_order import VdaOrder, fresh_id
-from nena_order_service.fleet.zones import ReleaseDesk
+from nena_order_service.fleet.zones import ReleaseManager
 from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet
@@ -49,7 +49,7 @@ class RobotControl:
     ) -> None:
         self.robot = Robot(key, settings)
         self._settings = settings
-        self._desk = InstantDesk(self.robot, settings, new_id, broker=broker)
+        self._instant_actions = InstantActionManager(self.robot, settings, new_id, broker=broker)
         self._run: OrderExecution | None = None
         self._ended: deque[str] = deque(maxlen=ENDED_MISSIONS_KEPT)
         self._last_order_at: float | None = None
@@ -67,34 +67,34 @@ class RobotControl:
         self._seen: tuple[tuple[object, ...], RobotView] | None = None
 
     def on_broker(self, *, connected: bool, now: float, unread: bool) -> Iterator[FleetOutput]:
-        """Take notice of our own link; with ``unread`` the robot is out of reach until its next state."""
+        """Handle our own link; with ``unread`` the robot is out of reach until its next state."""
         self._unread = connected and unread
-        self._desk.broker = connected and not unread
+        self._instant_actions.broker = connected and not unread
         yield from self._advance(now)
 
     def on_connection(self, message: Connection, now: float) -> Iterator[FleetOutput]:
-        """Take in a connection message."""
+        """Handle a connection message."""
         self.robot.take_connection(message, now)
-        self._desk.reconnected()
+        self._instant_actions.reconnected()
         yield from self._advance(now)
 
     def on_factsheet(self, message: Factsheet, now: float) -> Iterator[FleetOutput]:
-        """Take in a factsheet."""
+        """Handle a factsheet."""
         self.robot.take_factsheet(message)
         yield from self._advance(now)
 
     def on_malformed(self, problem: str | None, now: float) -> Iterator[FleetOutput]:
-        """Take in that a message could not be read, and what is wrong with it."""
+        """Handle that a message could not be read, and what is wrong with it."""
         self.robot.take_malformed(problem, now)
         self._changes += 1
         yield from self._tell_change(now)
 
     def on_state(self, message: State, now: float) -> Iterator[FleetOutput]:
-        """Take in a state; instant actions first, for a VDA order may end by one."""
+        """Handle a state; instant actions first, for a VDA order may end by one."""
         if not self.robot.take_state(message, now):
             return
         if self._unread:
-            self._unread, self._desk.broker = False, True
+            self._unread, self._instant_actions.broker = False, True
             self._changes += 1
         if self._says_nothing_new(message):
             self._changes += 1
@@ -103,7 +103,7 @@ class RobotControl:
         self._left_at = self._changes
 
     def _says_nothing_new(self, message: State) -> bool:
-        """Tell whether all is as the last state left it, and nothing would come of the same again.
+        """Return whether all is as the last state left it, and nothing would come of the same again.
 
         Strays are stopped, actions cleared away and factsheets asked for by time, while states say the same.
         """
@@ -112,10 +112,10 @@ class RobotControl:
             return False
         if message.instant_action_states or self.robot.abilities is None:
             return False
-        return self._run is not None or is_idle(message, self._desk.ids)
+        return self._run is not None or is_idle(message, self._instant_actions.ids)
 
     def _take_state(self, message: State, now: float) -> Iterator[FleetOutput]:
-        for news in self._desk.on_state(message, now):
+        for news in self._instant_actions.on_state(message, now):
             if self._run:
                 self._run.on_news(news)
             yield news
@@ -161,14 +161,14 @@ class RobotControl:
 
     def instruct(self, action: Action, now: float) -> Iterator[FleetOutput]:
         """Send an instant action, unless it is known already that the robot would not get or take it."""
-        yield from self._desk.request(action, now)
+        yield from self._instant_actions.request(action, now)
         yield from self._advance(now)
 
     def tick(self, now: float) -> Iterator[FleetOutput]:
         """Do what is overdue; who is quiet has nothing, unless it has fallen silent."""
         if self.quiet and self.robot.link(now) is self._told_link:
             return
-        yield from self._desk.on_tick(now)
+        yield from self._instant_actions.on_tick(now)
         if self._run:
             if self._cannot_get(self._run, now):
                 self._run.hold()
@@ -176,7 +176,7 @@ class RobotControl:
         yield from self._advance(now)
 
     def _cannot_get(self, run: OrderExecution, now: float) -> bool:
-        """Tell whether the robot cannot be sent now what it still is to get of its VDA order."""
+        """Return whether the robot cannot be sent now what it still is to get of its VDA order."""
         if run.phase in (VdaOrderPhase.WAITING, VdaOrderPhase.SENT):
             return self._obstacle(now) is not None
         away = self._away(now)
@@ -185,12 +185,17 @@ class RobotControl:
     @property
     def quiet(self) -> bool:
         """Whether nothing is to be done before the robot tells something new."""
-        return (self._run is None or self._run.quiet) and not self._desk.busy
+        return (self._run is None or self._run.quiet) and not self._instant_actions.busy
 
     def view(self, now: float) -> RobotView:
-        """Tell what is known; made anew only where that may have changed."""
+        """Return what is known; made anew only where that may have changed."""
         robot = self.robot
-        moment = (self._changes, robot.link(now), robot.malformed, self._desk.awaits_factsheet(now))
+        moment = (
+            self._changes,
+            robot.link(now),
+            robot.malformed,
+            self._instant_actions.awaits_factsheet(now),
+        )
         if self._seen is None or self._seen[0] != moment:
             self._seen = moment, self._view(now)
         return self._seen[1]
@@ -201,7 +206,7 @@ class RobotControl:
         return RobotView(
             key=robot.key,
             link=link,
-            vehicle_state=availability.vehicle_state(robot.state, link, self._desk.ids),
+            vehicle_state=availability.vehicle_state(robot.state, link, self._instant_actions.ids),
             availability=self._availability(now),
             state=robot.state,
             state_at=robot.state_at,
@@ -222,11 +227,11 @@ class RobotControl:
         elif run:
             yield from self._send_order(run, now)
             yield from self._send_update(run, now)
-            if run.wants_cancel(self.robot.state) and self._desk.can_cancel(now):
-                run.cancel = self._desk.cancel(run.vda_order.order_id)
+            if run.wants_cancel(self.robot.state) and self._instant_actions.can_cancel(now):
+                run.cancel = self._instant_actions.cancel(run.vda_order.order_id)
         self._stop_stray(now)
-        if self._desk.busy:
-            yield from self._desk.send(now)
+        if self._instant_actions.busy:
+            yield from self._instant_actions.send(now)
         yield from self._tell_change(now)
 
     def _send_order(self, run: OrderExecution, now: float) -> Iterator[FleetOutput]:
@@ -269,24 +274,26 @@ class RobotControl:
         self._run = None
 
     def _obstacle(self, now: float) -> str | None:
-        """Say why the robot must not be sent an order now; None if it may."""
+        """Return why the robot must not be sent an order now; None if it may."""
         link = self.robot.link(now)
         sent = self._run is not None and self._run.phase is VdaOrderPhase.SENT
         if link in REPORTS_NOTHING and self.robot.reachable and sent:
             link = LinkStatus.ONLINE  # the sendings count, so that an order to a dead robot fails in the end
-        reason = availability.away(link, self.robot.unreadable, broker=self._desk.broker)
+        reason = availability.away(link, self.robot.unreadable, broker=self._instant_actions.broker)
         state = self.robot.state
         if reason or state is None:
             return reason or self.robot.unreadable or "has not reported its state yet"
-        if self._desk.cancelling:
+        if self._instant_actions.cancelling:
             return "has not yet confirmed a cancelOrder"
-        if self._desk.awaits_factsheet(now):
+        if self._instant_actions.awaits_factsheet(now):
             return "has not told its factsheet yet"
-        return availability.occupied(state, self._desk.ids) or availability.unfit(state)
+        return availability.occupied(state, self._instant_actions.ids) or availability.unfit(state)
 
     def _away(self, now: float) -> str | None:
-        """Say why the robot cannot be reached; None if it can."""
-        return availability.away(self.robot.link(now), self.robot.unreadable, broker=self._desk.broker)
+        """Return why the robot cannot be reached; None if it can."""
+        return availability.away(
+            self.robot.link(now), self.robot.unreadable, broker=self._instant_actions.broker
+        )
 
     def _availability(self, now: float) -> Availability:
         state = self.robot.state
@@ -316,11 +323,11 @@ class RobotControl:
         state = self.robot.state
         if state is None or state.order_id not in self._ended or now < self._next_stray_cancel:
             return
-        desk = self._desk
-        if desk.cancelling or is_idle(state, desk.ids) or not desk.can_cancel(now):
+        actions = self._instant_actions
+        if actions.cancelling or is_idle(state, actions.ids) or not actions.can_cancel(now):
             return
         self._next_stray_cancel = now + STRAY_PAUSE
-        desk.cancel(state.order_id)
+        actions.cancel(state.order_id)
 
     def _tell_change(self, now: float) -> Iterator[FleetOutput]:
         self._told_link = self.robot.link(now)
@@ -330,7 +337,7 @@ class RobotControl:
             yield RobotChanged(self.robot.key)
 
     def _signature(self, now: float) -> tuple[object, ...]:
-        """Give what makes a change worth telling: not its place on the map, speeds, parts of a percent."""
+        """Return what makes a change worth telling: not its place on the map, speeds, parts of a percent."""
         state, run = self.robot.state, self._run
         vda_order = (run.vda_order.order_id, run.phase, self._wait_reason(now)) if run else None
         abilities = self.robot.abilities
@@ -347,7 +354,7 @@ class RobotControl:
             state.errors,
             int(power.state_of_charge),
             power.charging,
-            is_idle(state, self._desk.ids),
+            is_idle(state, self._instant_actions.ids),
             availability.hindered(state),
             equipment(state),
         )
@@ -383,24 +390,24 @@ class FleetController:
         self._busy: dict[RobotKey, RobotControl] = {}
         """Those who may have something to do as time goes by; most do what they were sent."""
         self._silences = Silences()
-        self._desk = ReleaseDesk(settings, utc_now)
+        self._instant_actions = ReleaseManager(settings, utc_now)
 
     def on_connection(self, robot: RobotKey, message: Connection, now: float) -> Outputs:
-        """Take in a connection message."""
+        """Handle a connection message."""
         control = self._control(robot)
         return self._told(control, control.on_connection(message, now))
 
     def on_state(self, robot: RobotKey, message: State, now: float) -> Outputs:
-        """Take in a state message; one that is repeated or out of order changes nothing."""
+        """Handle a state message; one that is repeated or out of order changes nothing."""
         control = self._control(robot)
         outputs = self._told(control, control.on_state(message, now))
-        if message.zone_requests or message.edge_requests or self._desk.busy:
-            self._desk.on_state(robot, control.robot.state or message)
+        if message.zone_requests or message.edge_requests or self._instant_actions.busy:
+            self._instant_actions.on_state(robot, control.robot.state or message)
             outputs += self._answers(now)
         return outputs
 
     def on_factsheet(self, robot: RobotKey, message: Factsheet, now: float) -> Outputs:
-        """Take in a factsheet."""
+        """Handle a factsheet."""
         control = self._control(robot)
         return self._told(control, control.on_factsheet(message, now))
 
@@ -413,7 +420,7 @@ class FleetController:
         return self._told(control, control.on_malformed(problem, now))
 
     def on_broker(self, *, connected: bool, now: float, unread: bool = False) -> Outputs:
-        """Take notice that our own link to the broker stands or has gone; at first it counts as gone.
+        """Note that our own link to the broker stands or has gone; at first it counts as gone.
 
         With ``unread`` no robot is sent anything before its next state.
         """
@@ -453,7 +460,7 @@ class FleetController:
         return self._told(control, control.start(run, now))
 
     def extend_vda_order(self, robot: RobotKey, vda_order: VdaOrder, now: float) -> Outputs:
-        """Give the robot's VDA order a newer plan: more of it released, or another way behind the base.
+        """Return the robot's VDA order a newer plan: more of it released, or another way behind the base.
 
         It goes out as an order update as soon as the robot has echoed what it was sent before; of plans that
         come in the meantime only the newest is sent. A VDA order that has ended is passed over.
@@ -478,10 +485,10 @@ class FleetController:
     def tick(self, now: float) -> Outputs:
         """Do what is overdue: send again, give up, notice silence. Call it a few times each second."""
         ticks = chain.from_iterable(self._told(each, each.tick(now)) for each in self._due(now))
-        return (*ticks, *(self._answers(now) if self._desk.busy else ()))
+        return (*ticks, *(self._answers(now) if self._instant_actions.busy else ()))
 
     def view(self, robot: RobotKey, now: float) -> RobotView:
-        """Tell what is known of a robot; of one that was never heard of, that."""
+        """Return what is known of a robot; of one that was never heard of, that."""
         known = self._robots.get(robot)
         return (known or self._new_control(robot)).view(now)
 
@@ -490,7 +497,7 @@ class FleetController:
         return now - self._broker_since if self._broker else 0.0
 
     def all_known(self, now: float) -> bool:
-        """Tell whether each robot that the broker knows to be there has told its state."""
+        """Return whether each robot that the broker knows to be there has told its state."""
         if self.connected_for(now) < RETAINED_WITHIN:
             return False
         return all(each.robot.state or not each.robot.reachable for each in self._robots.values())
@@ -500,14 +507,16 @@ class FleetController:
         return tuple(self._robots)
 
     def has_room_for(self, robot: RobotKey) -> bool:
-        """Tell whether messages of this robot can be taken in: it is known, or there are not too many yet."""
+        """Return whether messages of this robot are handled: it is known, or the limit is not reached."""
         return robot in self._robots or len(self._robots) < self._settings.robots_limit
 
     def _answers(self, now: float) -> Outputs:
         """Answer the robots' requests; nobody can be told anything while our own link is gone."""
         if not self._broker:
             return ()
-        return tuple(self._desk.answers(now, all_known=self.all_known(now), reachable=self._reachable))
+        return tuple(
+            self._instant_actions.answers(now, all_known=self.all_known(now), reachable=self._reachable)
+        )
 
     def _reachable(self, robot: RobotKey) -> bool:
         return self._robots[robot].robot.reachable
@@ -524,7 +533,7 @@ class FleetController:
         return told
 
     def _due(self, now: float) -> Iterator[RobotControl]:
-        """Give those for whom it makes a difference that time has gone by."""
+        """Yield those for whom it makes a difference that time has gone by."""
         busy = dict(self._busy)
         yield from busy.values()
         yield from (self._robots[robot] for robot in self._silences.passed(now) if robot not in busy)

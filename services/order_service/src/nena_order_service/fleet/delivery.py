@@ -21,11 +21,11 @@ class Delivery:
     """When a refusal that may be of another message was seen first, in monotonic seconds."""
 
     def due(self, now: float) -> bool:
-        """Tell whether the message is to be sent now."""
+        """Return whether the message is to be sent now."""
         return now >= self._due_at and self.sendings < self.settings.sendings
 
     def failed(self, now: float) -> bool:
-        """Tell whether the last sending has been given its time, too."""
+        """Return whether the last sending has been given its time, too."""
         return now >= self._due_at and self.sendings >= self.settings.sendings
 
     def sent(self, now: float) -> None:
@@ -36,7 +36,7 @@ class Delivery:
         self.in_all += 1
 
     def is_refused(self, now: float, *, named: bool) -> bool:
-        """Tell whether a refusal is to be believed; one that names nothing may be about another message.
+        """Return whether a refusal is to be believed; one that names nothing may be about another message.
 
         Then the message is sent once more, and the robot has its time to take it up.
         """

@@ -56,38 +56,38 @@ ErrorIdentity = tuple[str, frozenset[tuple[str, str]]]
 
 
 def identity(error: ErrorEntry) -> ErrorIdentity:
-    """Give what makes an error the same one in the next state; its words may change."""
+    """Return what makes an error the same one in the next state; its words may change."""
     return error.error_type, frozenset(
         (each.reference_key, each.reference_value) for each in error.error_references
     )
 
 
 def in_words(error: ErrorEntry) -> str:
-    """Give the robot's own words."""
+    """Return the robot's own words."""
     text = f"{error.error_type}: {error.error_description}" if error.error_description else error.error_type
     return f"{text} ({error.error_hint})" if error.error_hint else text
 
 
 def with_details(reason: str, details: Iterable[str]) -> str:
-    """Give a reason and what the robot says of it."""
+    """Return a reason and what the robot says of it."""
     said = "; ".join(details)
     return f"{reason}: {said}" if said else reason
 
 
 def fatal(errors: Iterable[ErrorEntry]) -> ErrorEntry | None:
-    """Give the first error that needs a person, if there is one."""
+    """Return the first error that needs a person, if there is one."""
     return next((error for error in errors if error.error_level is ErrorLevel.FATAL), None)
 
 
 def no_navigation(errors: Iterable[ErrorEntry]) -> ErrorEntry | None:
-    """Give the error by which a robot says that it waits for its own navigation, if there is one."""
+    """Return the error by which a robot says that it waits for its own navigation, if there is one."""
     return next((error for error in errors if error.error_type in NO_NAVIGATION), None)
 
 
 def refusals(
     errors: Iterable[ErrorEntry], vda_order: VdaOrder, before: frozenset[ErrorIdentity]
 ) -> tuple[ErrorEntry, ...]:
-    """Give the errors by which the robot refuses the VDA order.
+    """Return the errors by which the robot refuses the VDA order.
 
     They name its orderId; or they have the type of a refusal, name neither an order nor another action, and
     were not there ``before`` the VDA order was sent (2.x has no duty to name anything).
@@ -111,24 +111,24 @@ def is_named(error: ErrorEntry, vda_order: VdaOrder) -> bool:
 
 
 def _of_another_topic(error: ErrorEntry) -> bool:
-    """Tell whether an error names topics, and not that of orders: a message of another kind was refused."""
+    """Return whether an error names topics, and not that of orders: a message of another kind was refused."""
     topics = _referenced(error, "topic")
     return bool(topics) and Topic.ORDER not in topics
 
 
 def of_another_action(error: ErrorEntry, vda_order: VdaOrder) -> bool:
-    """Tell whether an error names actions, and none of the VDA order: an instant action was refused."""
+    """Return whether an error names actions, and none of the VDA order: an instant action was refused."""
     actions = _referenced(error, "actionId")
     return bool(actions) and actions.isdisjoint(vda_order.action_ids)
 
 
 def name_actions(errors: Iterable[ErrorEntry]) -> bool:
-    """Tell whether errors name actions."""
+    """Return whether errors name actions."""
     return any(_referenced(error, "actionId") for error in errors)
 
 
 def refuses_update(error: ErrorEntry, order_id: str, update_id: int) -> bool:
-    """Tell whether an error says that the robot does not take an update of the order that it has.
+    """Return whether an error says that the robot does not take an update of the order that it has.
 
     An update is named by its number; in 2.x an error that names no order may be meant.
     """
@@ -140,26 +140,26 @@ def refuses_update(error: ErrorEntry, order_id: str, update_id: int) -> bool:
 
 
 def names_update(error: ErrorEntry) -> bool:
-    """Tell whether an error names an update, of whichever order."""
+    """Return whether an error names an update, of whichever order."""
     return bool(_referenced(error, "orderUpdateId"))
 
 
 def about(
     errors: Iterable[ErrorEntry], vda_order: VdaOrder, before: frozenset[ErrorIdentity]
 ) -> tuple[ErrorEntry, ...]:
-    """Give the errors that say that the robot, which has the VDA order, cannot go on with it."""
+    """Return the errors that say that the robot, which has the VDA order, cannot go on with it."""
     return tuple(error for error in _new_stops(errors, before) if _is_about(error, vda_order) is True)
 
 
 def unexplained(
     errors: Iterable[ErrorEntry], vda_order: VdaOrder, before: frozenset[ErrorIdentity]
 ) -> tuple[ErrorEntry, ...]:
-    """Give the errors that stop a robot and leave open whether they are about the VDA order."""
+    """Return the errors that stop a robot and leave open whether they are about the VDA order."""
     return tuple(error for error in _new_stops(errors, before) if _is_about(error, vda_order) is None)
 
 
 def of_action(errors: Iterable[ErrorEntry], action_id: str) -> Iterator[str]:
-    """Give the robot's words about an action."""
+    """Return the robot's words about an action."""
     return (in_words(error) for error in errors if action_id in _referenced(error, "actionId"))
 
 
@@ -171,7 +171,7 @@ def _new_stops(errors: Iterable[ErrorEntry], before: frozenset[ErrorIdentity]) -
 
 
 def _is_about(error: ErrorEntry, vda_order: VdaOrder) -> bool | None:
-    """Tell whether the error names the VDA order or a part of it; None where it names none at all."""
+    """Return whether the error names the VDA order or a part of it; None where it names none at all."""
     orders = _referenced(error, "orderId")
     if orders:
         return vda_order.order_id in orders

@@ -54,7 +54,7 @@ def fitted(vda_order: VdaOrder, abilities: Abilities) -> VdaOrder:
 
 
 def fitted_action(action: Action, abilities: Abilities) -> Action:
-    """Give each parameter the type that the robot wants, where the value says so unmistakably.
+    """Return each parameter the type that the robot wants, where the value says so unmistakably.
 
     Where and what kind of load it is says fleet control of its own accord; a robot that lists its
     parameters, and these not among them, is not told.
@@ -149,7 +149,7 @@ _EDGE_FIELDS: Final[Mapping[str, tuple[str, _Fill]]] = MappingProxyType(
 
 
 def _headings(nodes: tuple[Node, ...]) -> Iterator[float]:
-    """Give the way that a robot looks when it comes to each node forwards and straight, rad.
+    """Yield the way that a robot looks when it comes to each node forwards and straight, rad.
 
     It depends on nothing behind the node, so that an update may repeat the node as it was.
     """
@@ -211,12 +211,12 @@ _LONGEST_HEADER: Final[Mapping[str, Any]] = MappingProxyType(
 
 
 def order_problem(vda_order: VdaOrder, abilities: Abilities) -> str | None:
-    """Say why the robot cannot take a fitted VDA order; None if nothing is known against it."""
+    """Return why the robot cannot take a fitted VDA order; None if nothing is known against it."""
     return next(_order_problems(vda_order, abilities), None)
 
 
 def instant_action_problem(action: Action, abilities: Abilities) -> str | None:
-    """Say why the robot cannot take a fitted instant action; None if nothing is known against it."""
+    """Return why the robot cannot take a fitted instant action; None if nothing is known against it."""
     if action.action_type in ALWAYS_THERE:
         return None
     return next(_instant_problems(action, abilities), None)
@@ -324,7 +324,7 @@ def _must_be_headed(node: Node) -> bool:
 
 
 def _filled(part: JsonValue, path: list[str]) -> bool:
-    """Tell whether there is something at the end of ``path``, in each item of the lists on the way."""
+    """Return whether there is something at the end of ``path``, in each item of the lists on the way."""
     if isinstance(part, list):
         return all(_filled(each, path) for each in part)
     if not path:

@@ -64,7 +64,7 @@ class InstantRun:
             self.outcome = Outcome(state.action_status, reason, state.action_result)
 
     def wants_sending(self, now: float) -> bool:
-        """Tell whether the action is to be sent now; the caller then does so."""
+        """Return whether the action is to be sent now; the caller then does so."""
         if self._seen_at is not None or not self._delivery.due(now):
             return False
         self._delivery.sent(now)
@@ -137,7 +137,7 @@ FACTSHEET_PATIENCE: Final = 2.0
 """Seconds that orders wait for the factsheet of a robot that was asked for it."""
 
 
-class InstantDesk:
+class InstantActionManager:
     """Sends instant actions and follows each to its end; ``broker`` tells whether our own link stands."""
 
     def __init__(
@@ -165,7 +165,7 @@ class InstantDesk:
         return any(each.cancels for each in self._runs.values())
 
     def unsendable(self, action_type: str, now: float) -> str | None:
-        """Say why the robot must not be sent such an instant action now; None if it may."""
+        """Return why the robot must not be sent such an instant action now; None if it may."""
         link = self._robot.link(now)
         if link in REPORTS_NOTHING and self._robot.reachable:
             link = LinkStatus.ONLINE
@@ -193,15 +193,15 @@ class InstantDesk:
         return self._begin(cancel_order(self._new_id(), named), requested=False)
 
     def can_cancel(self, now: float) -> bool:
-        """Tell whether cancelOrder may be sent now."""
+        """Return whether cancelOrder may be sent now."""
         return self.unsendable(CANCEL_ORDER, now) is None
 
     def reconnected(self) -> None:
-        """Take notice of a new connection: what was not told over the last one is asked for again."""
+        """Handle a new connection: what was not told over the last one is asked for again."""
         self._asked = None
 
     def awaits_factsheet(self, now: float) -> bool:
-        """Tell whether the robot was asked for its factsheet just now, and may yet tell it."""
+        """Return whether the robot was asked for its factsheet just now, and may yet tell it."""
         if self._robot.abilities or not self._asked:
             return False
         end = self._asked.outcome
@@ -221,7 +221,7 @@ class InstantDesk:
         self._clear_ended(state, now)
 
     def on_tick(self, now: float) -> Iterator[FleetOutput]:
-        """Give up what takes too long."""
+        """Yield up what takes too long."""
         for run in self._runs.values():
             reason = self.unsendable(run.action.action_type, now)
             if reason is None:

@@ -97,7 +97,7 @@ class RobotAddresses:
                 self._sources.expect(robot, address.scheme)
 
     def of(self, robot: RobotKey) -> RobotAddress | None:
-        """Give where to speak to ``robot``; None for one that has said nothing yet and nobody knows of."""
+        """Return where to speak to ``robot``; None for one that has said nothing yet and nobody knows of."""
         return self._addresses.get(robot)
 
     def learn(
@@ -165,7 +165,7 @@ class Outgoing:
         self._header_ids: dict[tuple[RobotKey, Topic], int] = defaultdict(int)
 
     def message(self, output: Publish, version: str) -> tuple[Topic, Message]:
-        """Give the message, and the topic that it belongs to."""
+        """Return the message, and the topic that it belongs to."""
         match output:
             case PublishOrder():
                 header = self._header(output.robot, Topic.ORDER, version)

@@ -44,7 +44,7 @@ class PendingUpdate:
     errors_before: frozenset[ErrorIdentity] = frozenset()
 
     def refusals(self, errors: Iterable[ErrorEntry]) -> tuple[ErrorEntry, ...]:
-        """Give the errors by which the robot refuses it."""
+        """Return the errors by which the robot refuses it."""
         return tuple(
             each
             for each in errors
@@ -54,7 +54,7 @@ class PendingUpdate:
         )
 
     def is_refused(self, refusals: Iterable[ErrorEntry], now: float) -> bool:
-        """Tell whether refusals are to be believed."""
+        """Return whether refusals are to be believed."""
         return self.delivery.is_refused(now, named=any(map(self._is_named, refusals)))
 
     def _is_named(self, error: ErrorEntry) -> bool:
@@ -91,7 +91,7 @@ class Progress:
 
 
 def knows(state: State, vda_order: VdaOrder, update_id: int) -> bool:
-    """Tell whether the robot's order is this VDA order, with all updates up to ``update_id``."""
+    """Return whether the robot's order is this VDA order, with all updates up to ``update_id``."""
     return state.order_id == vda_order.order_id and state.order_update_id == update_id
 
 
@@ -169,7 +169,7 @@ class OrderExecution:
         """Ids of the actions of which it was told that they may be tried again."""
 
     def wants_sending(self, now: float) -> bool:
-        """Tell whether the order is to be sent (again) now, if the robot can be sent one."""
+        """Return whether the order is to be sent (again) now, if the robot can be sent one."""
         return self.phase in (VdaOrderPhase.WAITING, VdaOrderPhase.SENT) and self._delivery.due(now)
 
     def extend(self, plan: VdaOrder) -> None:
@@ -193,7 +193,7 @@ class OrderExecution:
             self._plan = self._plan and fit(self._plan)
 
     def wants_update(self, now: float) -> bool:
-        """Tell whether an update is to be sent (again) now, if the robot can be sent one."""
+        """Return whether an update is to be sent (again) now, if the robot can be sent one."""
         if self.phase is not VdaOrderPhase.RUNNING or self.ended:
             return False
         return self._pending.delivery.due(now) if self._pending else self._plan is not None
@@ -247,12 +247,12 @@ class OrderExecution:
             self.phase = VdaOrderPhase.CANCELLING
 
     def wants_cancel(self, state: State | None) -> bool:
-        """Tell whether cancelOrder must be sent to end the VDA order."""
+        """Return whether cancelOrder must be sent to end the VDA order."""
         waiting = self.phase is VdaOrderPhase.CANCELLING and self.cancel is None
         return waiting and state is not None and self._may_be_at_robot(state)
 
     def on_news(self, news: FleetOutput) -> None:
-        """Take notice of an action that is tried again: if it is RETRIABLE now, it has failed once more."""
+        """Handle an action that is tried again: if it is RETRIABLE now, it has failed once more."""
         if isinstance(news, InstantActionEnded) and news.action.action_type == RETRY:
             self._retriable -= {news.action.parameter("actionId")}
 
@@ -269,7 +269,7 @@ class OrderExecution:
             yield from self._settle_cancel(state)
 
     def on_tick(self, state: State | None, now: float) -> Iterator[FleetOutput]:
-        """Give up what takes too long."""
+        """Yield up what takes too long."""
         if self.phase is VdaOrderPhase.SENT and self._delivery.failed(now):
             times = self._settings.sendings
             yield self._fail(
@@ -306,7 +306,7 @@ class OrderExecution:
         return knows(state, self.vda_order, self.update_id)
 
     def _follow(self, state: State, now: float) -> Iterator[FleetOutput]:
-        """Tell what a state that knows the VDA order says of it."""
+        """Yield what a state that knows the VDA order says of it."""
         progress = read(state, self.vda_order)
         self._retriable &= {each.action_id for each in progress.retriable}
         yield from self._tell(progress)
@@ -433,7 +433,7 @@ class OrderExecution:
             yield self._fail(ExecutionFailure(FailureKind.UNCLEAR, reason, _words(state.errors)))
 
     def _may_be_unseen(self, cancelled: ActionStatus | None) -> bool:
-        """Tell whether the order, or a copy of it, may yet come to the robot, though no state shows it."""
+        """Return whether the order, or a copy of it, may yet come to the robot, though no state shows it."""
         return cancelled is None and (not self._accepted or self._delivery.in_all > 1)
 
     def _may_be_at_robot(self, state: State) -> bool:

@@ -46,11 +46,11 @@ class RobotProfile:
         )
 
     def on(self, map_id: str) -> MapTransform:
-        """Give what leads from the plant's frame to that in which messages to and from the robot are."""
+        """Return what leads from the plant's frame to that in which messages to and from the robot are."""
         return IDENTITY if self.transforms_itself else self.transforms.get(map_id, IDENTITY)
 
     def knows_frame(self, map_id: str) -> bool:
-        """Tell whether it is certain who transforms: this side or, as its factsheet says, the robot."""
+        """Return whether it is certain who transforms: this side or, as its factsheet says, the robot."""
         return self.transforms_itself is not None or map_id not in self.transforms
 
 
@@ -76,7 +76,7 @@ class NotLocatedError(Exception):
 
 
 def locate(plant: PlantModel, state: State, profile: RobotProfile) -> Standing:
-    """Tell where the robot stands.
+    """Return where the robot stands.
 
     It stands on a point if it is not farther away than the allowed deviation; the point that it passed last
     is tried first. A robot without a trusted pose stands where it says it passed last.
@@ -105,7 +105,7 @@ def locate(plant: PlantModel, state: State, profile: RobotProfile) -> Standing:
 
 
 def _nearest(plant: PlantModel, here: PlantPlace, map_id: str, profile: RobotProfile) -> Point | None:
-    """Give the nearest point of a map; those that name no map are on that of the robot."""
+    """Return the nearest point of a map; those that name no map are on that of the robot."""
     maps = (map_id or None, None) if map_id == profile.map_id else (map_id,)
     indices = (plant.points_by_map.get(each) for each in dict.fromkeys(maps))
     found = (index.nearest(here.x_m, here.y_m) for index in indices if index)
@@ -113,10 +113,10 @@ def _nearest(plant: PlantModel, here: PlantPlace, map_id: str, profile: RobotPro
 
 
 def _on(point: Point, pose: MobileRobotPosition, profile: RobotProfile) -> bool:
-    """Tell whether the point is on the map that the robot is on."""
+    """Return whether the point is on the map that the robot is on."""
     return (point.map_id or profile.map_id) == pose.map_id
 
 
 def _distance(point: Point, here: PlantPlace) -> float:
-    """Give the distance in metres of the plant."""
+    """Return the distance in metres of the plant."""
     return hypot(point.x_m - here.x_m, point.y_m - here.y_m)

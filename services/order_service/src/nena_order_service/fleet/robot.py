@@ -49,7 +49,7 @@ class MessageOrder:
         self._last = None
 
     def is_new(self, header_id: int, timestamp: datetime, now: float) -> bool:
-        """Tell whether the message that comes ``now`` is new; the next ones are compared with it then."""
+        """Return whether the message that comes ``now`` is new; the next ones are compared with it then."""
         last = self._last
         if last is not None and header_id <= last[0] and timestamp <= last[1]:
             repeated = (header_id, timestamp) == last
@@ -84,7 +84,7 @@ class Silences:
             heappush(self._next, (at, robot))
 
     def passed(self, now: float) -> Iterator[RobotKey]:
-        """Give the robots whose moments have passed."""
+        """Yield the robots whose moments have passed."""
         self._looked_at = now
         while self._next and self._next[0][0] < now:
             at, robot = heappop(self._next)
@@ -181,7 +181,7 @@ class Abilities:
         )
 
     def takes_field(self, path: str) -> bool:
-        """Tell whether nothing is known against an optional field, such as ``nodes.nodePosition.theta``."""
+        """Return whether nothing is known against an optional field, such as ``nodes.nodePosition.theta``."""
         listed = self.factsheet.protocol_features.optional_parameters
         name = path.removeprefix("nodes.")
         return not listed or any(f".{name}." in f".{each.parameter}." for each in listed)
@@ -210,12 +210,12 @@ class Abilities:
         return bool(self.factsheet.protocol_features.mobile_robot_actions)
 
     def declarations(self, action_type: str) -> tuple[MobileRobotAction, ...]:
-        """Give what it says of an action; some robots have an entry for each scope."""
+        """Return what it says of an action; some robots have an entry for each scope."""
         actions = self.factsheet.protocol_features.mobile_robot_actions
         return tuple(each for each in actions if each.action_type == action_type)
 
     def parameters(self, action: Action) -> dict[str, ActionParameterDescription]:
-        """Give the parameters that it lists for an action, by their key."""
+        """Return the parameters that it lists for an action, by their key."""
         return {
             parameter.key: parameter
             for each in self.declarations(action.action_type)
@@ -376,7 +376,7 @@ INSTANT_ONLY: Final = frozenset(
 
 
 def is_idle(state: State, instant_ids: Collection[str]) -> bool:
-    """Tell whether the robot has nothing left to do of any order (section 6.6.8).
+    """Return whether the robot has nothing left to do of any order (section 6.6.8).
 
     Instant actions do not count; ``instant_ids`` are those that 2.x mixes with the order's actions and that
     their types do not give away.

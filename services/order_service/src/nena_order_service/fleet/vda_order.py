@@ -95,7 +95,7 @@ UNSPECIFIED_LOAD: Final = "unspecified"
 
 
 def fresh_id() -> str:
-    """Give an id that nothing else has; 32 characters, for some robots take no longer ones."""
+    """Return an id that nothing else has; 32 characters, for some robots take no longer ones."""
     return uuid4().hex
 
 
@@ -111,12 +111,12 @@ class OperationMap:
     new_id: Callable[[], str] = fresh_id
 
     def action_type(self, operation: str) -> str:
-        """Give the action type that an operation stands for."""
+        """Return the action type that an operation stands for."""
         usual = DEFAULT_ACTION_TYPES.get(operation, operation)
         return self.action_types.get(operation, usual)
 
     def recharges(self, operation: str) -> bool:
-        """Tell whether an operation is to recharge."""
+        """Return whether an operation is to recharge."""
         return self.action_type(operation) == RECHARGE_ACTION
 
     def actions(
@@ -127,7 +127,7 @@ class OperationMap:
         *,
         retriable: bool = False,
     ) -> tuple[Action, ...]:
-        """Give the actions of ``operation`` with fresh ids; ``properties`` become parameters.
+        """Return the actions of ``operation`` with fresh ids; ``properties`` become parameters.
 
         For pick and drop the location's name and type become stationName and stationType, unless the
         properties say something else.
@@ -164,7 +164,7 @@ GOAL_PREFIX = "goal:"
 
 
 def order_id(order_name: str, drive_order_index: int, attempt: int = 0) -> str:
-    """Give the id of a drive order's VDA order; each new attempt is an order of its own for the robot.
+    """Return the id of a drive order's VDA order; each new attempt is an order of its own for the robot.
 
     Names of orders hold no ``~``, so that no two orders have VDA orders of one id.
     """
@@ -225,7 +225,7 @@ def build_vda_order(
 def _way(
     name: str, plant: PlantModel, standing: Standing, profile: RobotProfile, route: Route | None
 ) -> Iterator[_Stop]:
-    """Give the start and the points of the route."""
+    """Yield the start and the points of the route."""
     apart = _start(name, plant, standing, profile, route)
     if apart is not None:
         yield apart
@@ -238,7 +238,7 @@ def _way(
 def _start(
     name: str, plant: PlantModel, standing: Standing, profile: RobotProfile, route: Route | None
 ) -> _Stop | None:
-    """Give the temporary node where the robot is, if it must drive to get to its own point."""
+    """Return the temporary node where the robot is, if it must drive to get to its own point."""
     pose = standing.pose
     if pose is None:
         return None
@@ -268,7 +268,7 @@ def _heading(plant: PlantModel, profile: RobotProfile, point_name: str) -> float
 
 
 def _goal(name: str, profile: RobotProfile, coordinate: Coordinate, map_id: str) -> _Stop:
-    """Give the coordinate, on the map where the way to it ends."""
+    """Return the coordinate, on the map where the way to it ends."""
     place = profile.on(map_id).to_map(PlantPlace(coordinate.x, coordinate.y))
     theta = None if coordinate.theta is None else profile.on(map_id).heading_to_map(coordinate.theta)
     return _Stop(GOAL_PREFIX + name, place, map_id, theta)
@@ -287,7 +287,7 @@ def _nodes(stops: list[_Stop], profile: RobotProfile, actions: tuple[Action, ...
 
 
 def _position(stop: _Stop, profile: RobotProfile, *, starts: bool) -> NodePosition:
-    """Give the place of a node; where the robot starts, a wide deviation is what lets it (section 6.6.2)."""
+    """Return the position of a node; the start node has a wide deviation (section 6.6.2)."""
     deviation = max(profile.deviation_xy, DEFAULT_DEVIATION_XY) if starts else profile.deviation_xy
     radius = profile.on(stop.map_id).length_to_map(deviation)
     return NodePosition(
@@ -319,7 +319,7 @@ class BaseChangedError(ValueError):
 
 
 def grown(held: VdaOrder, plan: VdaOrder) -> VdaOrder:
-    """Give the plan with the base of ``held`` as the robot was sent it, to the last field.
+    """Return the plan with the base of ``held`` as the robot was sent it, to the last field.
 
     Raises:
         BaseChangedError: the plan is of another VDA order, or not a way on from the base.
@@ -336,7 +336,7 @@ def grown(held: VdaOrder, plan: VdaOrder) -> VdaOrder:
 
 
 def update_of(held: VdaOrder, plan: VdaOrder) -> VdaOrder:
-    """Give what must be sent to a robot that has ``held`` so that it has ``plan``, from its base's end on.
+    """Return what must be sent to a robot that has ``held`` so that it has ``plan``, from its base's end on.
 
     Raises:
         BaseChangedError: as :func:`grown`.
@@ -347,14 +347,14 @@ def update_of(held: VdaOrder, plan: VdaOrder) -> VdaOrder:
 
 
 def released_to(plan: VdaOrder, sequence_id: int) -> VdaOrder:
-    """Give the plan with its base ending at the node ``sequence_id``."""
+    """Return the plan with its base ending at the node ``sequence_id``."""
     nodes = tuple(_released(node, released=node.sequence_id <= sequence_id) for node in plan.nodes)
     edges = tuple(edge.model_copy(update={"released": edge.sequence_id < sequence_id}) for edge in plan.edges)
     return VdaOrder(order_id=plan.order_id, nodes=nodes, edges=edges)
 
 
 def held_by(state: State, plan: VdaOrder) -> VdaOrder:
-    """Give as much of the plan as a robot that has an older update says that it has for its base."""
+    """Return as much of the plan as a robot that has an older update says that it has for its base."""
     base = [each.sequence_id for each in state.node_states if each.released]
     return released_to(plan, base[-1] if base else state.last_node_sequence_id)
 
@@ -364,7 +364,7 @@ def _base_length(vda_order: VdaOrder) -> int:
 
 
 def _outline(vda_order: VdaOrder, base: int) -> tuple[object, ...]:
-    """Give what makes a base the same; how exactly it is written may differ, as by a newer factsheet."""
+    """Return what makes a base the same; how exactly it is written may differ, as by a newer factsheet."""
     parts: tuple[Node | Edge, ...] = (*vda_order.nodes[:base], *vda_order.edges[: base - 1])
     return tuple(
         (_name(each), each.sequence_id, tuple(action.action_id for action in each.actions)) for each in parts
@@ -380,7 +380,7 @@ def _released(node: Node, *, released: bool) -> Node:
 
 
 def with_other_horizon(held: VdaOrder, base_end: int, tail: VdaOrder) -> VdaOrder:
-    """Give ``held`` up to its node ``base_end``, and from there on ``tail``, which begins at that node.
+    """Return ``held`` up to its node ``base_end``, and from there on ``tail``, which begins at that node.
 
     What the robot was told of the base stays to the last field; the first node of ``tail`` gives only the
     place to go on from. The actions behind the base are those of ``tail``: their ids must be new, for ids are

@@ -42,7 +42,7 @@ class _Asked:
 
 
 @dataclass(slots=True)
-class ReleaseDesk:
+class ReleaseManager:
     """Keeps who asked for which place, first come first; ``utc_now`` gives the time of day for leases.
 
     A place is held from the grant until the robot's state names the request no more: also by a robot that
@@ -57,7 +57,7 @@ class ReleaseDesk:
     _asked: dict[Place, list[_Asked]] = field(default_factory=dict)
 
     def on_state(self, robot: RobotKey, state: State) -> None:
-        """Take in what a robot asks for."""
+        """Handle what a robot asks for."""
         requests = {(_place(each), each.request_id): each for each in _requests(state)}
         for place, asked in list(self._asked.items()):
             asked[:] = [each for each in asked if each.robot != robot or (place, each.request_id) in requests]
@@ -69,7 +69,7 @@ class ReleaseDesk:
     def answers(
         self, now: float, *, all_known: bool, reachable: Callable[[RobotKey], bool]
     ) -> Iterator[PublishResponses]:
-        """Give what is to be answered now; ``all_known``: every robot that is there has told its state."""
+        """Yield what is to be answered now; ``all_known``: every robot that is there has told its state."""
         by_robot: dict[RobotKey, list[Response]] = {}
         for asked in self._asked.values():
             for each in asked:
@@ -92,7 +92,7 @@ class ReleaseDesk:
         asked.append(_Asked(robot, request.request_id, request.request_status))
 
     def _wanted(self, each: _Asked, asked: list[_Asked], *, all_known: bool) -> GrantType:
-        """Say how a request stands by the policy; what is held can only be left or taken back."""
+        """Return how a request stands by the policy; what is held can only be left or taken back."""
         policy = self.settings.release_policy
         if policy is ReleasePolicy.ALL:
             return GrantType.GRANTED
@@ -104,7 +104,7 @@ class ReleaseDesk:
         return GrantType.GRANTED if all_known or each.holds else GrantType.QUEUED
 
     def _due(self, each: _Asked, wanted: GrantType, now: float) -> bool:
-        """Tell whether to answer: something new, what the robot does not show, a lease that ends."""
+        """Return whether to answer: something new, what the robot does not show, a lease that ends."""
         if _shows(each, wanted):
             return wanted is GrantType.GRANTED and self._must_renew(each, now)
         if each.answer is not wanted:
@@ -113,7 +113,7 @@ class ReleaseDesk:
         return now - each.answered_at >= pause
 
     def _must_renew(self, each: _Asked, now: float) -> bool:
-        """Tell whether the lease of a grant is half over, or not known after a restart."""
+        """Return whether the lease of a grant is half over, or not known after a restart."""
         lease = self.settings.release_lease
         return lease > 0 and (each.lease_until is None or now >= each.lease_until - lease / 2)
 
@@ -128,7 +128,7 @@ class ReleaseDesk:
 
 
 def _requests(state: State) -> Iterator[Request]:
-    """Give what is to be answered; a corridor of the horizon is not, before its edge is released."""
+    """Yield what is to be answered; a corridor of the horizon is not, before its edge is released."""
     horizon = {each.sequence_id for each in state.edge_states if not each.released}
     yield from state.zone_requests or ()
     yield from (each for each in state.edge_requests or () if each.sequence_id not in horizon)
@@ -141,7 +141,7 @@ def _place(request: Request) -> Place:
 
 
 def _shows(each: _Asked, wanted: GrantType) -> bool:
-    """Tell whether the robot has understood the answer; not every one shows that it is queued."""
+    """Return whether the robot has understood the answer; not every one shows that it is queued."""
     match wanted:
         case GrantType.GRANTED:
             return each.shown is RequestStatus.GRANTED

@@ -34,7 +34,7 @@ def park_request(vehicle: str, point: str) -> TransportOrderRequest:
 
 
 def goal_of(request: TransportOrderRequest) -> str:
-    """Give the name of the point or location of such a request."""
+    """Return the name of the point or location of such a request."""
     return request.destinations[0].location_name or ""
 
 
@@ -52,10 +52,10 @@ def recharge_request(
 
 
 def is_automatic_recharge(order: TransportOrder) -> bool:
-    """Tell whether the order service made an order by itself, to recharge a vehicle."""
+    """Return whether the order service made an order by itself, to recharge a vehicle."""
     return order.status.automatic and order.status.type == RECHARGE_TYPE
 
 
 def automatic_name(request: TransportOrderRequest) -> str:
-    """Give the order of such a request a name that nothing else has."""
+    """Return the order of such a request a name that nothing else has."""
     return f"{PREFIXES[request.type]}{sortable_id()}"

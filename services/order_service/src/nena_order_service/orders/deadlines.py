@@ -27,7 +27,7 @@ class DueTimes:
         self._sweep_at = FIRST_SWEEP
 
     def __len__(self) -> int:
-        """Give how much is kept."""
+        """Return how much is kept."""
         return len(self._queue)
 
     def watch(self, number: int, time: datetime) -> None:
@@ -40,7 +40,7 @@ class DueTimes:
             self._sweep()
 
     def take(self, now: datetime) -> list[int]:
-        """Give the numbers of the orders whose times have come, once each; some may be over."""
+        """Return the numbers of the orders whose times have come, once each; some may be over."""
         due: list[int] = []
         while self._queue and self._queue[0][0] <= now:
             time, number = heappop(self._queue)
@@ -69,7 +69,7 @@ class Deadlines:
             self._times.watch(order.number, order.status.deadline)
 
     def passed(self, now: datetime) -> list[int]:
-        """Give the numbers of the orders whose deadlines have passed since this was asked last."""
+        """Return the numbers of the orders whose deadlines have passed since this was asked last."""
         return self._times.take(now - timedelta.resolution)  # who is done in the very moment is in time
 
 
@@ -81,17 +81,17 @@ class OrderTimeouts:
         self._times = DueTimes(is_over)
 
     def watch(self, order: TransportOrder) -> None:
-        """Take notice of an order that is new, or that was given to a vehicle."""
+        """Handle an order that is new, or that was given to a vehicle."""
         if end := _end(order):
             self._times.watch(order.number, end)
 
     def take_due(self, now: datetime) -> list[int]:
-        """Give the numbers of orders whose time is over, once each; some may have ended before."""
+        """Return the numbers of orders whose time is over, once each; some may have ended before."""
         return self._times.take(now)
 
 
 def reason(order: TransportOrder, now: datetime) -> str:
-    """Say which time has gone by."""
+    """Return which time has gone by."""
     status = order.status
     if status.timeout is not None and status.created + timedelta(seconds=status.timeout) <= now:
         return f"time-out: it was not done within {status.timeout:g} s of its creation"

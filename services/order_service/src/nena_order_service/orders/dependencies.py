@@ -45,7 +45,7 @@ class Dependencies:
                 del self._dependents[name]
 
     def why_waiting(self, order: TransportOrder) -> str:
-        """Say what an order waits for; empty for nothing."""
+        """Return what an order waits for; empty for nothing."""
         names = sorted(self._waits_for.get(order.number, ()))
         if not names:
             return ""
@@ -126,7 +126,7 @@ class Conditions:
         return order.state is S.DISPATCHABLE
 
     def look(self, order: TransportOrder) -> TransportOrder:
-        """Give an order as its conditions are; one that does not wait for any stays as it is."""
+        """Return an order as its conditions are; one that does not wait for any stays as it is."""
         if order.state is not S.ACTIVE:
             return order
         why = self._dependencies.why_waiting(order) or self._sequences.why_waiting(order)

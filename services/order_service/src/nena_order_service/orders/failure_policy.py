@@ -63,7 +63,7 @@ class Decision:
 
 
 def decide(policy: Sequence[FailureStep], taken: int, situation: Situation) -> Decision:
-    """Give the next measure of ``policy``, of which ``taken`` measures are used up."""
+    """Return the next measure of ``policy``, of which ``taken`` measures are used up."""
     passed_over: list[str] = []
     for number, step in enumerate(_one_by_one(policy), start=1):
         if number <= taken:
@@ -82,7 +82,7 @@ def _one_by_one(policy: Iterable[FailureStep]) -> Iterator[FailureStep]:
 
 
 def _objection(step: FailureStep, situation: Situation) -> str:
-    """Say what speaks against a measure; empty for nothing."""
+    """Return what speaks against a measure; empty for nothing."""
     if step.do.last:
         return ""
     if situation.kind is K.UNCLEAR or (situation.kind is K.LOST and situation.begun):
@@ -132,7 +132,7 @@ def is_carrying(
     drops: Iterable[str],
     reported: bool | None,
 ) -> bool:
-    """Tell whether a vehicle carries something for an order.
+    """Return whether a vehicle carries something for an order.
 
     ``picks`` and ``drops`` are the operations that take and give loads; ``reported`` tells whether its robot
     says that it has a load, None: it says nothing of that. A pick that has begun counts as done, unless the
@@ -166,17 +166,17 @@ class FailureAssessment:
         self._context = context
 
     def policy(self, order: TransportOrder) -> FailurePolicy:
-        """Give the policy for where an order is: the destination's, the order's or the setting's."""
+        """Return the policy for where an order is: the destination's, the order's or the setting's."""
         own = order.current.destination.on_failure
         own = order.status.on_failure if own is None else own
         return self._context.on_failure if own is None else own
 
     def retries_actions(self, order: TransportOrder) -> bool:
-        """Tell whether an action that fails may be tried again."""
+        """Return whether an action that fails may be tried again."""
         return any(step.do is FailureMeasure.RETRY for step in self.policy(order))
 
     def decide(self, order: TransportOrder, failure: OrderFailure) -> Decision:
-        """Say what is done about a failure."""
+        """Return what is done about a failure."""
         situation = self._situation(order, failure)
         return decide(self.policy(order), order.current.measures_taken, situation)
 
@@ -206,7 +206,7 @@ class FailureAssessment:
         return bool(self._context.registry.names() - tried)
 
     def detour(self, order: TransportOrder, ahead: tuple[str, ...]) -> tuple[str, ...]:
-        """Give what a way around where the vehicle failed avoids: the point there too, if that can be."""
+        """Return what a way around where the vehicle failed avoids: the point there too, if that can be."""
         paths = self._context.planner.paths(ahead)
         for avoided in (ahead, paths):
             if paths and self._leads_on(order, avoided):

@@ -63,7 +63,7 @@ class OrderSequence:
         return cls(number, status, request.idempotency_key)
 
     def asked_for_by(self, request: OrderSequenceRequest) -> bool:
-        """Tell whether ``request`` says what the one said that made it; names are another matter."""
+        """Return whether ``request`` says what the one said that made it; names are another matter."""
         return all(getattr(self.status, field) == getattr(request, field) for field in REQUEST_FIELDS)
 
     @property
@@ -140,7 +140,7 @@ class OrderSequence:
         return self._changed(now, None, finished_index=index)
 
     def behind(self, order: str) -> tuple[str, ...]:
-        """Give the names of the orders behind one of its orders."""
+        """Return the names of the orders behind one of its orders."""
         return self.status.orders[self.status.orders.index(order) + 1 :]
 
     def _changed(
@@ -164,7 +164,7 @@ def _finished_if_done(status: OrderSequenceStatus, now: datetime) -> OrderSequen
 
 
 def _in_words(status: OrderSequenceStatus) -> str:
-    """Say what a sequence waits for, or how it has ended."""
+    """Return what a sequence waits for, or how it has ended."""
     if status.finished:
         return "is complete, and all of its orders are at their end"
     index, vehicle = status.finished_index + 1, status.processing_vehicle

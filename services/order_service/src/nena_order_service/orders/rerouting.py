@@ -182,14 +182,14 @@ class Rerouting:
         return self._traffic.replan(under_way.vehicle.name, leg.route.steps, location)
 
     def _is_present_way(self, under_way: _UnderWay, leg: Leg) -> bool:
-        """Tell whether a leg is what the vehicle is to drive anyway, or nothing to be driven."""
+        """Return whether a leg is what the vehicle is to drive anyway, or nothing to be driven."""
         if leg.route is None or not leg.route.steps:
             return True
         rest = under_way.record.vda_order.edges[under_way.record.allocated :]
         return tuple(each.edge_id for each in rest) == tuple(each.edge_id for each in leg.route.steps)
 
     def _occupied(self, refusal: Refusal) -> frozenset[str]:
-        """Give the points and paths that those hold who are in the way."""
+        """Return the points and paths that those hold who are in the way."""
         held = (each for name in refusal.vehicles for each in self._traffic.held(name))
         drivable = self._plant.points_by_name.keys() | self._plant.paths_by_name.keys()
         return frozenset(use for each in held for use in each.uses if use in drivable)
@@ -209,7 +209,7 @@ class Rerouting:
         log.info("vehicle goes another way", vehicle=vehicle.name, reason=why, route=route.points)
 
     def _leads_over_lock(self, record: SentOrder) -> bool:
-        """Tell whether what is not released yet of a VDA order leads over a path that is locked."""
+        """Return whether what is not released yet of a VDA order leads over a path that is locked."""
         return not record.all_released and self._any_locked(record.vda_order.edges[record.allocated :])
 
     def _any_locked(self, edges: Iterable[Edge]) -> bool:

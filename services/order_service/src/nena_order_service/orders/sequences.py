@@ -43,14 +43,14 @@ class Sequences:
             self._put(sequence.bound(vehicle, self._clock.now()))
 
     def why_waiting(self, order: TransportOrder) -> str:
-        """Say what an order waits for as one of a sequence; empty for nothing."""
+        """Return what an order waits for as one of a sequence; empty for nothing."""
         sequence = self._of(order)
         if sequence is None or sequence.next_order in (None, order.name):
             return ""
         return f"waits for its turn in order sequence {sequence.name!r}, behind {sequence.next_order!r}"
 
     def ended(self, order: TransportOrder) -> tuple[tuple[TransportOrder, ...], str | None]:
-        """Take notice that an order is at its end.
+        """Note that an order is at its end.
 
         Gives the orders that fail with it, and the name of the one whose turn it is now, if there are such.
         """
@@ -67,7 +67,7 @@ class Sequences:
         return failed, sequence.next_order
 
     def misfit(self, order: TransportOrder, vehicle: str) -> str:
-        """Say, as a predicate, why a vehicle must not do an order because of a sequence; empty if it may."""
+        """Return why a vehicle must not do an order because of a sequence; empty if it may."""
         bound, sequence = self._sequences.of_vehicle(vehicle), self._of(order)
         if bound and bound is not sequence:
             return f"is bound to order sequence {bound.name!r}"
@@ -79,7 +79,7 @@ class Sequences:
         return ""
 
     def bound_to(self, vehicle: str) -> str | None:
-        """Give the name of the sequence to which a vehicle is bound; None: it is free."""
+        """Return the name of the sequence to which a vehicle is bound; None: it is free."""
         sequence = self._sequences.of_vehicle(vehicle)
         return sequence.name if sequence else None
 
@@ -92,7 +92,7 @@ class Sequences:
         self._sequences.freed |= sequence.status.finished
 
     def _is_ended(self, name: str) -> bool:
-        """Tell whether an order is at its end; one that is not at hand any more has been so for long."""
+        """Return whether an order is at its end; one that is not at hand any more has been so for long."""
         order = self._orders.named(name)
         return order is None or order.state.final
 

@@ -44,7 +44,7 @@ class EventCode(StrEnum):
 
 
 def sortable_id() -> str:
-    """Give an id that nothing else has; later ones sort behind earlier ones."""
+    """Return an id that nothing else has; later ones sort behind earlier ones."""
     return f"{time.time_ns() // 1_000_000:012x}{token_hex(5)}"
 
 
@@ -137,7 +137,7 @@ class TransportOrder:
         return cls(number, status, request.idempotency_key)
 
     def asked_for_by(self, request: TransportOrderRequest) -> bool:
-        """Tell whether ``request`` says what the one said that made the order; names are another matter."""
+        """Return whether ``request`` says what the one said that made the order; names are another matter."""
         same_stops = tuple(each.destination for each in self.status.drive_orders) == request.destinations
         return same_stops and all(
             getattr(self.status, field) == getattr(request, field) for field in REQUEST_FIELDS
@@ -196,7 +196,7 @@ class TransportOrder:
         return self._moved(S.DISPATCHABLE, held_in_words(held) if held else "waits for its turn")
 
     def waiting(self, reason: str) -> Self:
-        """Say what an ACTIVE order waits for; the same again, or one that somebody holds, changes nothing."""
+        """Return the order with its wait reason; unchanged if it is the same, or if the order is held."""
         self.require("waiting for its conditions", S.ACTIVE)
         return self if self.status.held or reason == self.status.reason else self.changed(reason=reason)
 
@@ -205,7 +205,7 @@ class TransportOrder:
         return self._ended(S.UNROUTABLE, reason, now)
 
     def deferred(self, reason: str, now: datetime) -> Self:
-        """Say why a DISPATCHABLE order is not assigned yet; the same reason again changes nothing."""
+        """Return why a DISPATCHABLE order is not assigned yet; the same reason again changes nothing."""
         self.require("deferring", S.DISPATCHABLE)
         if reason == self.status.reason:
             return self
@@ -216,7 +216,7 @@ class TransportOrder:
         return self.changed(reason=reason, history=(*history, entry))
 
     def assigned(self, vehicle: str, routes: Iterable[tuple[str, ...]], why: str, now: datetime) -> Self:
-        """Give it to a vehicle, with the names of the points of each route that is left to drive."""
+        """Return it to a vehicle, with the names of the points of each route that is left to drive."""
         self.require("assigning", S.DISPATCHABLE)
         done, left = self.status.drive_orders[: self.index], self.status.drive_orders[self.index :]
         planned = [each.model_copy(update={"route": route}) for each, route in zip(left, routes, strict=True)]
@@ -318,7 +318,7 @@ class TransportOrder:
         return self.changed(drive_orders=self.with_current(current), history=(*self.status.history, entry))
 
     def hindered(self, why: str) -> Self:
-        """Say what keeps its vehicle from going on, empty for nothing; the same again changes nothing."""
+        """Return what keeps its vehicle from going on, empty for nothing; the same again changes nothing."""
         self.require("being hindered", S.BEING_PROCESSED, S.WITHDRAWN)
         reason = f"{_doing(self.status)}, but {why}" if why else _doing(self.status)
         return self if reason == self.status.reason else self.changed(reason=reason)
@@ -432,7 +432,7 @@ class TransportOrder:
         )
 
     def with_current(self, drive_order: DriveOrderStatus) -> tuple[DriveOrderStatus, ...]:
-        """Give its drive orders with another one in place of the current one."""
+        """Return its drive orders with another one in place of the current one."""
         drive_orders = self.status.drive_orders
         return (*drive_orders[: self.index], drive_order, *drive_orders[self.index + 1 :])
 
@@ -463,7 +463,7 @@ class TransportOrder:
         return self.changed(state=state, history=history, **changes)
 
     def changed(self, **changes: object) -> Self:
-        """Give its next version, with other fields of the status."""
+        """Return its next version, with other fields of the status."""
         status = self.status.model_copy(update={**changes, "version": self.status.version + 1})
         if "reason" not in changes and status.state in (S.BEING_PROCESSED, S.WITHDRAWN):
             status = status.model_copy(update={"reason": _doing(status)})
@@ -487,12 +487,12 @@ def why_withdrawn(status: TransportOrderStatus) -> str:
 
 
 def held_in_words(hold: Hold) -> str:
-    """Say who holds an order, since when and why."""
+    """Return who holds an order, since when and why."""
     return f"held by {hold.by} since {hold.since:%Y-%m-%d %H:%M:%S} UTC: {hold.reason}"
 
 
 def _doing(status: TransportOrderStatus) -> str:
-    """Say what a vehicle does for an order that it has."""
+    """Return what a vehicle does for an order that it has."""
     vehicle, index = status.processing_vehicle, status.current_drive_order_index
     if status.state is S.WITHDRAWN:
         return f"{why_withdrawn(status)}; waits until vehicle {vehicle} lets it go"

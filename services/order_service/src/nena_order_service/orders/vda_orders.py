@@ -91,12 +91,12 @@ class SentOrder(BaseModel):
         return path, self.vda_order.nodes[reached + 1].node_id
 
     def released(self, journey: Journey) -> Self:
-        """Give the record with what is allocated for its base."""
+        """Return the record with what is allocated for its base."""
         end = None if journey.all_allocated else 2 * journey.allocated
         return self.model_copy(update={"released_to": end})
 
     def updated(self, **changes: object) -> Self:
-        """Give the record with changes that the robot is sent as an update."""
+        """Return the record with changes that the robot is sent as an update."""
         return self.model_copy(update={**changes, "update_id": self.update_id + 1})
 
     @property
@@ -105,7 +105,7 @@ class SentOrder(BaseModel):
         return RobotKey(self.manufacturer, self.serial_number)
 
     def as_released(self) -> VdaOrder:
-        """Give the VDA order with its base as far as it is released."""
+        """Return the VDA order with its base as far as it is released."""
         return self.vda_order if self.released_to is None else released_to(self.vda_order, self.released_to)
 
     @property
@@ -114,7 +114,7 @@ class SentOrder(BaseModel):
         return self.released_to is None
 
     def ending_early(self, *, partial: bool) -> Self:
-        """Give the record of a VDA order that ends where its base does; one that is all base stays so."""
+        """Return the record of a VDA order that ends where its base does; one that is all base stays so."""
         if self.released_to is None:
             return self
         base = self.allocated
@@ -143,25 +143,25 @@ class OrderPlanner:
         self._operations = operations
 
     def recharging(self, operation: str) -> bool:
-        """Tell whether an operation is to recharge."""
+        """Return whether an operation is to recharge."""
         return self._operations.recharges(operation)
 
     def standing(self, vehicle: FleetVehicle, view: RobotView) -> Standing:
-        """Tell where a vehicle stands; raises NotLocatedError."""
+        """Return where a vehicle stands; raises NotLocatedError."""
         if view.state is None:
             raise NotLocatedError("it has not told its state yet")
         return locate(self.plant, view.state, vehicle.profile)
 
     def map_id(self, point: str, vehicle: FleetVehicle) -> str:
-        """Give the map on which a vehicle is sent to a point."""
+        """Return the map on which a vehicle is sent to a point."""
         return self.plant.point(point).map_id or vehicle.profile.map_id
 
     def action_type(self, operation: str) -> str:
-        """Give the VDA 5050 action that an operation stands for; empty for none."""
+        """Return the VDA 5050 action that an operation stands for; empty for none."""
         return self._operations.action_type(operation)
 
     def paths(self, names: Iterable[str]) -> tuple[str, ...]:
-        """Give those of the names that are paths."""
+        """Return those of the names that are paths."""
         return tuple(name for name in names if name in self.plant.paths_by_name)
 
     def way(
@@ -183,11 +183,11 @@ class OrderPlanner:
         )
 
     def recharges(self, order: TransportOrder) -> bool:
-        """Tell whether the next thing that an order asks for is to recharge."""
+        """Return whether the next thing that an order asks for is to recharge."""
         return self._operations.recharges(order.current.destination.operation)
 
     def pick(self, order: TransportOrder) -> Pick | None:
-        """Give what an order begins with picking up; None: it picks up nothing, or drops something first."""
+        """Return what an order picks up first; None: nothing, or it drops something before."""
         for each in order.status.drive_orders[order.index :]:
             action_type = self._operations.action_type(each.destination.operation)
             if action_type == PICK:
@@ -214,7 +214,7 @@ class OrderPlanner:
         return ""
 
     def route_request(self, order: TransportOrder, vehicle: FleetVehicle, leg: Leg) -> RouteRequest:
-        """Give what a vehicle wants of traffic for the current drive order, whose way is ``leg``."""
+        """Return what a vehicle wants of traffic for the current drive order, whose way is ``leg``."""
         destination = order.status.drive_orders[order.status.current_drive_order_index].destination
         if destination.coordinate:
             goal = self.finder.nearest(destination.coordinate)

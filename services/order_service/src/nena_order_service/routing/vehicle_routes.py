@@ -23,14 +23,14 @@ class VehicleRoutes:
         self._route = lru_cache(ROUTES_KEPT)(self._find)
 
     def route(self, vehicle: str, start: str, goal: str, *, avoid: Collection[str] = frozenset()) -> Route:
-        """Give the cheapest route; raises NoRouteError."""
+        """Return the cheapest route; raises NoRouteError."""
         found = self._route(self._model(vehicle), start, goal, frozenset(avoid))
         if isinstance(found, NoRouteError):
             raise found.with_traceback(None)
         return found
 
     def costs(self, vehicle: str, start: str) -> Mapping[str, float]:
-        """Give what it costs to reach each point that can be reached."""
+        """Return what it costs to reach each point that can be reached."""
         return self._finder.costs(start, vehicle=self._registry.model(vehicle))
 
     def forget(self) -> None:
@@ -43,7 +43,7 @@ class VehicleRoutes:
     def _find(
         self, vehicle: str | None, start: str, goal: str, avoid: frozenset[str]
     ) -> Route | NoRouteError:
-        """Give what is remembered: that there is no way costs as much to find out as one."""
+        """Return what is remembered: that there is no way costs as much to find out as one."""
         model: Vehicle | None = self._registry.model(vehicle) if vehicle else None
         try:
             return self._finder.route(start, goal, vehicle=model, avoid=avoid)

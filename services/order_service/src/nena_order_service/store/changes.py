@@ -68,7 +68,7 @@ class Changes:
         self.sequences[sequence.number] = sequence
 
     def merge(self, later: Changes) -> None:
-        """Take in changes that were made after these."""
+        """Handle changes that were made after these."""
         for number, change in later.orders.items():
             earlier = self.orders.get(number)
             if earlier:
@@ -82,7 +82,7 @@ class Changes:
         self.documents.update(later.documents)
 
     def numbered(self, last: int) -> int:
-        """Give each order's change a number, from the one behind ``last`` on; gives the last one then."""
+        """Return each order's change a number, from the one behind ``last`` on; gives the last one then."""
         for number, change in self.orders.items():
             last += 1
             self.orders[number] = replace(change, change_number=last)
@@ -126,7 +126,7 @@ class ChangeNumbers:
         self.last = self.told = last
 
     def of(self, name: str, version: int) -> tuple[int, bool]:
-        """Give the number of a version that is told now, and whether it is the last version of its change.
+        """Return the number of a version that is told now, and whether it is the last version of its change.
 
         Versions are told in their order. The number is 0 for one that is told without having been changed.
         """

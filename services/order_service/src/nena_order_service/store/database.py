@@ -65,7 +65,7 @@ class Statements:
 
 
 def statements(engine: Engine) -> Statements:
-    """Give the statements in the words of this database."""
+    """Return the statements in the words of this database."""
     return _statements(engine.dialect.name)
 
 
@@ -148,7 +148,7 @@ def write_vehicles(connection: Connection, texts: Statements, documents: Mapping
 
 
 def read_vehicles(connection: Connection) -> dict[str, str]:
-    """Give all documents by the robots' keys."""
+    """Return all documents by the robots' keys."""
     return {row.robot: row.document for row in connection.execute(select(schema.vehicles))}
 
 
@@ -186,7 +186,7 @@ def read_unfinished_sequences(connection: Connection) -> tuple[OrderSequence, ..
 
 
 def last_sequence(connection: Connection) -> int:
-    """Give the greatest number that a sequence has; 0 for none."""
+    """Return the greatest number that a sequence has; 0 for none."""
     return connection.execute(select(func.max(schema.order_sequences.c.number))).scalar() or 0
 
 

@@ -130,7 +130,7 @@ class LeaderLock:
         return taken
 
     def keep(self) -> bool:
-        """Tell whether the lock is still held, which also keeps it.
+        """Return whether the lock is still held, which also keeps it.
 
         It is not when the connection has ended; :meth:`take` makes a new one then.
         """
@@ -217,7 +217,7 @@ class Fence:
         self.commits += 1
 
     def is_up(self, engine: Engine) -> bool:
-        """Tell whether this epoch is still the present one; DBAPIError where the database does not answer."""
+        """Return whether this epoch is still the present one; raise DBAPIError if the database is away."""
         with engine.connect() as connection:
             present = connection.execute(select(_leadership.epoch).where(_ROW)).scalar_one()
         return bool(present == self.epoch)

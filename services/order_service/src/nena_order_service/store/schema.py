@@ -274,7 +274,7 @@ def unusable(reason: str) -> StoreError:
 
 
 def is_shared(url: str) -> bool:
-    """Tell whether several order services may use this store, one active and the others standing by."""
+    """Return whether several order services may use this store, one active and the others standing by."""
     return parse_url(url).get_backend_name() == "postgresql"
 
 
@@ -319,7 +319,7 @@ def open_database(url: str) -> Engine:
 
 
 def reason_of(error: DBAPIError) -> str:
-    """Give in one line what the database says."""
+    """Return in one line what the database says."""
     return (str(error.orig).strip() or type(error.orig).__name__).splitlines()[0]
 
 

@@ -275,7 +275,7 @@ class Driving:
         self._traffic.resume(vehicle.name, record.way, record.allocated)
 
     def passed(self, order_id: str, sequence_id: int) -> None:
-        """Take notice that a robot has passed a node: what is behind it is free."""
+        """Note that a robot has passed a node: what is behind it is free."""
         record = self._sent.find(order_id)
         if record and (vehicle := self._under_way(record)):
             self._state.drive_due |= self._traffic.arrived(vehicle.name, sequence_id // 2)
@@ -321,7 +321,7 @@ class Driving:
         self._state.drive_due = True
 
     def robot_changed(self, vehicle: FleetVehicle) -> None:
-        """Take notice that a robot has told something new; that of one on its way is told apart."""
+        """Note that a robot has told something new; that of one on its way is told apart."""
         if not self._traffic.journey(vehicle.name):
             self._state.drive_due = True
 
@@ -372,7 +372,7 @@ class Driving:
                 self.end_early(record, partial=True)
 
     def note(self, vehicle: FleetVehicle) -> str:
-        """Say what keeps a vehicle from doing its order; empty for nothing."""
+        """Return what keeps a vehicle from doing its order; empty for nothing."""
         record = self._sent.of_robot(vehicle.key)
         if record and record.evasion:
             return "it makes room for others first"
@@ -386,13 +386,13 @@ class Driving:
         return f"it {why}" if why else ""
 
     def obstacle(self, vehicle: FleetVehicle) -> str:
-        """Say, as a predicate, why a vehicle takes no order because of what it does; empty if it does."""
+        """Return, as a predicate, why a vehicle takes no order because of what it does; empty if it does."""
         if self._traffic.journey(vehicle.name):
             return "makes room for others"
         return self.obstacle_at(vehicle)
 
     def obstacle_at(self, vehicle: FleetVehicle) -> str:
-        """Say, as a predicate, why a vehicle takes no order because of its place; empty if it does."""
+        """Return, as a predicate, why a vehicle takes no order because of its place; empty if it does."""
         return self._positions.obstacle(vehicle)
 
     def _vehicle(self, name: str) -> FleetVehicle:

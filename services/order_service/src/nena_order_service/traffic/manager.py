@@ -67,24 +67,24 @@ class TrafficManager:
         return self._control.scheduler
 
     def __contains__(self, vehicle: str) -> bool:
-        """Tell whether the vehicle holds anything."""
+        """Return whether the vehicle holds anything."""
         return vehicle in self._scheduler
 
     def held(self, vehicle: str) -> tuple[ResourceSet, ...]:
-        """Give what a vehicle holds, oldest first; nothing of one that is not here."""
+        """Return what a vehicle holds, oldest first; nothing of one that is not here."""
         return tuple(self._scheduler.occupant(vehicle).held) if vehicle in self._scheduler else ()
 
     def users(self, resource: str) -> frozenset[str]:
-        """Give who holds, claims or will rest on a point, path, block or location."""
+        """Return who holds, claims or will rest on a point, path, block or location."""
         return self._scheduler.users(resource)
 
     def stands(self, vehicle: str, point: str, *, on_point: bool) -> bool:
-        """Tell whether the vehicle is known to stand at or, else, to be nearest to this point."""
+        """Return whether the vehicle is known to stand at or, else, to be nearest to this point."""
         occupant = self._scheduler.occupant(vehicle)
         return occupant.point == point and (occupant.entry is None) == on_point
 
     def journey(self, vehicle: str) -> Journey | None:
-        """Give the vehicle's way, to be read; None while it rests."""
+        """Return the vehicle's way, to be read; None while it rests."""
         return self._journeys.get(vehicle)
 
     def seen(self, vehicle: str, found: Found, box: BoundingBox, *, moving: bool = False) -> bool:
@@ -120,7 +120,7 @@ class TrafficManager:
         return vehicle in self._scheduler and self._scheduler.occupant(vehicle).point == found.point
 
     def _behind(self, vehicle: str, found: Found, *, moving: bool) -> tuple[ResourceSet, ...]:
-        """Give what of all that a vehicle holds it still covers, now that it was found somewhere."""
+        """Return what of all that a vehicle holds it still covers, now that it was found somewhere."""
         held = self.held(vehicle)
         if moving:
             return held
@@ -132,7 +132,7 @@ class TrafficManager:
         return () if remembered is None else passed
 
     def beside(self, vehicle: str) -> tuple[ResourceSet, ...] | None:
-        """Give what a vehicle may be on since it broke off; None where it did not, or was seen on a point."""
+        """Return what a vehicle may occupy since it broke off; None: it did not, or was seen on a point."""
         return self._broken_off.get(vehicle, self._left_at.get(vehicle))
 
     def restore(
@@ -163,7 +163,7 @@ class TrafficManager:
         self._scheduler.remove(vehicle)
 
     def request_route(self, route_request: RouteRequest, *, first: bool = False) -> None:
-        """Take in what a vehicle that rests wants; see :meth:`TrafficControl.request_route`."""
+        """Handle what a vehicle that rests wants; see :meth:`TrafficControl.request_route`."""
         self._control.request_route(route_request, first=first)
 
     def drop(self, vehicle: str) -> None:
@@ -171,7 +171,7 @@ class TrafficManager:
         self._control.drop(vehicle)
 
     def displaces(self, vehicle: str, goal: str) -> bool:
-        """Tell whether others that rest, or will, would have to make room for a drive to ``goal``."""
+        """Return whether others that rest, or will, would have to make room for a drive to ``goal``."""
         return self._control.displaces(RouteRequest(vehicle, goal))
 
     def decide(
@@ -193,7 +193,7 @@ class TrafficManager:
                 yield from self._control.clear(journey.refusal.vehicles, way, movable)
 
     def stuck(self, movable: Callable[[str], bool], lost: Callable[[str], bool]) -> Iterator[str]:
-        """Give the vehicles under way that wait for vehicles at rest which will not make room.
+        """Yield the vehicles under way that wait for vehicles at rest which will not make room.
 
         These cannot be sent away, or nobody knows when they could be. Ask it after :meth:`decide`.
         """
@@ -238,17 +238,17 @@ class TrafficManager:
         return journey.allocated > before
 
     def is_blocked(self, vehicle: str) -> bool:
-        """Tell whether somebody who rests keeps a vehicle from going on its way."""
+        """Return whether somebody who rests keeps a vehicle from going on its way."""
         journey = self._journeys.get(vehicle)
         refusal = journey.refusal if journey else None
         return refusal is not None and refusal.hindrance is WaitReason.RESTING
 
     def ahead(self, vehicle: str) -> int:
-        """Give how many sets a vehicle holds in front of it; raises UnknownOccupantError."""
+        """Return how many sets a vehicle holds in front of it; raises UnknownOccupantError."""
         return self._scheduler.occupant(vehicle).ahead
 
     def arrived(self, vehicle: str, reached: int) -> bool:
-        """Take notice that the vehicle has come to the ``reached``-th set of its way, from 1 on.
+        """Note that the vehicle has come to the ``reached``-th set of its way, from 1 on.
 
         Tells whether others, or the vehicle itself, may be able to go on by that.
         One that has come farther than it was allowed to holds that, too: it is there.
@@ -265,7 +265,7 @@ class TrafficManager:
         return freed or not journey.all_allocated
 
     def finished(self, vehicle: str) -> None:
-        """Take notice that the vehicle has come to the end of its way, and rests there."""
+        """Note that the vehicle has come to the end of its way, and rests there."""
         self.arrived(vehicle, len(self._journeys[vehicle].way))
         del self._journeys[vehicle]
 
@@ -284,7 +284,7 @@ class TrafficManager:
         self._scheduler.place(vehicle, held, occupant.length_mm)
 
     def broke_off(self, vehicle: str) -> bool:
-        """Tell whether a vehicle without a way was not seen standing since it broke off or moved."""
+        """Return whether a vehicle without a way was not seen standing since it broke off or moved."""
         return vehicle in self._broken_off
 
     @property
@@ -298,7 +298,7 @@ class TrafficManager:
         return frozenset((*self._journeys, *self._control.requesting))
 
     def why_waiting(self, vehicle: str) -> str:
-        """Say why a vehicle does not depart or go on; empty where traffic does not keep it."""
+        """Return why a vehicle does not depart or go on; empty where traffic does not keep it."""
         journey = self._journeys.get(vehicle)
         refusal = journey.refusal if journey else self._control.why_waiting(vehicle)
         return str(refusal or "")

@@ -22,7 +22,7 @@ Uses = Mapping[str, str | None]
 
 
 def conflict(one: str | None, other: str | None) -> bool:
-    """Tell whether two vehicles cannot use one resource at the same time, each in its direction."""
+    """Return whether two vehicles cannot use one resource at the same time, each in its direction."""
     return one is None or one != other
 
 
@@ -49,17 +49,17 @@ class Resources:
                 self._blocks[member].append(block)
 
     def at(self, point: str) -> ResourceSet:
-        """Give the resources of a vehicle that was found at ``point``, come by whatever way."""
+        """Return the resources of a vehicle that was found at ``point``, come by whatever way."""
         return self.on(point, (point,))
 
     def on(self, point: str, members: Sequence[str], *, length_mm: int = 0) -> ResourceSet:
-        """Give the resources of a vehicle on ``members``, whose ways begin or end at ``point``."""
+        """Return the resources of a vehicle on ``members``, whose ways begin or end at ``point``."""
         return ResourceSet(point, length_mm, self._uses(members, {}))
 
     def along(
         self, steps: Iterable[Step], *, start: ResourceSet, location: str | None = None
     ) -> Iterator[ResourceSet]:
-        """Give the resources of each step of a way from ``start`` on; the last also has ``location``."""
+        """Yield the resources of each step of a way from ``start`` on; the last also has ``location``."""
         way = tuple(steps)
         before = start
         for index, step in enumerate(way):
@@ -78,7 +78,7 @@ class Resources:
         entry: ResourceSet | None = None,
         location: str | None = None,
     ) -> list[ResourceSet]:
-        """Give the resources of a whole way, with the ``entry`` that comes before it and the ``location``.
+        """Return the resources of a whole way, with the ``entry`` that comes before it and the ``location``.
 
         A vehicle that is to use a location where it is needs that alone, without a step.
         """
@@ -90,7 +90,7 @@ class Resources:
         return [ResourceSet(entry.point, entry.length_mm, {**entry.uses, **self._uses((location,), {})})]
 
     def _directions(self, members: Iterable[str], step: Step, before: ResourceSet) -> dict[str, str | None]:
-        """Give the direction of each same-direction block: a vehicle keeps the one in which it came in."""
+        """Return the direction of each same-direction block: a vehicle keeps the one in which it came in."""
         entry = step.path.properties.get(BLOCK_ENTRY_DIRECTION, step.edge_id)
         return {
             block.name: before.uses.get(block.name, entry)
@@ -132,7 +132,7 @@ class UseIndex:
                 del self._users[resource]
 
     def others(self, vehicle: str, uses: Uses) -> Iterator[tuple[str, str]]:
-        """Give who else uses what ``vehicle`` cannot share with them: pairs of vehicle and resource."""
+        """Yield who else uses what ``vehicle`` cannot share with them: pairs of vehicle and resource."""
         for resource, direction in uses.items():
             if users := self._users.get(resource):
                 for other, their_direction in users:
@@ -140,7 +140,7 @@ class UseIndex:
                         yield other, resource
 
     def users(self, resource: str) -> frozenset[str]:
-        """Give who uses ``resource``."""
+        """Return who uses ``resource``."""
         return frozenset(vehicle for vehicle, _ in self._users.get(resource, ()))
 
 
@@ -176,7 +176,7 @@ class Occupant:
         return len(self.held) - 1 - self.reached
 
     def at_end(self, way: Sequence[ResourceSet]) -> list[ResourceSet]:
-        """Give the sets that it covers at the end of ``way``, which follows what it holds."""
+        """Return the sets that it covers at the end of ``way``, which follows what it holds."""
         sets = [*self.held, *way]
         return sets[covered_from(sets, len(sets) - 1, self.length_mm) :]
 
@@ -189,7 +189,7 @@ class Occupant:
 
 
 def covered_from(sets: Sequence[ResourceSet], at: int, length_mm: int) -> int:
-    """Give the index of the oldest set that a vehicle of this length covers at the point of ``at``.
+    """Return the index of the oldest set that a vehicle of this length covers at the point of ``at``.
 
     The length is taken to lie behind the point as a whole: where the robot's own reference point is in its
     middle, that is more than it needs, and never less.
@@ -241,7 +241,7 @@ class OccupancyFinder:
         )
 
     def of(self, found: Found, box: BoundingBox) -> OccupiedResources:
-        """Give the footing of a vehicle of this size."""
+        """Return the footing of a vehicle of this size."""
         reach_mm = box.length_mm / 2 + abs(box.reference_offset_x_mm)
         members = list(dict.fromkeys(self._under(found, reach_mm)))
         under = self._resources.on(found.point, members)
@@ -285,7 +285,7 @@ def _box(*points: Point) -> Box:
 
 
 def _distance_mm(place: tuple[float, float], one: tuple[float, float], other: tuple[float, float]) -> float:
-    """Give the distance of a place from the line between two others."""
+    """Return the distance of a place from the line between two others."""
     along = (other[0] - one[0], other[1] - one[1])
     apart = (place[0] - one[0], place[1] - one[1])
     square = along[0] ** 2 + along[1] ** 2

@@ -19,11 +19,11 @@ class Routes(Protocol):
     """Gives the ways of vehicles, which it knows by name, between points of the plant."""
 
     def route(self, vehicle: str, start: str, goal: str, *, avoid: Collection[str] = frozenset()) -> Route:
-        """Give the cheapest way; raises NoRouteError."""
+        """Return the cheapest way; raises NoRouteError."""
         ...
 
     def costs(self, vehicle: str, start: str) -> Mapping[str, float]:
-        """Give what it costs to reach each point that can be reached from ``start``."""
+        """Return what it costs to reach each point that can be reached from ``start``."""
         ...
 
 
@@ -76,7 +76,7 @@ class Scheduler:
         self._rests: dict[str, list[ResourceSet]] = {}
 
     def occupant(self, name: str) -> Occupant:
-        """Give a vehicle as it stands, to be read; raises UnknownOccupantError."""
+        """Return a vehicle as it stands, to be read; raises UnknownOccupantError."""
         try:
             return self._occupants[name]
         except KeyError:
@@ -93,7 +93,7 @@ class Scheduler:
     def place(
         self, name: str, place: Iterable[ResourceSet], length_mm: int, *, entry: ResourceSet | None = None
     ) -> None:
-        """Take notice of a vehicle that rests on ``place``, oldest set first, whoever else is there.
+        """Handle a vehicle that rests on ``place``, oldest set first, whoever else is there.
 
         ``entry`` is what it needs to come to the point of the last set, where it is not there yet.
         """
@@ -163,7 +163,7 @@ class Scheduler:
         self._holds.add(name, taken.uses)
 
     def arrive(self, name: str, index: int) -> bool:
-        """Take notice that the vehicle has come to its ``index``-th held set; tell whether that frees any."""
+        """Note that the vehicle has come to its ``index``-th held set; tell whether that frees any."""
         occupant = self.occupant(name)
         freed = occupant.arrive(index)
         for each in freed:
@@ -177,7 +177,7 @@ class Scheduler:
         self._set_claim(self.occupant(name), ())
 
     def stand(self, name: str) -> None:
-        """Take notice that the vehicle stands for good where it is, and free what it was to drive to.
+        """Note that the vehicle stands for good where it is, and free what it was to drive to.
 
         It may be anywhere on the way to the next point, so that set stays with it.
         """
@@ -189,25 +189,25 @@ class Scheduler:
         self._forget_end(name)
 
     def sharing(self, name: str) -> tuple[str, str] | None:
-        """Give somebody who holds what this vehicle holds alone, and what that is; None where nobody does."""
+        """Return another vehicle that holds what this one holds exclusively, and the resource, or None."""
         return next(self._others(self._holds, name, self.occupant(name).held), None)
 
     def users(self, resource: str) -> frozenset[str]:
-        """Give who holds, claims or will rest on ``resource``."""
+        """Return who holds, claims or will rest on ``resource``."""
         return self._holds.users(resource) | self._claims.users(resource) | self._ends.users(resource)
 
     def resting_on(self, name: str, way: Iterable[ResourceSet]) -> tuple[str, ...]:
-        """Give the vehicles that rest where ``name`` would have to pass or to stop."""
+        """Return the vehicles that rest where ``name`` would have to pass or to stop."""
         found = (other for other, _ in self._others(self._holds, name, way))
         return tuple(dict.fromkeys(other for other in found if self._occupants[other].resting))
 
     def rests_or_will_rest_on(self, name: str, way: Iterable[ResourceSet]) -> bool:
-        """Tell whether others rest where ``name`` would have to pass or to stop, or will at their ends."""
+        """Return whether others rest where ``name`` would have to pass or to stop, or will at their ends."""
         way = tuple(way)
         return bool(self.resting_on(name, way)) or any(self._others(self._ends, name, way))
 
     def end_of(self, name: str, way: Sequence[ResourceSet]) -> list[ResourceSet]:
-        """Give what the vehicle would rest on at the end of ``way``."""
+        """Return what the vehicle would rest on at the end of ``way``."""
         return self.occupant(name).at_end(way)
 
     def _set_claim(self, occupant: Occupant, way: Sequence[ResourceSet]) -> None:
@@ -247,21 +247,21 @@ class Scheduler:
         return Refusal(WaitReason.RESTING if resting else WaitReason.HELD, names, others[0][1])
 
     def _precedence(self, name: str, wanted: ResourceSet) -> Refusal | None:
-        """Tell who claims ``wanted`` and must go before this vehicle, directly or by others in between."""
+        """Return who claims ``wanted`` and must go before this vehicle, directly or by others in between."""
         for other, resource in self._claims.others(name, wanted.uses):
             if self._must_precede(other, name):
                 return Refusal(WaitReason.ORDER, (other,), resource)
         return None
 
     def _cycle(self, name: str) -> Refusal | None:
-        """Tell who must go before this vehicle, directly or by others in between, and also after it."""
+        """Return who must go before this vehicle, directly or by others in between, and also after it."""
         for other, resource in self._later(name):
             if self._must_precede(other, name):
                 return Refusal(WaitReason.ORDER, (other,), resource)
         return None
 
     def _must_precede(self, first: str, later: str) -> bool:
-        """Tell whether ``first`` must come to its end before ``later`` can come to its own."""
+        """Return whether ``first`` must come to its end before ``later`` can come to its own."""
         seen, open_ends = {first}, [first]
         while open_ends:
             for other, _ in self._later(open_ends.pop()):
@@ -273,7 +273,7 @@ class Scheduler:
         return False
 
     def _later(self, name: str) -> Iterator[tuple[str, str]]:
-        """Give the vehicles that cannot come to their ends before this one, and for which resource."""
+        """Yield the vehicles that cannot come to their ends before this one, and for which resource."""
         occupant = self._occupants[name]
         yield from self._others(self._claims, name, occupant.held)
         yield from self._others(self._ends, name, occupant.claimed)
@@ -338,7 +338,7 @@ class Evader:
     def _ways_out(
         self, vehicle: str, kept_free: list[ResourceSet]
     ) -> Iterator[tuple[Route, list[ResourceSet]]]:
-        """Give ways to free places, the best first: where vehicles park, then near ones."""
+        """Yield ways to free places, the best first: where vehicles park, then near ones."""
         occupant = self._scheduler.occupant(vehicle)
         costs = self._ways.costs(vehicle, occupant.point)
         kept = {resource for each in kept_free for resource in each.uses} | {occupant.point}
@@ -358,7 +358,7 @@ class Evader:
 
 
 def overlap(some: Iterable[ResourceSet], others: Iterable[ResourceSet]) -> str | None:
-    """Give a resource that two vehicles with these sets would both need; None: there is none."""
+    """Return a resource that two vehicles with these sets would both need; None: there is none."""
     uses: dict[str, set[str | None]] = {}
     for each in others:
         for resource, direction in each.uses.items():
@@ -441,7 +441,7 @@ class TrafficControl:
         self._refusals: dict[str, Refusal] = {}
 
     def request_route(self, route_request: RouteRequest, *, first: bool = False) -> None:
-        """Take in what a vehicle wants; it replaces what the same vehicle wanted, and keeps its place.
+        """Handle what a vehicle wants; it replaces what the same vehicle wanted, and keeps its place.
 
         A vehicle that had its turn, but could not come to its goal, is ``first`` in the row.
         """
@@ -500,7 +500,7 @@ class TrafficControl:
         return self.scheduler.occupant(route_request.vehicle).resting
 
     def displaces(self, route_request: RouteRequest) -> bool:
-        """Tell whether vehicles that rest, or will, would have to make room for what a vehicle might want."""
+        """Return whether vehicles at rest, now or soon, would have to make room for this request."""
         try:
             route = self._route(route_request)
         except NoRouteError:

@@ -93,7 +93,7 @@ class IdleVehicles:
             self._attend(candidate, known, round_)
 
     def note(self, vehicle: FleetVehicle) -> str:
-        """Say why an idle vehicle neither recharges nor parks though it should; empty where it need not."""
+        """Return why an idle vehicle does not recharge or park though it should; empty: it need not."""
         known = self._idle.get(vehicle.name)
         return "; ".join(filter(None, (known.note, known.parking_note))) if known else ""
 
@@ -163,7 +163,7 @@ class IdleVehicles:
         return park_request(vehicle.name, found.point) if found.point else None
 
     def _cost(self, candidate: LocatedCandidate) -> Callable[[str], float]:
-        """Give what it costs a vehicle to reach points."""
+        """Return what it costs a vehicle to reach points."""
         model, standing = candidate.vehicle.model, candidate.standing
         assert standing, "who has no obstacle stands somewhere"  # noqa: S101 - for the type
         return lambda point: self._context.finder.costs_to(point, vehicle=model).source(standing.point)
@@ -180,7 +180,7 @@ class IdleVehicles:
         return goals
 
     def _is_taken(self, point: str, vehicle: FleetVehicle, round_: _IdleRound) -> bool:
-        """Tell whether another vehicle is at a point, passes it now or is to come there."""
+        """Return whether another vehicle is at a point, passes it now or is to come there."""
         return bool(self._users(point, vehicle, round_))
 
     def _users(self, point: str, vehicle: FleetVehicle, round_: _IdleRound) -> set[str]:
@@ -188,7 +188,7 @@ class IdleVehicles:
         return {*self._traffic.users(point), *coming} - {vehicle.name}
 
     def _is_held_in_vain(self, point: str, vehicle: FleetVehicle, round_: _IdleRound) -> bool:
-        """Tell whether all who are at a point have energy enough and nothing to do."""
+        """Return whether all who are at a point have energy enough and nothing to do."""
         others = (self._registry.named(name) for name in self._users(point, vehicle, round_))
         seen = (self._dispatching.consider(each).seen for each in others if each)
         return all(not (each.obstacle or each.restriction or each.gives_up) for each in seen)

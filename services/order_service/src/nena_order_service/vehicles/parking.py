@@ -36,7 +36,7 @@ class Prospect:
     """Whether they are asked to, where there is no other way."""
 
     def why_not(self, point: str) -> str:
-        """Say what keeps the vehicle from parking at a point; empty: nothing."""
+        """Return what keeps the vehicle from parking at a point; empty: nothing."""
         if self.taken(point):
             return "is taken"
         if self.cost(point) == inf:
@@ -72,7 +72,7 @@ class ParkingPositions:
         }
 
     def choose(self, model: Vehicle | None, here: str | None, prospect: Prospect) -> Parking:
-        """Give the best position for a vehicle that stands at ``here``, None: beside any point."""
+        """Return the best position for a vehicle that stands at ``here``, None: beside any point."""
         properties = model.properties if model else {}
         if assigned := properties.get(ASSIGNED_PARKING_POSITION):
             return self._assigned(assigned, here, prospect)
@@ -122,13 +122,13 @@ _Ranked = tuple[float, float, str]
 
 
 def _best(free: Sequence[_Ranked], prospect: Prospect) -> _Ranked | None:
-    """Give the first one for which nobody has to make room; where there is none, and they may: the first."""
+    """Return the first position for which no vehicle has to make room, else the first if allowed."""
     quiet = (each for each in islice(free, WAYS_TRIED) if not prospect.displaces(each[-1]))
     return next(quiet, free[0] if free and prospect.may_displace else None)
 
 
 def _priority(point: Point) -> float:
-    """Give the priority of a position; those that have none come last."""
+    """Return the priority of a position; those that have none come last."""
     try:
         return float(int(point.properties[PARKING_POSITION_PRIORITY]))
     except (KeyError, ValueError):
@@ -170,7 +170,7 @@ class RechargeLocations:
         taken: Callable[[str], bool],
         held_in_vain: Callable[[str], bool] = lambda _point: False,
     ) -> Recharging:
-        """Give the best location for a vehicle.
+        """Return the best location for a vehicle.
 
         ``cost`` is that of the way to a point, infinity where there is none; ``taken`` tells of a point
         whether another vehicle is there or is to come there, ``held_in_vain`` whether that one has no need
@@ -201,7 +201,7 @@ class RechargeLocations:
                         yield _Place(costs, location.name, operation, point)
 
     def _operations(self, model: Vehicle | None, location: Location) -> Sequence[str]:
-        """Give the operations by which the vehicle recharges at a location."""
+        """Return the operations by which the vehicle recharges at a location."""
         own = model.properties.get(VDA5050_RECHARGE_OPERATION) if model else None
         possible = dict.fromkeys(
             operation for link in location.links for operation in self._plant.link_operations(location, link)

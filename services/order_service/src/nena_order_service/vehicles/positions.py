@@ -44,7 +44,7 @@ class Positions:
         """When routes ended of which the robots reported nothing; only what they report later counts."""
 
     def see(self, vehicle: FleetVehicle) -> bool:
-        """Take in what a vehicle without a way says of its place; tell whether that changes what it holds."""
+        """Handle what a vehicle without a way says of its place; tell whether that changes what it holds."""
         name = vehicle.name
         if not self._counts(vehicle):
             return self._take_out(vehicle)
@@ -81,12 +81,12 @@ class Positions:
             self._doubted[vehicle.name] = self._clock.monotonic()
 
     def located(self, vehicle: FleetVehicle) -> bool:
-        """Tell whether a vehicle has said where it is, and holds that."""
+        """Return whether a vehicle has said where it is, and holds that."""
         sighting = self._sightings.get(vehicle.name)
         return sighting is not None and sighting.located and vehicle.name in self._traffic
 
     def obstacle(self, vehicle: FleetVehicle, *, working: bool = False) -> str:
-        """Say, as a predicate, why a vehicle takes no orders because of its place; empty if it does.
+        """Return, as a predicate, why a vehicle takes no orders because of its place; empty if it does.
 
         ``working``: it has an order, which one that is to be respected does to the end.
         """
@@ -99,7 +99,7 @@ class Positions:
         return ""
 
     def level(self, vehicle: FleetVehicle) -> IntegrationLevel:
-        """Tell how much a vehicle counts."""
+        """Return how much a vehicle counts."""
         return self._records.of(vehicle.key).integration_level
 
     def set_level(self, vehicle: FleetVehicle, level: IntegrationLevel) -> None:
@@ -117,7 +117,7 @@ class Positions:
         return True
 
     def _counts(self, vehicle: FleetVehicle) -> bool:
-        """Tell whether others are kept away from a vehicle: not from one on a map that is not the plant's.
+        """Return whether others are kept away from a vehicle: not from one on a map that is not the plant's.
 
         Before it is known, after a restart, which maps these are, one that holds something keeps it.
         """
@@ -147,7 +147,7 @@ class Positions:
 
 
 def box_of(vehicle: FleetVehicle) -> BoundingBox:
-    """Give the size of a vehicle; of one that the plant model does not have, that of the model's default."""
+    """Return the size of a vehicle; the model's default for one that the plant model does not have."""
     return vehicle.model.bounding_box if vehicle.model else BoundingBox()
 
 

@@ -51,31 +51,31 @@ class VehicleRegistry:
         return iter(tuple(self._by_name.values()))
 
     def names(self) -> frozenset[str]:
-        """Give the names of the vehicles that may get orders; asked for with each order, so kept."""
+        """Return the names of the vehicles that may get orders; asked for with each order, so kept."""
         if self._names is None:
             self._names = frozenset(vehicle.name for vehicle in self if not vehicle.obstacle)
         return self._names
 
     def model(self, name: str) -> Vehicle | None:
-        """Give the plant model's data of a vehicle; None where it has none."""
+        """Return the plant model's data of a vehicle; None where it has none."""
         known = self._by_name.get(name)
         return known.model if known else None
 
     def named(self, name: str | None) -> FleetVehicle | None:
-        """Give the vehicle of this name; None if there is none."""
+        """Return the vehicle of this name; None if there is none."""
         return None if name is None else self._by_name.get(name)
 
     def employed(self, name: str | None) -> FleetVehicle | None:
-        """Give the vehicle of this name if it may have orders; None: it may not, or there is none."""
+        """Return the vehicle of this name if it may have orders; None: it may not, or there is none."""
         vehicle = self.named(name)
         return None if vehicle is None or vehicle.obstacle else vehicle
 
     def of(self, key: RobotKey) -> FleetVehicle | None:
-        """Give the vehicle that is this robot; None if it was never discovered."""
+        """Return the vehicle that is this robot; None if it was never discovered."""
         return self._by_key.get(key)
 
     def discover(self, key: RobotKey) -> FleetVehicle:
-        """Give the vehicle that is this robot; one that is new is listed from now on."""
+        """Return the vehicle that is this robot; one that is new is listed from now on."""
         known = self._by_key.get(key)
         if known:
             return known
@@ -120,7 +120,7 @@ COMBINATIONS_KEPT = 1000
 
 
 def robot_maps(state: State) -> tuple[RobotMap, ...] | None:
-    """Give the maps of a robot; None where it does not tell of any."""
+    """Return the maps of a robot; None where it does not tell of any."""
     if state.maps is None:
         return None
     return _maps(tuple((each.map_id, each.map_version, each.map_status) for each in state.maps))
@@ -135,7 +135,7 @@ def _maps(told: tuple[tuple[str, str, MapStatus], ...]) -> tuple[RobotMap, ...]:
 
 
 def why_not_on(map_id: str, state: State) -> str:
-    """Say, as a predicate, why a robot cannot drive on a map; empty where it can, or tells of no maps."""
+    """Return, as a predicate, why a robot cannot drive on a map; empty where it can, or tells of no maps."""
     maps = robot_maps(state)
     if not maps or not map_id:
         return ""

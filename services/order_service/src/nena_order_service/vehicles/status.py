@@ -44,7 +44,7 @@ class Essentials(NamedTuple):
 
     @classmethod
     def of(cls, status: VehicleStatus) -> Self:
-        """Give those of a status."""
+        """Return those of a status."""
         return cls(*(getattr(status, name) for name in cls._fields))
 
 
@@ -59,7 +59,7 @@ def essentials(
     order_sequence: str | None,
     reason: str,
 ) -> Essentials:
-    """Tell what matters of how a vehicle stands."""
+    """Return what matters of how a vehicle stands."""
     state = view.state
     return Essentials(
         state=view.vehicle_state,
@@ -80,7 +80,7 @@ def essentials(
 def vehicle_status(
     vehicle: FleetVehicle, view: RobotView, told: Essentials, last_state: datetime | None
 ) -> VehicleStatus:
-    """Tell how a vehicle stands; positions are in m and rad of the plant's frame."""
+    """Return how a vehicle stands; positions are in m and rad of the plant's frame."""
     state = view.state
     return VehicleStatus(
         name=vehicle.name,
@@ -142,12 +142,12 @@ class StatusReporter:
         self._idle = idle
 
     def status_of(self, name: str) -> VehicleStatus | None:
-        """Tell how the vehicle of a name stands, None: there is none."""
+        """Return how the vehicle of a name stands, None: there is none."""
         vehicle = self._context.registry.named(name)
         return self.status(vehicle) if vehicle else None
 
     def status(self, vehicle: FleetVehicle) -> VehicleStatus:
-        """Tell how a vehicle stands."""
+        """Return how a vehicle stands."""
         view = self._context.view(vehicle)
         age = (
             None
@@ -158,7 +158,7 @@ class StatusReporter:
         return vehicle_status(vehicle, view, self._essentials(vehicle, view), last_state)
 
     def essentials(self, vehicle: FleetVehicle) -> Essentials:
-        """Tell what matters of how a vehicle stands; a tenth of the work of telling all."""
+        """Return what matters of how a vehicle stands; a tenth of the work of telling all."""
         return self._essentials(vehicle, self._context.view(vehicle))
 
     def _essentials(self, vehicle: FleetVehicle, view: RobotView) -> Essentials:

@@ -48,7 +48,7 @@ class BoundedHttp:
             raise ConfigurationError([f"http.oidc.ca: {settings.ca}: {error}"]) from error
 
     async def get(self, url: str) -> dict[str, Any]:
-        """Give the JSON object that is there.
+        """Return the JSON object that is there.
 
         Raises:
             IssuerAwayError: there is none.
@@ -125,7 +125,7 @@ class Metadata(BaseModel):
 
 
 def place_of(issuer: str) -> str:
-    """Tell where an issuer describes itself."""
+    """Return where an issuer describes itself."""
     return f"{issuer.rstrip('/')}/.well-known/openid-configuration"
 
 
@@ -180,11 +180,11 @@ class KeySet:
         return cls(usable)
 
     def has(self, kid: str | None, algorithm: str) -> bool:
-        """Tell whether :meth:`find` gives a key."""
+        """Return whether :meth:`find` gives a key."""
         return self.find(kid, algorithm) is not None
 
     def find(self, kid: str | None, algorithm: str) -> PyJWK | None:
-        """Give the one key of this id for signatures of this kind; without an id there must be no choice."""
+        """Return the one key of this id for signatures of this kind; without an id the only one."""
         if (made := self._made.get((kid, algorithm))) is not None:
             return made
         fitting = [each for each in self._keys if _fits(each, kid, algorithm)]
@@ -254,7 +254,7 @@ class Issuer:
         self._renewing: asyncio.Task[None] | None = None
 
     async def metadata(self) -> Metadata:
-        """Give what it says of itself.
+        """Return what it says of itself.
 
         Raises:
             IssuerAwayError: it cannot be asked.
@@ -263,7 +263,7 @@ class Issuer:
         return (await self._current(lambda _: True)).metadata
 
     async def key(self, header: Header) -> PyJWK:
-        """Give the key that a token says it is signed with.
+        """Return the key that a token says it is signed with.
 
         Raises:
             TokenRefusedError: the issuer has no such key.
@@ -280,7 +280,7 @@ class Issuer:
         return key
 
     async def _current(self, serves: _Serves) -> _Known:
-        """Give what is known at once where it serves, else what the issuer says now."""
+        """Return what is known at once where it serves, else what the issuer says now."""
         known = self._known
         if known and serves(known) and self._is_younger(known, KEPT):
             if not self._is_younger(known, FRESH):
@@ -347,7 +347,7 @@ class AccessTokens:
         self.issuer = issuer
 
     async def who(self, token: str) -> OidcUser:
-        """Give whose token it is.
+        """Return whose token it is.
 
         Raises:
             TokenRefusedError: it does not count.
@@ -359,7 +359,7 @@ class AccessTokens:
         return user_of(await self.claims(token, settings.audience), settings)
 
     async def claims(self, token: str, audience: str) -> dict[str, Any]:
-        """Give the claims of a token of the issuer for ``audience``.
+        """Return the claims of a token of the issuer for ``audience``.
 
         Raises:
             TokenRefusedError: it does not count.

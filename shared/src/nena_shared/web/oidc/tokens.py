@@ -70,7 +70,7 @@ def header_of(token: str, algorithms: Sequence[str]) -> Header:
 def verified(
     token: str, key: PyJWK, header: Header, *, issuer: str, audience: str, leeway: float
 ) -> dict[str, Any]:
-    """Give the claims of a token that counts.
+    """Return the claims of a token that counts.
 
     Raises:
         TokenRefusedError: it does not.

@@ -64,7 +64,7 @@ def user_of(claims: Mapping[str, Any], settings: OidcSettings) -> OidcUser:
 
 
 def values_of(claims: Mapping[str, Any], path: str) -> frozenset[str]:
-    """Give the texts that a claim holds, alone or in a list.
+    """Return the texts that a claim holds, alone or in a list.
 
     A claim of the whole name counts first: some issuers name their claims by URLs, which have dots.
     """

@@ -47,7 +47,7 @@ def _note(connection: sa.Connection, number: int, status: Mapping[str, Any]) -> 
 
 
 def _is_automatic(status: Mapping[str, Any]) -> bool:
-    """Tell whether no host can be meant: the name is a made one, and failing is all that is ever done."""
+    """Return whether no host can be meant: the name is a made one, and failing is all that is ever done."""
     name = NAMES.get(status["type"])
     measures = [step.get("do") for step in status.get("onFailure") or ()]
     return (
