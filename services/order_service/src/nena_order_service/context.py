@@ -25,41 +25,48 @@ class EngineSettings(SettingsGroup):
 
     adopt_unknown: bool = Field(
         default=False,
-        description="Whether robots that are heard of, but not in the plant model, get orders too.",
+        description="Dispatch robots that are connected but not in the plant model.",
     )
     default_map_id: str = Field(
-        "", description="Map of robots whose plant model names none; empty: the map that the robot reports."
+        "",
+        description=(
+            "Map of vehicles without one in the plant model. Empty: the map that the robot reports."
+        ),
     )
     release_ahead: int = Field(
         0,
         ge=0,
         le=1000,
-        description="Nodes that a robot is given ahead of it (preventive: without its link it stops after so "
-        "many), the rest is shown as horizon; 0: its whole way at once (assertive).",
+        description=(
+            "Nodes released ahead of a robot (preventive: it stops after them without its link); "
+            "the rest is horizon. 0: everything that can be allocated (assertive)."
+        ),
     )
     restart_patience: float = Field(
         20.0,
         ge=0,
-        description="Seconds after the start in which robots are waited for that were there before; later "
-        "the others drive on, and those keep what they held.",
+        description=(
+            "Time after the start to wait for robots that were connected before, seconds; then "
+            "the others drive, and missing robots keep their resources."
+        ),
     )
     traffic: bool = Field(
         default=True,
-        description="Whether points, paths and blocks are given to one robot at a time; false: robots are "
-        "sent wherever they are to go, and have to avoid each other by themselves.",
+        description=(
+            "Allocate points, paths and blocks to one robot at a time. false: no traffic control; "
+            "robots must avoid each other."
+        ),
     )
     dispatch: DispatchSettings = Field(
-        default_factory=DispatchSettings, description="Which order is given to which vehicle."
+        default_factory=DispatchSettings, description="Dispatching: which vehicle gets which order."
     )
     action_types: dict[str, str] = Field(
         default_factory=dict,
-        description="VDA 5050 action types by the plant's operations, laid over the usual ones.",
+        description="VDA 5050 action types by plant operation; extends the built-in table.",
     )
-    commit_timeout: float = Field(
-        10.0, gt=0, description="Seconds that a host waits at most for the store to take its request."
-    )
+    commit_timeout: float = Field(10.0, gt=0, description="Timeout for committing a request, seconds.")
     instant_action_timeout: float = Field(
-        10.0, gt=0, description="Seconds that a caller waits at most for the end of an instant action."
+        10.0, gt=0, description="Timeout for the end of an instant action, seconds."
     )
 
 

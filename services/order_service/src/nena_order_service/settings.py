@@ -27,11 +27,13 @@ class StoreSettings(SettingsGroup):
 
     url: SecretStr = Field(
         SecretStr("sqlite:///nena-orders.db"),
-        description="Database of the orders: sqlite:///FILE (four slashes for an absolute path), or "
-        "postgresql://USER@HOST/DATABASE, with which a second order service stands by.",
+        description=(
+            "Database URL of the orders: sqlite:///FILE (four slashes for an absolute path) or "
+            "postgresql://USER@HOST/DATABASE, which allows a standby."
+        ),
     )
     url_file: Path | None = Field(
-        None, description="File that holds store.url, where a password is in it; counts before it."
+        None, description="File with the database URL, for a URL with a password. Overrides store.url."
     )
 
     def location(self) -> str:
@@ -50,7 +52,7 @@ class RoutingSettings(SettingsGroup):
     costs: list[CostKey] = Field(
         [CostKey.DISTANCE],
         min_length=1,
-        description="Cost evaluators that are added up (docs/plant-models.md).",
+        description="Cost evaluators; their costs are added (docs/plant-models.md).",
     )
 
 
@@ -59,9 +61,10 @@ class OrderSettings(SettingsGroup):
 
     on_failure: FailurePolicy = Field(
         (),
-        description="What is done when a vehicle fails at an order that says nothing of that: measures that "
-        'are tried in turn, such as [{"do": "RETRY", "times": 2}, {"do": "HOLD"}] (docs/order-service.md); '
-        "empty: the order fails.",
+        description=(
+            'Default failure policy: measures tried in turn, such as [{"do": "RETRY", "times": '
+            '2}, {"do": "HOLD"}] (docs/order-service.md). Empty: the order fails.'
+        ),
     )
 
 
@@ -71,67 +74,64 @@ class EventSettings(SettingsGroup):
     backlog: int = Field(
         1000,
         ge=1,
-        description="Events that a client may be behind; above that it is brought up to date anew.",
+        description="Maximum number of events a client may be behind; beyond it receives a snapshot.",
     )
     replay_limit: int = Field(
-        10_000, ge=0, description="Changed orders that a client that comes back is told of at most."
+        10_000, ge=0, description="Maximum number of changed orders replayed to a client that reconnects."
     )
-    clients: int = Field(100, ge=1, description="Clients that may follow the event stream at a time.")
+    clients: int = Field(100, ge=1, description="Maximum number of event stream clients.")
 
 
 class HostSettings(SettingsGroup):
     """Hosts that ask over MQTT."""
 
     requests_per_second: float = Field(
-        200.0, gt=0, description="Requests that one host may make over MQTT in the long run."
+        200.0, gt=0, description="Sustained requests per second of one host over MQTT."
     )
-    burst: int = Field(2000, ge=1, description="Requests that one host may make over MQTT at once.")
+    burst: int = Field(2000, ge=1, description="Burst of requests of one host over MQTT.")
 
 
 class OrderServiceSettings(ServiceSettings):
     """What the order service can be told."""
 
-    plant: Path = Field(description="Plant model: openTCS's XML (0.0.2 to 7.0.0), LIF, or NeNa's own JSON.")
-    routing: RoutingSettings = Field(default_factory=RoutingSettings, description="What a way costs.")
-    orders: OrderSettings = Field(
-        default_factory=OrderSettings, description="What counts for orders that say nothing else."
-    )
-    store: StoreSettings = Field(default_factory=StoreSettings, description="The store of the orders.")
+    plant: Path = Field(description="Plant model file: openTCS XML (0.0.2 to 7.0.0), LIF, or NeNa JSON.")
+    routing: RoutingSettings = Field(default_factory=RoutingSettings, description="Cost of routes.")
+    orders: OrderSettings = Field(default_factory=OrderSettings, description="Defaults of orders.")
+    store: StoreSettings = Field(default_factory=StoreSettings, description="Store of the orders.")
     http: HttpSettings = Field(default_factory=lambda: HttpSettings(port=55200), description="The REST API.")
     public_url: HttpUrl | None = Field(
         None,
-        description="Where hosts reach this order service: a standby sends them there while this one is the "
-        "active one; none: http.host and http.port.",
+        description=(
+            "URL at which hosts reach this order service; a standby redirects them to it. Unset: "
+            "http.host and http.port."
+        ),
     )
     events: EventSettings = Field(default_factory=EventSettings, description="The event stream.")
     opentcs_prefix: Annotated[str, AfterValidator(_not_our_own)] = Field(
         "/opentcs",
         pattern=r"^(/[A-Za-z0-9_.-]+)*$",
-        description="Path before openTCS's web API, version 1, for orders and vehicles; empty: not served.",
+        description="Path prefix of openTCS's web API, version 1. Empty: not served.",
     )
     topic_prefix: TopicPrefix = Field(
-        "nena/v1", description="First levels of the MQTT topics for hosts; a prefix for each fleet."
+        "nena/v1", description="MQTT topic prefix for hosts; use one per fleet."
     )
-    hosts: HostSettings = Field(default_factory=HostSettings, description="Hosts that ask over MQTT.")
+    hosts: HostSettings = Field(default_factory=HostSettings, description="Limits of hosts over MQTT.")
     interface_name: TopicPrefix = Field(
-        "uagv", description="First levels of the topics of robots with VDA 5050 2.x."
+        "uagv", description="Interface name (topic prefix) of robots with VDA 5050 2.x."
     )
     interface_name_v3: TopicPrefix = Field(
-        "vda5050", description="First levels of the topics of robots with VDA 5050 3.x."
+        "vda5050", description="Interface name (topic prefix) of robots with VDA 5050 3.x."
     )
     fleet: FleetSettings = Field(
-        default_factory=FleetSettings, description="How patient fleet control is with robots."
+        default_factory=FleetSettings, description="Fleet control: timeouts, retries and limits for robots."
     )
     kernel: EngineSettings = Field(
-        default_factory=EngineSettings, description="How orders and vehicles are handled."
+        default_factory=EngineSettings, description="Orders, vehicles and traffic."
     )
     end_kept: float = Field(
         60.0,
         ge=0,
         le=3600,
-        description="Seconds that the end of an order stays retained at the broker for hosts that were away; "
-        "then its topic is cleared.",
+        description=("Time an ended order stays retained at the broker, seconds; then its topic is cleared."),
     )
-    max_body: int = Field(
-        262_144, ge=1024, description="Longest request body that either door takes, in bytes."
-    )
+    max_body: int = Field(262_144, ge=1024, description="Maximum request body over REST and MQTT, bytes.")

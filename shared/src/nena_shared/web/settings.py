@@ -49,62 +49,58 @@ ProtectedPlace = Annotated[ProtectedUrl, AfterValidator(_without_query)]
 class OidcSettings(SettingsGroup):
     """Whose access tokens count beside NeNa's own, and for what."""
 
-    issuer: ProtectedPlace = Field(
-        description="The OpenID Connect issuer, just as it writes its own address: its tokens count too."
-    )
-    audience: str = Field(min_length=1, description="What the issuer's tokens have to be meant for (aud).")
+    issuer: ProtectedPlace = Field(description="OIDC issuer URL, exactly as the issuer writes it.")
+    audience: str = Field(min_length=1, description="Required audience (aud) of the issuer's tokens.")
     roles_claim: str = Field(
         "roles",
         min_length=1,
-        description="Claim that names somebody's roles or groups; dots lead into tables: realm_access.roles.",
+        description="Claim with roles or groups; dots address nested claims, such as realm_access.roles.",
     )
     roles: dict[str, RoleName] = Field(
         {"nena-viewer": "viewer", "nena-operator": "operator", "nena-admin": "admin"},
         min_length=1,
-        description="Role here (viewer, operator, admin) for each value of that claim; the highest counts.",
+        description="NeNa role (viewer, operator, admin) by claim value; the highest counts.",
     )
     user_claim: str = Field(
-        "preferred_username", min_length=1, description="Claim with the name for panel and log; else sub."
+        "preferred_username",
+        min_length=1,
+        description="Claim with the user name for panel and log. Fallback: sub.",
     )
     algorithms: tuple[Algorithm, ...] = Field(
-        ("RS256", "ES256"), min_length=1, description="Signatures that count."
+        ("RS256", "ES256"), min_length=1, description="Accepted signature algorithms."
     )
-    leeway: float = Field(
-        30.0, ge=0, le=300, description="Seconds that the clocks of issuer and service may differ."
-    )
-    timeout: float = Field(5.0, gt=0, le=60, description="Seconds that the issuer has to answer.")
-    ca: Path | None = Field(
-        None, description="PEM file: who vouches for the issuer where the system's certificates do not."
-    )
+    leeway: float = Field(30.0, ge=0, le=300, description="Allowed clock difference to the issuer, seconds.")
+    timeout: float = Field(5.0, gt=0, le=60, description="Timeout of requests to the issuer, seconds.")
+    ca: Path | None = Field(None, description="CA bundle (PEM) for the issuer. Unset: the system CA store.")
 
 
 class HttpSettings(SettingsGroup):
     """Where an HTTP service listens, and for whom."""
 
     host: str = Field(
-        "127.0.0.1", description="Address to listen on; beyond loopback it has to be protected."
+        "127.0.0.1", description="Address to listen on; beyond loopback, TLS and authentication are required."
     )
-    port: int = Field(ge=0, le=65535, description="TCP port to listen on; 0 takes a free one.")
+    port: int = Field(ge=0, le=65535, description="TCP port to listen on; 0 for any free port.")
     users: Path | None = Field(
-        None, description="File of those who may log in, made by `nena-deploy user add`; none: everybody may."
+        None, description="Users file, created by `nena-deploy user add`. Unset: no login."
     )
     first_user: bool = Field(
         default=False,
-        description="Where the file of users is missing, make it with an admin; its token is put beside it.",
+        description="Create a missing users file with one admin; the token is written beside it.",
     )
     oidc: OidcSettings | None = Field(
-        None, description="An OpenID Connect issuer whose tokens count beside those of http.users."
+        None, description="OpenID Connect issuer whose tokens are accepted in addition to http.users."
     )
-    tls_certificate: Path | None = Field(None, description="PEM file with the service's certificate: https.")
-    tls_key: Path | None = Field(None, description="PEM file with the key of the certificate.")
+    tls_certificate: Path | None = Field(None, description="Certificate (PEM) of the service; enables HTTPS.")
+    tls_key: Path | None = Field(None, description="Private key (PEM) of the certificate.")
     reverse_proxy: bool = Field(
-        default=False, description="Say that a reverse proxy in front of the address does TLS."
+        default=False, description="A reverse proxy in front of this address terminates TLS."
     )
-    open_metrics: bool = Field(default=False, description="Give /metrics without a login.")
+    open_metrics: bool = Field(default=False, description="Serve /metrics without authentication.")
     requests_per_second: float = Field(
-        500.0, gt=0, description="Requests that one user, or one address, may make in the long run."
+        500.0, gt=0, description="Sustained requests per second of one user or address."
     )
-    burst: int = Field(1000, ge=1, description="Requests that one user, or one address, may make at once.")
+    burst: int = Field(1000, ge=1, description="Burst of requests of one user or address.")
 
 
 OF_ONE_SITE = 64

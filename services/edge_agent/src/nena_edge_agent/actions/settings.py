@@ -24,16 +24,18 @@ FieldValues = dict[str, JsonValue]
 class ParameterSettings(SettingsGroup):
     """A parameter that orders give an action: for the factsheet, for the checks, and for messages."""
 
-    key: str = Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$", max_length=100, description="Its name in orders.")
+    key: str = Field(
+        pattern=r"^[A-Za-z_][A-Za-z0-9_]*$", max_length=100, description="Action type in orders."
+    )
     type: ValueDataType = Field(ValueDataType.STRING, description="BOOL, NUMBER, INTEGER, STRING, ...")
-    required: bool = Field(default=True, description="Whether an order without it is refused.")
-    description: str = Field("", description="For people.")
-    minimum: float | None = Field(None, description="Least number.")
-    maximum: float | None = Field(None, description="Greatest number.")
-    choices: tuple[JsonValue, ...] = Field((), description="All values that it may have; none: any.")
+    required: bool = Field(default=True, description="Refuse orders without it.")
+    description: str = Field("", description="Description.")
+    minimum: float | None = Field(None, description="Minimum.")
+    maximum: float | None = Field(None, description="Maximum.")
+    choices: tuple[JsonValue, ...] = Field((), description="Allowed values. Unset: any.")
     values: dict[str, JsonValue] = Field(
         default_factory=dict,
-        description="What messages hold in place of each choice: { left = 1, right = 2 }.",
+        description="Value in messages for each choice: { left = 1, right = 2 }.",
     )
 
     @property
@@ -53,19 +55,19 @@ class ParameterSettings(SettingsGroup):
 class OperationBase(SettingsGroup):
     """What all ready-made actions can be told."""
 
-    action_type: str = Field(min_length=1, max_length=100, description="Its name in orders.")
-    description: str = Field("", max_length=500, description="What it does, for the factsheet.")
+    action_type: str = Field(min_length=1, max_length=100, description="Action type in orders.")
+    description: str = Field("", max_length=500, description="Description for the factsheet.")
     load: Literal["take", "give", ""] = Field(
         "", description="take: loads the robot, which must be empty; give: unloads it, which must be loaded."
     )
-    charging: bool | None = Field(None, description="Whether the robot charges afterwards; unset: as before.")
+    charging: bool | None = Field(None, description="Charging state afterwards. Unset: unchanged.")
     scopes: tuple[ActionScope, ...] = Field(
-        (ActionScope.NODE,), min_length=1, description="Where it may stand: NODE, EDGE, INSTANT."
+        (ActionScope.NODE,), min_length=1, description="Scopes: NODE, EDGE, INSTANT."
     )
     blocking_types: tuple[BlockingType, ...] = Field(
-        ALL_BLOCKING_TYPES, min_length=1, description="Blocking types that orders may give it."
+        ALL_BLOCKING_TYPES, min_length=1, description="Allowed blocking types."
     )
-    parameters: tuple[ParameterSettings, ...] = Field((), description="What orders tell it.")
+    parameters: tuple[ParameterSettings, ...] = Field((), description="Parameters in orders.")
 
     @property
     def load_change(self) -> LoadChange | None:
@@ -77,23 +79,21 @@ class OperationSettings(OperationBase):
     """An action that takes a set time: for demonstrations, and for stations that do the work themselves."""
 
     kind: Literal["time"] = "time"
-    seconds: float = Field(5.0, ge=0, le=86_400, allow_inf_nan=False, description="How long it takes.")
-    interruptible: bool = Field(default=True, description="Whether it can be paused and cancelled.")
+    seconds: float = Field(5.0, ge=0, le=86_400, allow_inf_nan=False, description="Duration, seconds.")
+    interruptible: bool = Field(default=True, description="Can be paused and cancelled.")
 
 
 class CommandSettings(SettingsGroup):
     """A message that is sent."""
 
-    topic: RosName = Field(description="Topic, in the robot's namespace if it does not begin with '/'.")
-    type: TypeName = Field(description="Type of the message, such as std_msgs/msg/String.")
-    fields: FieldValues = Field(default_factory=dict, description="Its fields.")
-    on_pause: FieldValues | None = Field(
-        None, description="Sent to hold it; without it and on_resume it cannot be."
-    )
-    on_resume: FieldValues | None = Field(None, description="Sent to have it go on.")
-    on_cancel: FieldValues | None = Field(None, description="Sent to have it give up.")
+    topic: RosName = Field(description="Topic, relative to the robot's namespace unless it begins with '/'.")
+    type: TypeName = Field(description="Message type, such as std_msgs/msg/String.")
+    fields: FieldValues = Field(default_factory=dict, description="Fields of the message.")
+    on_pause: FieldValues | None = Field(None, description="Message that pauses it; needs on_resume too.")
+    on_resume: FieldValues | None = Field(None, description="Message that resumes it.")
+    on_cancel: FieldValues | None = Field(None, description="Message that cancels it.")
     listener_timeout: float = Field(
-        5.0, ge=0, le=600, description="Seconds until a node must subscribe to the topic; 0: sent anyway."
+        5.0, ge=0, le=600, description="Time to wait for a subscriber, seconds; 0: publish without one."
     )
 
     @model_validator(mode="after")
@@ -107,29 +107,31 @@ class CommandSettings(SettingsGroup):
 class CallSettings(SettingsGroup):
     """A service that is called."""
 
-    service: RosName = Field(description="Service, in the robot's namespace if it does not begin with '/'.")
-    type: TypeName = Field(description="Type of the service, such as std_srvs/srv/Trigger.")
+    service: RosName = Field(
+        description="Service, relative to the robot's namespace unless it begins with '/'."
+    )
+    type: TypeName = Field(description="Service type, such as std_srvs/srv/Trigger.")
     fields: FieldValues = Field(default_factory=dict, description="Fields of the request.")
     expect: FieldValues | None = Field(
-        None, description="Fields that the response must have; not given: success = true, where it has that."
+        None, description="Fields of a successful response. Unset: success = true, if the type has it."
     )
     result: str | None = Field(
-        None, description="Field of the response for the action's result; not given: message, if it has one."
+        None, description="Response field for the action's result. Unset: message, if the type has it."
     )
-    response_timeout: Seconds = Field(30.0, description="Seconds that the service has to answer.")
+    response_timeout: Seconds = Field(30.0, description="Timeout of the service call, seconds.")
 
 
 class AnswerSettings(SettingsGroup):
     """A message that is waited for."""
 
-    topic: RosName = Field(description="Topic, in the robot's namespace if it does not begin with '/'.")
-    type: TypeName = Field(description="Type of the message, such as std_msgs/msg/String.")
+    topic: RosName = Field(description="Topic, relative to the robot's namespace unless it begins with '/'.")
+    type: TypeName = Field(description="Message type, such as std_msgs/msg/String.")
     match: FieldValues = Field(
-        default_factory=dict, description="Fields that it has; an array names all values that will do."
+        default_factory=dict, description="Fields to match; an array lists alternatives."
     )
-    failed: FieldValues | None = Field(None, description="Fields of a message that says that it has failed.")
-    progress: FieldValues | None = Field(None, description="Fields of a message that tells of progress.")
-    result: str = Field("", description="Field whose value is the action's result, such as status.text.")
+    failed: FieldValues | None = Field(None, description="Fields of a message that reports failure.")
+    progress: FieldValues | None = Field(None, description="Fields of a message that reports progress.")
+    result: str = Field("", description="Field with the action's result, such as status.text.")
     qos: TopicQos = Field(TopicQos.RELIABLE, description="reliable, best_effort (sensors) or latched.")
 
 
@@ -146,9 +148,9 @@ BATTERY_LEFT_ALONE = BATTERY.model_copy(update={"match": {"power_supply_status":
 class RosOperationSettings(OperationBase):
     """What actions that use ROS have in common."""
 
-    timeout: Seconds | None = Field(60.0, description="Seconds that it takes at most, pauses not counted.")
+    timeout: Seconds | None = Field(60.0, description="Timeout, seconds; pauses do not count.")
     restartable: bool = Field(
-        default=False, description="Whether it may be begun again when the agent was interrupted in it."
+        default=False, description="May be restarted after an interruption of the agent."
     )
 
 
@@ -156,42 +158,46 @@ class TopicOperationSettings(RosOperationSettings):
     """Publishes a message, and awaits an answer on another topic if there is one."""
 
     kind: Literal["topic"]
-    command: CommandSettings = Field(description="What is published.")
-    answer: AnswerSettings | None = Field(None, description="What ends it; none: it ends when it is sent.")
+    command: CommandSettings = Field(description="Message to publish.")
+    answer: AnswerSettings | None = Field(
+        None, description="Message that ends it. Unset: it ends when it is sent."
+    )
 
 
 class ServiceOperationSettings(RosOperationSettings):
     """Calls a service, and awaits a message afterwards if there is one to await."""
 
     kind: Literal["service"]
-    call: CallSettings = Field(description="What is called.")
-    answer: AnswerSettings | None = Field(None, description="What ends it; none: the response does.")
+    call: CallSettings = Field(description="Service to call.")
+    answer: AnswerSettings | None = Field(None, description="Message that ends it. Unset: the response.")
 
 
 class SignalOperationSettings(RosOperationSettings):
     """Waits for a message."""
 
     kind: Literal["signal"]
-    answer: AnswerSettings = Field(description="What is waited for.")
-    timeout: Seconds | None = Field(
-        None, description="Seconds to wait at most; not given: as long as it takes."
-    )
-    restartable: bool = Field(default=True, description="Whether it waits on after a restart of the agent.")
+    answer: AnswerSettings = Field(description="Message to wait for.")
+    timeout: Seconds | None = Field(None, description="Timeout, seconds. Unset: none.")
+    restartable: bool = Field(default=True, description="Continue waiting after a restart of the agent.")
 
 
 class ChargeOperationSettings(RosOperationSettings):
     """Begins or ends charging: by a message or a service where one is needed, until the battery says so."""
 
     kind: Literal["charge"]
-    action_type: str = Field("startCharging", min_length=1, max_length=100, description="Its name in orders.")
-    charging: bool = Field(default=True, description="true: begins to charge; false: ends it.")
-    scopes: tuple[ActionScope, ...] = Field(
-        (ActionScope.NODE, ActionScope.INSTANT), min_length=1, description="Where it may stand."
+    action_type: str = Field(
+        "startCharging", min_length=1, max_length=100, description="Action type in orders."
     )
-    command: CommandSettings | None = Field(None, description="A message that is published first.")
-    call: CallSettings | None = Field(None, description="A service that is called first.")
-    answer: AnswerSettings | None = Field(None, description="What says so; not given: the battery's status.")
-    restartable: bool = Field(default=True, description="Whether it may be begun again.")
+    charging: bool = Field(default=True, description="true: start charging; false: stop.")
+    scopes: tuple[ActionScope, ...] = Field(
+        (ActionScope.NODE, ActionScope.INSTANT), min_length=1, description="Scopes."
+    )
+    command: CommandSettings | None = Field(None, description="Message to publish first.")
+    call: CallSettings | None = Field(None, description="Service to call first.")
+    answer: AnswerSettings | None = Field(
+        None, description="Message that confirms it. Unset: the battery state."
+    )
+    restartable: bool = Field(default=True, description="May be restarted.")
 
     @property
     def confirmation(self) -> AnswerSettings:
@@ -203,25 +209,23 @@ class TurnSignalSettings(RosOperationSettings):
     """Sets a turn signal. On edges alone it is put out where the edge ends; else it stays as it is set."""
 
     kind: Literal["turn_signal"]
-    action_type: str = Field("setTurnSignal", min_length=1, max_length=100, description="Its name in orders.")
-    scopes: tuple[ActionScope, ...] = Field(
-        (ActionScope.EDGE,), min_length=1, description="Where it may stand."
+    action_type: str = Field(
+        "setTurnSignal", min_length=1, max_length=100, description="Action type in orders."
     )
+    scopes: tuple[ActionScope, ...] = Field((ActionScope.EDGE,), min_length=1, description="Scopes.")
     blocking_types: tuple[BlockingType, ...] = Field(
-        (BlockingType.NONE,), min_length=1, description="Blocking types that orders may give it."
+        (BlockingType.NONE,), min_length=1, description="Allowed blocking types."
     )
     topic: RosName = Field("turn_signal", description="Topic of the signal.")
-    type: TypeName = Field("std_msgs/msg/String", description="Type of its message.")
-    field: str = Field("data", min_length=1, description="The field of the message that says what to show.")
+    type: TypeName = Field("std_msgs/msg/String", description="Message type.")
+    field: str = Field("data", min_length=1, description="Message field with the direction.")
     values: dict[str, JsonValue] = Field(
         {"left": "left", "right": "right", "off": "off"},
         min_length=1,
-        description="What the field holds for each direction that orders may name; one of them is off.",
+        description="Field value for each direction in orders; one of them is off.",
     )
-    timeout: None = Field(None, description="None: it is no work that could take too long.")
-    restartable: bool = Field(
-        default=True, description="Whether it is set again after a restart of the agent."
-    )
+    timeout: None = Field(None, description="Unused: signals take no time.")
+    restartable: bool = Field(default=True, description="Set again after a restart of the agent.")
 
     @model_validator(mode="after")
     def _can_be_put_out(self) -> Self:
@@ -238,18 +242,18 @@ class DockOperationSettings(OperationBase):
     blocking_types: tuple[BlockingType, ...] = Field(
         (BlockingType.SOFT, BlockingType.HARD),
         min_length=1,
-        description="SOFT or HARD: the order must stand.",
+        description="SOFT or HARD: the robot must stand.",
     )
-    forward: Metres = Field(0.5, description="Metres ahead; below zero: backwards.")
-    left: Metres = Field(0.0, description="Metres to the left; below zero: to the right.")
-    turn: Radians = Field(0.0, description="Radians to the left, of the heading in the end.")
+    forward: Metres = Field(0.5, description="Distance forward, metres; negative: backward.")
+    left: Metres = Field(0.0, description="Distance to the left, metres; negative: to the right.")
+    turn: Radians = Field(0.0, description="Turn to the left at the end, radians.")
     adjustable: bool = Field(
-        default=False, description="Whether orders may say how far, by the parameter 'forward'."
+        default=False, description="Orders may override the distance with the parameter 'forward'."
     )
-    deviation_xy: float = Field(0.1, gt=0, le=1, description="Metres that it may be off in the end.")
-    deviation_theta: float = Field(0.1, gt=0, le=3.15, description="Radians that it may be off in the end.")
-    speed: float | None = Field(None, gt=0, le=10, description="m/s at most; not given: the robot's own.")
-    timeout: Seconds = Field(60.0, description="Seconds that it takes at most.")
+    deviation_xy: float = Field(0.1, gt=0, le=1, description="Position tolerance at the end, metres.")
+    deviation_theta: float = Field(0.1, gt=0, le=3.15, description="Heading tolerance at the end, radians.")
+    speed: float | None = Field(None, gt=0, le=10, description="Maximum speed, m/s. Unset: the robot's.")
+    timeout: Seconds = Field(60.0, description="Timeout, seconds.")
 
     @model_validator(mode="after")
     def _stands(self) -> Self:
@@ -282,9 +286,9 @@ AnyOperation = Annotated[
 class LoadSensorSettings(SettingsGroup):
     """A topic that says whether the robot carries something."""
 
-    topic: RosName = Field(description="Topic, in the robot's namespace if it does not begin with '/'.")
-    type: TypeName = Field("std_msgs/msg/Bool", description="Type of the message.")
-    loaded: FieldValues = Field({"data": True}, description="Fields of a message that says that it does.")
+    topic: RosName = Field(description="Topic, relative to the robot's namespace unless it begins with '/'.")
+    type: TypeName = Field("std_msgs/msg/Bool", description="Message type.")
+    loaded: FieldValues = Field({"data": True}, description="Fields of a message that reports a load.")
     qos: TopicQos = Field(TopicQos.BEST_EFFORT, description="reliable, best_effort or latched.")
 
 
@@ -293,23 +297,22 @@ class ActionSettings(SettingsGroup):
 
     plugins: tuple[str, ...] | None = Field(
         None,
-        description="Plug-ins of the entry points nena.actions to use; not given: all that are installed.",
+        description="Plug-ins (entry points nena.actions) to load. Unset: all installed ones.",
     )
     options: dict[str, dict[str, JsonValue]] = Field(
         default_factory=dict,
-        description="What each plug-in is told, by its name: [actions.options.NAME] tables.",
+        description="Options of each plug-in: [actions.options.NAME] tables.",
     )
     without_ros: Literal["refuse", "rehearse"] = Field(
         "refuse",
-        description="What a loopback robot does with operations that use ROS: refuse: it does not have them; "
-        "rehearse: each takes a set time.",
+        description=(
+            "ROS operations on a loopback robot: refuse (not available) or rehearse (each takes a set time)."
+        ),
     )
-    rehearsal_seconds: float = Field(2.0, ge=0, le=3600, description="How long each of these takes.")
-    begin_timeout: Seconds = Field(10.0, description="Seconds that a plug-in has to say that it has begun.")
-    obey_timeout: Seconds = Field(10.0, description="Seconds that it has to hold or to give up when told to.")
-    load_sensor: LoadSensorSettings | None = Field(
-        None, description="What senses the load, if anything does."
-    )
+    rehearsal_seconds: float = Field(2.0, ge=0, le=3600, description="Duration of each of these, seconds.")
+    begin_timeout: Seconds = Field(10.0, description="Timeout for a plug-in to report its start, seconds.")
+    obey_timeout: Seconds = Field(10.0, description="Timeout for a plug-in to pause or cancel, seconds.")
+    load_sensor: LoadSensorSettings | None = Field(None, description="Load sensor.")
 
     @property
     def timeouts(self) -> ActionTimeouts:

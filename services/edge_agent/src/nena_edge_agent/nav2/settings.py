@@ -79,27 +79,25 @@ def status_of(action: str) -> str:
 class RosNames(SettingsGroup):
     """Names of topics and services; without a leading slash they are in the robot's namespace."""
 
-    goal_pose: RosName = Field("goal_pose", description="Topic on which Nav2 takes goals.")
+    goal_pose: RosName = Field("goal_pose", description="Topic of Nav2 goals.")
     action: RosName = Field(
         "navigate_to_pose", description="Nav2's action; driving by topics uses its status and cancelling."
     )
-    pose: RosName = Field("amcl_pose", description="Topic of the localisation's pose.")
-    initial_pose: RosName = Field("initialpose", description="Topic on which the localisation is told.")
+    pose: RosName = Field("amcl_pose", description="Topic of the localised pose.")
+    initial_pose: RosName = Field("initialpose", description="Topic for the initial pose.")
     fresh_pose: RosName = Field(
-        "request_nomotion_update", description="Service that has the localisation send a pose at standstill."
+        "request_nomotion_update", description="Service that requests a pose at standstill."
     )
-    battery: RosName = Field("battery_state", description="Topic of the battery's state.")
-    plan: RosName = Field("plan", description="Topic of Nav2's plan, for the way that is left.")
-    map: RosName = Field("map", description="Topic of the robot's map, which is shown beside the plant.")
+    battery: RosName = Field("battery_state", description="Topic of the battery state.")
+    plan: RosName = Field("plan", description="Topic of Nav2's plan, for the remaining distance.")
+    map: RosName = Field("map", description="Topic of the robot's map, shown in the panel.")
     odometry: RosName = Field("odom", description="Topic of the odometry.")
     lifecycle: RosName = Field(
         "lifecycle_manager_navigation/is_active",
-        description="Service that tells whether Nav2 is active; not asked where it does not exist.",
+        description="Service that reports whether Nav2 is active; optional.",
     )
 
-    through_poses: RosName = Field(
-        "navigate_through_poses", description="Nav2's action that drives over several places."
-    )
+    through_poses: RosName = Field("navigate_through_poses", description="Nav2's action for several poses.")
 
     motions: tuple[RosName, ...] = Field(
         (
@@ -112,8 +110,10 @@ class RosNames(SettingsGroup):
             "undock_robot",
         ),
         min_length=1,
-        description="Actions that move the robot, the controller's first: their goals are cancelled where "
-        "the navigator does not stop the robot.",
+        description=(
+            "Actions that move the robot, the controller's first; their goals are cancelled if "
+            "the navigator does not stop the robot."
+        ),
     )
 
     @property
@@ -127,16 +127,18 @@ class GoalSettings(SettingsGroup):
 
     confirmation_time: Seconds = Field(
         3.5,
-        description="Seconds until a goal that Nav2 does not list is given again; under 3 s a goal whose "
-        "status was lost on the way would be given twice.",
+        description=(
+            "Time until a goal that Nav2 does not list is sent again, seconds; below 3 s a goal "
+            "whose status was lost would be sent twice."
+        ),
     )
-    resends: int = Field(3, ge=0, le=20, description="How often a goal is given again before it fails.")
+    resends: int = Field(3, ge=0, le=20, description="Resends of a goal before it fails.")
     settle_time: Seconds = Field(
         2.0,
-        description="Seconds after Nav2 was found until it counts as having no goals of before.",
+        description="Time after Nav2 was found until earlier goals are ruled out, seconds.",
     )
-    cancel_time: Seconds = Field(2.0, description="Seconds until a cancel without effect is asked again.")
-    pose_wait: Seconds = Field(2.0, description="Seconds to wait for a pose that confirms an arrival.")
+    cancel_time: Seconds = Field(2.0, description="Time until a cancel without effect is repeated, seconds.")
+    pose_wait: Seconds = Field(2.0, description="Timeout for the pose that confirms an arrival, seconds.")
     standstill_timeout: Seconds = Field(
         3.0,
         description="Seconds after a stop until a robot that still moves, or whose standstill nothing "
@@ -150,19 +152,20 @@ class GoalSettings(SettingsGroup):
         description="Largest odometry velocity of a robot that stands, m/s and rad/s. Raise it if the "
         "odometry drifts at rest; the robot's velocity below it is reported as 0.",
     )
-    goal_tolerance: Positive = Field(
-        0.25, description="Metres from a goal at which Nav2 counts as there (xy_goal_tolerance)."
-    )
+    goal_tolerance: Positive = Field(0.25, description="Nav2's goal tolerance (xy_goal_tolerance), metres.")
     replan_period: float = Field(
         1.0,
         ge=0,
         le=60,
-        description="Seconds between two plans of Nav2's behaviour tree: a passed node's next goal is given "
-        "goal_tolerance and the way of this time before it, where the node's deviation allows it.",
+        description=(
+            "Replanning period of Nav2's behaviour tree, seconds. At a passed node the next goal "
+            "is sent goal_tolerance plus the distance of this time before it, within the node's "
+            "deviation."
+        ),
     )
     blocked_after: Seconds = Field(
         20.0,
-        description="Seconds without movement, with a goal under way, until the robot counts as blocked.",
+        description="Time without movement during a goal until the robot counts as blocked, seconds.",
     )
 
 
@@ -171,53 +174,66 @@ class LocalisationSettings(SettingsGroup):
 
     initial_xy_variance: Positive = Field(0.25, description="Variance of an initial position, m².")
     initial_theta_variance: Positive = Field(0.068, description="Variance of an initial heading, rad².")
-    initial_attempts: int = Field(4, ge=1, le=20, description="How often an initial position is given.")
-    initial_wait: Seconds = Field(2.5, description="Seconds to wait for its confirmation each time.")
-    initial_xy_tolerance: Positive = Field(0.5, description="Metres that the confirming pose may be off.")
-    initial_theta_tolerance: Radians = Field(0.5, description="Radians that the confirming pose may be off.")
+    initial_attempts: int = Field(4, ge=1, le=20, description="Attempts to set an initial position.")
+    initial_wait: Seconds = Field(2.5, description="Timeout of each attempt, seconds.")
+    initial_xy_tolerance: Positive = Field(
+        0.5, description="Position tolerance of the confirming pose, metres."
+    )
+    initial_theta_tolerance: Radians = Field(
+        0.5, description="Heading tolerance of the confirming pose, radians."
+    )
     pose_timeout: Seconds = Field(
         5.0,
-        description="Seconds without a pose, with a goal under way, after which one is asked for; where none "
-        "comes then, the robot counts as lost.",
+        description=(
+            "Time without a pose during a goal after which one is requested, seconds; if none "
+            "comes, the robot counts as lost."
+        ),
     )
-    xy_spread_limit: Positive = Field(0.75, description="Largest standard deviation of a sure place, m.")
-    theta_spread_limit: Radians = Field(0.5, description="Largest standard deviation of a sure heading, rad.")
+    xy_spread_limit: Positive = Field(
+        0.75, description="Maximum standard deviation of a localised position, m."
+    )
+    theta_spread_limit: Radians = Field(
+        0.5, description="Maximum standard deviation of a localised heading, rad."
+    )
 
 
 class RosSettings(SettingsGroup):
     """The robot's ROS side."""
 
-    namespace: Namespace = Field("/", description="The robot's ROS namespace; none: '/'.")
-    domain_id: DomainId = Field(0, description="The robot's ROS domain id.")
+    namespace: Namespace = Field("/", description="ROS namespace of the robot. Unset: '/'.")
+    domain_id: DomainId = Field(0, description="ROS domain ID of the robot.")
     start_session: bool = Field(
         default=True,
-        description="Whether the program joins the ROS graph when it starts, or waits for the instant action "
-        "nena:startRosSession.",
+        description=("Join the ROS graph at start. false: wait for the instant action nena:startRosSession."),
     )
     session_retry: Seconds = Field(
-        1.0, description="Seconds before a session that could not begin is tried again; doubles each time."
+        1.0, description="Delay before a failed session is started again, seconds; doubles each time."
     )
-    node_name: NodeName = Field("nena_edge_agent", description="Name of this program's ROS node.")
+    node_name: NodeName = Field("nena_edge_agent", description="Name of the agent's ROS node.")
     frame: str = Field(
-        "map", min_length=1, max_length=200, description="Frame of goals and poses: Nav2's global frame."
+        "map", min_length=1, max_length=200, description="Nav2's global frame, for goals and poses."
     )
     names: RosNames = Field(default_factory=RosNames, description="Topics and services.")
     navigation: Navigation = Field(
         Navigation.AUTO,
-        description="How goals are given: by the topic (topics), by Nav2's action, which needs nav2_msgs "
-        "(action), by the one that drives over several places (through_poses), or by the action where "
-        "nav2_msgs and its server are there (auto).",
+        description=(
+            "How goals are sent: topics; action (needs nav2_msgs); through_poses (Nav2's action "
+            "for several poses); auto: the action if nav2_msgs and its server are available, else "
+            "topics."
+        ),
     )
     battery_scale: BatteryScale = Field(
-        "fraction", description="Whether the battery's percentage is sent as 0 to 1 or as 0 to 100."
+        "fraction", description="Scale of the battery percentage: 0 to 1, or 0 to 100."
     )
-    goals: GoalSettings = Field(default_factory=GoalSettings, description="Giving and following goals.")
+    goals: GoalSettings = Field(default_factory=GoalSettings, description="Goals.")
     localisation: LocalisationSettings = Field(
-        default_factory=LocalisationSettings, description="Initial position and sureness of the pose."
+        default_factory=LocalisationSettings, description="Initial position and limits of a localised pose."
     )
-    watch_period: Seconds = Field(1.0, description="Seconds between two looks at Nav2's presence.")
-    call_timeout: Seconds = Field(1.0, description="Seconds that a ROS service has to answer.")
-    stop_timeout: Seconds = Field(5.0, description="Seconds to stop the robot before the program ends.")
+    watch_period: Seconds = Field(1.0, description="Interval between checks for Nav2, seconds.")
+    call_timeout: Seconds = Field(1.0, description="Timeout of ROS services, seconds.")
+    stop_timeout: Seconds = Field(
+        5.0, description="Time to stop the robot before the program exits, seconds."
+    )
 
     @property
     def action(self) -> str:

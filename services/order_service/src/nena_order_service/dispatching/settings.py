@@ -68,18 +68,30 @@ class EnergySettings(SettingsGroup):
 
     respected: bool = Field(
         default=True,
-        description="Whether vehicles whose energy is critical, and those that recharge, take no orders but "
-        "to recharge. false: for robots that do not tell their charge.",
+        description=(
+            "Vehicles with critical energy, or recharging, take no other orders. Set to false for "
+            "robots that do not report their charge."
+        ),
     )
     until_fully_recharged: bool = Field(
         default=True,
-        description="Whether a vehicle that recharges takes no order before it is fully recharged; false: "
-        "before it is sufficiently recharged.",
+        description="Recharge fully before the next order. false: sufficiently.",
     )
-    critical: int = Field(30, ge=0, le=100, description="Percent, for vehicles that the plant model lacks.")
-    good: int = Field(90, ge=0, le=100, description="The same; below it idle vehicles are recharged.")
-    sufficiently_recharged: int = Field(30, ge=0, le=100, description="The same.")
-    fully_recharged: int = Field(90, ge=0, le=100, description="The same.")
+    critical: int = Field(
+        30, ge=0, le=100, description="Critical energy of vehicles that are not in the plant model, percent."
+    )
+    good: int = Field(
+        90,
+        ge=0,
+        le=100,
+        description="Good energy of these vehicles, percent; idle vehicles recharge below it.",
+    )
+    sufficiently_recharged: int = Field(
+        30, ge=0, le=100, description="Charge from which they count as sufficiently recharged, percent."
+    )
+    fully_recharged: int = Field(
+        90, ge=0, le=100, description="Charge from which they count as fully recharged, percent."
+    )
 
     @model_validator(mode="after")
     def _not_crossed(self) -> Self:
@@ -102,7 +114,7 @@ class RechargingSettings(SettingsGroup):
 
     enabled: bool = Field(
         default=False,
-        description="Whether idle vehicles whose energy is not good are sent to recharge (as openTCS, off).",
+        description="Send idle vehicles without good energy to recharge (off by default, as in openTCS).",
     )
 
 
@@ -110,18 +122,16 @@ class ParkingSettings(SettingsGroup):
     """Vehicles that have nothing to do are sent to parking positions."""
 
     enabled: bool = Field(
-        default=False, description="Whether idle vehicles are sent to parking positions (as openTCS, off)."
+        default=False, description="Send idle vehicles to parking positions (off by default, as in openTCS)."
     )
-    delay: float = Field(
-        5.0, ge=0, description="Seconds that a vehicle has had nothing to do before it is sent to park."
-    )
+    delay: float = Field(5.0, ge=0, description="Idle time before a vehicle is sent to park, seconds.")
     priorities: bool = Field(
         default=False,
-        description="Whether tcs:parkingPositionPriority counts more than the way (smaller: better).",
+        description="Prefer tcs:parkingPositionPriority (smaller is better) to the route's cost.",
     )
     repark: bool = Field(
         default=False,
-        description="Whether a parked vehicle goes to a position of a better priority that becomes free.",
+        description="Move a parked vehicle to a free position of better priority.",
     )
 
 
@@ -129,45 +139,48 @@ class DispatchSettings(SettingsGroup):
     """Which order is given to which vehicle."""
 
     choosers: Chooser = Field(
-        Chooser.ORDERS, description="Who chooses: ORDERS, or SCARCER: whichever are fewer, as in openTCS."
+        Chooser.ORDERS,
+        description="Who chooses first: ORDERS, or SCARCER (whichever are fewer, as in openTCS).",
     )
     orders: list[OrderKey] = Field(
         [OrderKey.BY_PRIORITY, OrderKey.BY_DEADLINE, OrderKey.BY_AGE],
         min_length=1,
-        description="By what the orders that wait are sorted.",
+        description="Sort keys of waiting orders.",
     )
     vehicles: list[VehicleKey] = Field(
         [VehicleKey.IDLE_FIRST, VehicleKey.BY_ENERGY_LEVEL, VehicleKey.BY_NAME],
         min_length=1,
-        description="By what the vehicles that are free are sorted, where vehicles choose.",
+        description="Sort keys of free vehicles, where vehicles choose.",
     )
     vehicle_candidates: list[CandidateKey] = Field(
         [CandidateKey.BY_COMPLETE_ROUTING_COSTS, CandidateKey.BY_VEHICLE_NAME],
         min_length=1,
-        description="By what an order chooses its vehicle.",
+        description="Sort keys by which an order chooses its vehicle.",
     )
     order_candidates: list[CandidateKey] = Field(
         [CandidateKey.BY_PRIORITY, CandidateKey.BY_DEADLINE, CandidateKey.BY_AGE],
         min_length=1,
-        description="By what a vehicle chooses its order.",
+        description="Sort keys by which a vehicle chooses its order.",
     )
     deadline_at_risk: float = Field(
-        60.0, ge=0, description="Seconds before an order's deadline from which on it is at risk."
+        60.0, ge=0, description="Time before its deadline from which an order is at risk, seconds."
     )
     loads_respected: bool = Field(
         default=True,
-        description="Whether vehicles whose robots report loads, and have no room for another one, take no "
-        "orders that begin with picking one up. false: for robots that report loads wrongly.",
+        description=(
+            "Vehicles without room for another load take no orders that begin with a pick. Set to "
+            "false for robots that report loads wrongly."
+        ),
     )
     maps_respected: bool = Field(
         default=True,
-        description="Whether vehicles whose robots report maps, but not their vehicle's map as enabled, take "
-        "no orders. false: for robots that call their maps otherwise there than in their positions.",
+        description=(
+            "Vehicles whose robot does not report their map as enabled take no orders. Set to "
+            "false for robots that use other map ids in maps than in their position."
+        ),
     )
-    energy: EnergySettings = Field(
-        default_factory=EnergySettings, description="What is done by the energy of vehicles."
-    )
+    energy: EnergySettings = Field(default_factory=EnergySettings, description="Energy of vehicles.")
     recharging: RechargingSettings = Field(
-        default_factory=RechargingSettings, description="Idle vehicles recharge."
+        default_factory=RechargingSettings, description="Recharging of idle vehicles."
     )
-    parking: ParkingSettings = Field(default_factory=ParkingSettings, description="Idle vehicles park.")
+    parking: ParkingSettings = Field(default_factory=ParkingSettings, description="Parking of idle vehicles.")

@@ -27,46 +27,55 @@ class FleetSettings(SettingsGroup):
     silent_after: float = Field(
         35.0,
         gt=0,
-        description="Least age of a robot's last state, in seconds, from which it counts as silent.",
+        description="Time without a state after which a robot is silent, seconds.",
     )
     silent_intervals: float = Field(
         3.0,
         ge=0,
-        description="A robot that names its usual state interval is silent only after so many of them.",
+        description="State intervals (by its factsheet) that a robot may miss before it is silent.",
     )
     resend_after: float = Field(
-        1.0, gt=0, description="Seconds before an unanswered message is sent again; doubled each time."
+        1.0,
+        gt=0,
+        description="Delay before an unacknowledged message is sent again, seconds; doubles each time.",
     )
-    resend_at_most_after: float = Field(8.0, gt=0, description="Longest pause before sending again, seconds.")
-    sendings: int = Field(6, ge=1, description="How often a message is sent before its delivery has failed.")
+    resend_at_most_after: float = Field(8.0, gt=0, description="Maximum delay between resends, seconds.")
+    sendings: int = Field(6, ge=1, description="Attempts to send a message before its delivery fails.")
     standstill_patience: float = Field(
-        10.0, ge=0, description="Seconds that a robot may stand with a fatal error before its order fails."
+        10.0, ge=0, description="Time a robot may stand with a fatal error before its order fails, seconds."
     )
     instant_action_limit: float = Field(
-        300.0, gt=0, description="Seconds that an instant action, cancelOrder too, may take at a robot."
+        300.0, gt=0, description="Timeout of instant actions, including cancelOrder, seconds."
     )
     clear_instant_actions_from: int = Field(
-        20, ge=1, description="Ended instant actions in a robot's state from which it is told to clear them."
+        20,
+        ge=1,
+        description="Number of ended instant actions in a state at which clearInstantActions is sent.",
     )
     release_policy: ReleasePolicy = Field(
         ReleasePolicy.EXCLUSIVE,
-        description="Who is let into zones and corridors that need it: one robot at a time (exclusive), "
-        "everybody (all) or nobody (none).",
+        description=(
+            "Who may enter zones and corridors that need a release: one robot at a time "
+            "(exclusive), every robot (all) or none."
+        ),
     )
     release_lease: float = Field(
-        0.0, ge=0, description="Seconds that such a release lasts unless it is renewed; 0: until given back."
+        0.0, ge=0, description="Lease of a release, seconds. 0: until it is returned."
     )
     qos: Literal[0, 1] = Field(
         1,
-        description="MQTT quality of service of what is sent to robots and read of them; the standard has 0, "
-        "except for connection.",
+        description="MQTT QoS of messages to and from robots. The standard uses 0, except for connection.",
     )
     strict: bool = Field(
         default=False,
-        description="Whether messages of robots that break the standard are refused rather than repaired, "
-        "for acceptance tests of robots.",
+        description=(
+            "Refuse robot messages that violate VDA 5050 instead of repairing them; for "
+            "acceptance tests of robots."
+        ),
     )
     robots_limit: int = Field(
-        10_000, ge=1, description="Robots that are listened to; messages of further ones are passed over."
+        10_000, ge=1, description="Maximum number of robots; messages of others are ignored."
     )
-    tick_interval: float = Field(0.2, gt=0, le=5, description="Seconds between looks at what is overdue.")
+    tick_interval: float = Field(
+        0.2, gt=0, le=5, description="Interval between checks for timeouts, seconds."
+    )
