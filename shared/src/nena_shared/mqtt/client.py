@@ -12,6 +12,7 @@ from __future__ import annotations
 import asyncio
 import socket
 import ssl
+import struct
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
@@ -337,6 +338,12 @@ class Client:
             self._loop.call_soon(self._write_rest)
             self._flush()
 
+    def discard(self) -> None:
+        """Have the kernel drop what it has not sent yet when the connection is closed."""
+        if sock := self.socket:
+            with suppress(OSError):  # it is broken already
+                sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+
     def cut(self) -> None:
         """Break the connection without DISCONNECT: the broker publishes the will."""
         if sock := self.socket:
@@ -474,6 +481,7 @@ class Client:
             return
         if stream.waiting:
             if not self._may_write():
+                self.discard()
                 self._end(NOT_PERMITTED)
                 return
             try:

@@ -241,6 +241,7 @@ class MqttLink:
             return
         while self._may_write():  # noqa: ASYNC110 - a lease ends without an event
             await asyncio.sleep(TERM_POLL)
+        client.discard()
         client.cut()
 
     def _may_write(self) -> bool:

@@ -5,10 +5,12 @@ from __future__ import annotations
 from datetime import datetime
 from typing import TypeVar
 
+from pydantic_core import from_json
+
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.codec import MAXIMUM_PAYLOAD, Codec
 from nena_shared.vda5050.malformed import MalformedMessageError
-from nena_shared.vda5050.repair import Repair, Repairs, Scope, parsed, repair, repairs_of, written
+from nena_shared.vda5050.repair import Repair, Repairs, Scope, repair, repairs_of, without_mark, written
 
 H = TypeVar("H", bound=Header)
 
@@ -35,11 +37,16 @@ def _repaired_command(
     kind: type[H], codec: Codec, payload: bytes, now: datetime
 ) -> tuple[H, tuple[Repair, ...]] | None:
     found: Repairs = {}
-    content = parsed(payload, found) if len(payload) <= MAXIMUM_PAYLOAD else None
     form = codec.forms.get(kind)
-    if content is None or form is None:
+    if form is None or len(payload) > MAXIMUM_PAYLOAD:
         return None
-    repair(form, content, found, version=codec.version, now=now, scope=Scope.COMMAND)
+    try:
+        content = from_json(without_mark(payload, found))
+        if not isinstance(content, dict):
+            return None
+        repair(form, content, found, version=codec.version, now=now, scope=Scope.COMMAND)
+    except (ArithmeticError, ValueError, RecursionError):
+        return None
     again = written(content) if found else None
     if again is None:
         return None

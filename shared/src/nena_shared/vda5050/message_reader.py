@@ -17,10 +17,10 @@ from nena_shared.vda5050.repair import (
     RepairKind,
     Repairs,
     Scope,
-    parsed,
     repair,
     repairs_of,
     version_number,
+    without_mark,
     written,
 )
 from nena_shared.vda5050.versions import reader_for, reader_of
@@ -106,11 +106,23 @@ class MessageReader:
 
         """
         found: Repairs = {}
-        content = parsed(payload, found, parse) if len(payload) <= MAXIMUM_PAYLOAD else None
-        if content is None:
+        if len(payload) > MAXIMUM_PAYLOAD:
+            return None
+        try:
+            content, exact = parse(without_mark(payload, found))
+        except ValueError:
+            return None
+        if not isinstance(content, dict):
             return None
         codec = reader_for(version_number(content.get("version")), major_version)
-        message = self._repaired_with(kind, codec, content, found, self._usual(topic))
+        # NaN may stand anywhere: then all fields are looked at
+        usual = self._usual(topic) if exact else EVERYWHERE
+        try:
+            message = self._repaired_with(kind, codec, content, found, usual)
+        except (ArithmeticError, ValueError, RecursionError) as error:
+            if isinstance(error, MalformedMessageError):
+                raise
+            return None
         if message is not None:
             self._learn(topic, _Known(message.version, codec, frozenset(path for path, _ in found)))
             self._report(topic, repairs_of(found))

@@ -48,17 +48,17 @@ def read_record(kind: type[R], codec: Codec, payload: bytes) -> R:
     return codec.decode(kind, payload) if record is None else record
 
 
-def parse(payload: bytes) -> Any:  # noqa: ANN401 - JSON
-    """Parse JSON, NaN included.
+def parse(payload: bytes) -> tuple[Any, bool]:
+    """Parse JSON; return it and whether it is exact: with NaN or infinite numbers it is not.
 
     Raises:
         ValueError: it is none.
 
     """
     try:
-        return _JSON.decode(payload)
+        return _JSON.decode(payload), True
     except (DecodeError, RecursionError):
-        return from_json(payload)
+        return from_json(payload), False
 
 
 def record_of(kind: type[R], codec: Codec, content: dict[str, Any]) -> R | None:

@@ -26,7 +26,7 @@ from math import isfinite, pi, remainder
 from typing import Any, Final, NamedTuple
 
 from pydantic import TypeAdapter, ValidationError
-from pydantic_core import PydanticSerializationError, from_json, to_json
+from pydantic_core import PydanticSerializationError, to_json
 
 from nena_shared.clock import iso
 from nena_shared.vda5050.action import ActionState
@@ -133,31 +133,23 @@ SAFEST: Final[Mapping[tuple[type[WireObject], str], object]] = {
 """What stands for a required value that is missing or cannot be repaired, in messages that report."""
 
 _NEVER_EMPTIED: Final = {(State, "node_states")}
-"""Lists that must be given: an order whose nodes are not reported must not look finished."""
+"""Lists that must be given, if only as null: an order whose nodes are not reported must not look finished."""
 
 _NEVER_DROPPED: Final = (NodeState, EdgeState, ActionState, ErrorEntry, Load)
 """List elements without which the list would say something else."""
 
 _PERCENT: Final = 100.0
 _ANGLE: Final = pi + 1e-6
+_FULL_TURN: Final = 2 * pi + 1e-3
 _TIME: Final[TypeAdapter[datetime]] = TypeAdapter(Timestamp)
 
 
-def parsed(
-    payload: bytes, found: Repairs, parse: Callable[[bytes], Any] = from_json
-) -> dict[str, Any] | None:
-    """Parse a message, with or without a byte order mark; None: it is no JSON object.
-
-    ``parse`` raises ValueError for what is no JSON.
-    """
-    if payload.startswith(BYTE_ORDER_MARK):
-        payload = payload[len(BYTE_ORDER_MARK) :]
-        found["message", RepairKind.BYTE_ORDER_MARK] = "EF BB BF"
-    try:
-        content = parse(payload)
-    except ValueError:
-        return None
-    return content if isinstance(content, dict) else None
+def without_mark(payload: bytes, found: Repairs) -> bytes:
+    """Return a message without its byte order mark."""
+    if not payload.startswith(BYTE_ORDER_MARK):
+        return payload
+    found["message", RepairKind.BYTE_ORDER_MARK] = "EF BB BF"
+    return payload[len(BYTE_ORDER_MARK) :]
 
 
 def repair(
@@ -457,7 +449,7 @@ def _number_of(shape: Shape, at: str, scope: Scope) -> _Fix:
             found_kind: RepairKind | None = RepairKind.TEXT_AS_NUMBER
         else:
             found_kind = None
-        if type(number) not in (int, float) or not isfinite(number):
+        if type(number) not in (int, float) or not _is_finite(number):
             raise _Beyond
         if whole and type(number) is float:
             if not number.is_integer():
@@ -477,8 +469,17 @@ def _number_of(shape: Shape, at: str, scope: Scope) -> _Fix:
     return fix
 
 
+def _is_finite(number: float) -> bool:
+    try:
+        return isfinite(number)
+    except OverflowError:  # an integer beyond all floats
+        return False
+
+
 def _number(text: str) -> float | int | None:
     """Read a number that is given as text."""
+    if "_" in text:
+        return None  # only Python takes it
     try:
         return int(text) if text.strip().lstrip("+-").isdigit() else float(text)
     except ValueError:
@@ -493,6 +494,8 @@ def _brought_into(number: float, shape: Shape, at: str, scope: Scope) -> tuple[f
 
     """
     if shape.most == _ANGLE and shape.least == -_ANGLE:
+        if scope is Scope.COMMAND and abs(number) > _FULL_TURN:
+            raise _Beyond  # perhaps degrees
         return remainder(number, 2 * pi), RepairKind.ANGLE_WRAPPED
     if scope is Scope.REPORT and shape.most == _PERCENT and shape.least == 0:
         return min(max(number, 0.0), _PERCENT), RepairKind.CLAMPED

@@ -93,6 +93,12 @@ class Connection(H11Protocol):
         state = self.conn.their_state
         self._await(state if state in (h11.IDLE, h11.SEND_BODY) else None)
 
+    def on_response_complete(self) -> None:
+        """Read on; a request that was pipelined behind the one answered has its time limit too."""
+        super().on_response_complete()
+        if self.conn.their_state is h11.SEND_BODY:
+            self._await(h11.SEND_BODY)
+
     def connection_lost(self, exc: Exception | None) -> None:
         """Let another connection have the place."""
         self._await(None)

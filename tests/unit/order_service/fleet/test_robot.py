@@ -255,3 +255,15 @@ def test_a_number_that_is_left_from_the_order_before_does_not_count() -> None:
 
 def _to_b() -> list[dict[str, object]]:
     return [{"node_id": "B", "sequence_id": 2, "released": True}]
+
+
+def test_an_order_is_not_done_before_its_last_node_is_reached_whatever_is_left_out() -> None:
+    vda_order = make_vda_order("m", "A", "B")
+    empty: dict[str, Any] = {
+        "node_states": (),
+        "edge_states": (),
+        "order_id": "m",
+        "last_node_sequence_id": 2,
+    }
+    assert not read(state(last_node_id="A", **empty), vda_order).done
+    assert read(state(last_node_id="B", **empty), vda_order).done

@@ -97,3 +97,25 @@ def test_a_command_that_is_refused_is_answered_as_it_was_sent(order: dict[str, A
     with pytest.raises(MalformedMessageError) as tolerant:
         read_command(Order, CODEC_2_1, payload, now=datetime(2026, 1, 1, tzinfo=UTC))
     assert tolerant.value.problems == strict.value.problems
+
+
+@pytest.mark.parametrize("value", ["NaN", "Infinity", "-Infinity", "1e999", "9" * 400])
+@pytest.mark.parametrize("field", ["x", "y", "theta"])
+def test_a_number_that_is_none_leaves_no_position_also_where_another_field_always_deviates(
+    field: str, value: str
+) -> None:
+    messages = MessageReader()
+    turned = json.loads(CODEC_2_1.encode(state()))
+    position = {"x": 1.0, "y": 2.0, "theta": 3.1416, "mapId": "hall", "positionInitialized": True}
+    turned["agvPosition"] = position
+    assert messages.read(State, TOPIC, json.dumps(turned).encode(), "v2").mobile_robot_position
+    turned["agvPosition"][field] = "HERE"
+    payload = json.dumps(turned).replace('"HERE"', value).encode()
+    assert messages.read(State, TOPIC, payload, "v2").mobile_robot_position is None
+
+
+def test_an_integer_beyond_all_floats_is_repaired_or_refused_but_never_breaks_the_reader() -> None:
+    messages = MessageReader()
+    huge = CODEC_2_1.encode(state()).replace(b'"orderUpdateId":0', b'"orderUpdateId":' + b"9" * 400)
+    for _ in range(2):
+        assert messages.read(State, TOPIC, huge, "v2").order_update_id == 0

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pydantic_core import from_json
 
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.codec import Codec
@@ -18,7 +19,8 @@ from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.malformed import QUOTED, MalformedMessageError
 from nena_shared.vda5050.message_reader import MessageReader
-from nena_shared.vda5050.repair import Repair, Repairs, Scope, parsed, repair
+from nena_shared.vda5050.order import Order
+from nena_shared.vda5050.repair import Repair, Repairs, Scope, repair, without_mark
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.v2_1 import CODEC
 from nena_shared.vda5050.versions import CODECS
@@ -244,8 +246,16 @@ def test_nothing_is_repaired_in_a_message_that_keeps_to_the_standard(
 ) -> None:
     payload = codec.encode(data.draw(messages(kind)))
     found: Repairs = {}
-    content = parsed(payload, found)
+    content = from_json(without_mark(payload, found))
     assert content is not None
     for scope in Scope:
         repair(codec.forms[kind], content, found, version=codec.version, now=ARRIVAL, scope=scope)
     assert not found
+
+
+def test_a_heading_in_degrees_is_no_angle_to_be_wrapped_in_a_command() -> None:
+    content: dict[str, Any] = {"nodes": [{"nodePosition": {"theta": 90.0}}]}
+    found: Repairs = {}
+    form = CODEC.forms[Order]
+    repair(form, content, found, version="2.1.0", now=ARRIVAL, scope=Scope.COMMAND)
+    assert content["nodes"][0]["nodePosition"]["theta"] == 90.0

@@ -111,7 +111,7 @@ def read(state: State, vda_order: VdaOrder) -> Progress:
         passed=passed,
         operating=any(each.action_status not in NOT_BEGUN for each in own),
         idle=not left and all(each.action_status.ended for each in own),
-        at_end=passed == vda_order.last_sequence_id,
+        at_end=passed == vda_order.last_sequence_id and state.last_node_id == vda_order.nodes[-1].node_id,
         failed=tuple(each for each in own if each.action_status is ActionStatus.FAILED),
         retriable=tuple(each for each in own if each.action_status is ActionStatus.RETRIABLE),
         unreported=ids.difference(each.action_id for each in own) if len(own) < len(ids) else frozenset(),

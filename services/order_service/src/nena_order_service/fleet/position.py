@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import hypot
+from math import hypot, isfinite
 from typing import Final, Self
 
 from nena_shared.plant import MapPlace, MapTransform, PlantModel, PlantPlace, Point, Vehicle
@@ -91,6 +91,9 @@ def locate(plant: PlantModel, state: State, profile: RobotProfile) -> Standing:
         if last is None:
             raise NotLocatedError("it reports neither a trusted pose nor a known point: set its initial pose")
         return Standing(last.name, on_point=True, pose=None)
+    if not (isfinite(pose.x) and isfinite(pose.y) and isfinite(pose.theta)):
+        reason = f"it reports a position that is no number: x {pose.x}, y {pose.y}"
+        raise NotLocatedError(reason)
     if not profile.knows_frame(pose.map_id):
         reason = "whether it tells its place in the plant's frame is not known until its factsheet has come"
         raise NotLocatedError(reason)
