@@ -113,7 +113,7 @@ async def test_a_database_that_is_away_is_told_without_its_password(
     [
         ("nena-order-service", ("--store.url_file", "no-store"), "oracle is not supported"),
         ("nena-order-service", ("--store.url_file", "missing"), r"store.url_file: .*No such file"),
-        ("nena-status-aggregator", ("--history.url_file", "no-store"), "history.url cannot be used"),
+        ("nena-status-aggregator", ("--history.url_file", "no-store"), "history.url is unusable"),
     ],
 )
 async def test_a_program_that_cannot_use_a_secret_says_why_without_it(
