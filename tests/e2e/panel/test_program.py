@@ -25,7 +25,7 @@ async def test_without_a_broker_it_starts_and_says_so() -> None:
     port = free_port()
     with AggregatorProcess("--http.port", "0", "--mqtt.port", str(port)) as aggregator:
         url = await aggregator.url()
-        told = await aggregator.logged("broker not reached, trying on")
+        told = await aggregator.logged("broker not reachable, retrying")
         assert told["port"] == port
         async with httpx.AsyncClient(base_url=url, timeout=PATIENCE) as http:
             assert (await http.get("/healthz")).status_code == 200

@@ -55,7 +55,7 @@ def assert_kept(before: Any, now: Any) -> None:
 
 async def robot_takes_its_order(fleet: Fleet, wire: MqttPeer) -> None:
     """Send the robot what the first release had noted to send, as if it had been killed after that."""
-    (noted,) = in_first_store("SELECT document FROM VDA orders")
+    (noted,) = in_first_store("SELECT document FROM missions")
     record = SentOrder.model_validate_json(json.dumps(noted))
     topic = f"{fleet.interface}/v2/NeNa/robot-01"
     await wire.wait_for(f"{topic}/state")

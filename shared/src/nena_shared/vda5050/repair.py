@@ -178,6 +178,8 @@ def repair(
     for field in _fields_of(form, "", scope, only):
         with suppress(_Beyond):
             field.apply(content, found)
+    if content.get("orderId") and ("orderUpdateId", RepairKind.REPLACED) in found:
+        del content["orderUpdateId"]  # guessed, it would say that the robot has lost its order
 
 
 def written(content: dict[str, Any]) -> bytes | None:

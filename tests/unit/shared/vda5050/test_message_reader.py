@@ -119,3 +119,6 @@ def test_an_integer_beyond_all_floats_is_repaired_or_refused_but_never_breaks_th
     huge = CODEC_2_1.encode(state()).replace(b'"orderUpdateId":0', b'"orderUpdateId":' + b"9" * 400)
     for _ in range(2):
         assert messages.read(State, TOPIC, huge, "v2").order_update_id == 0
+    with_order = huge.replace(b'"orderId":""', b'"orderId":"o1"')
+    with pytest.raises(MalformedMessageError, match="orderUpdateId"):
+        messages.read(State, TOPIC, with_order, "v2")
