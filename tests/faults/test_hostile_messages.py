@@ -19,12 +19,15 @@ pytestmark = [pytest.mark.e2e, pytest.mark.broker, pytest.mark.timeout(1800)]
 
 HTTP_SHARE = 10
 """One request for so many messages."""
+STRICT_SERVICES = {"NENA_FLEET__STRICT": "true"}
+STRICT_ROBOTS = {"NENA_STRICT": "true"}
+"""Whoever may write a robot's topics is believed where a message can be repaired; here all are refused."""
 SWITCHED_OFF = "/api/v1/control"
 """Where the aggregator says that it has no order service to ask, 503."""
 
 
 async def test_nobody_is_impressed(trial: Callable[..., Any]) -> None:
-    async with trial(seed=6) as running:
+    async with trial(seed=6, services_in=STRICT_SERVICES, robots_in=STRICT_ROBOTS) as running:
         enemy = Enemy(running.site, Random(6))
         async with httpx.AsyncClient(base_url=running.site.aggregator_url, timeout=60) as aggregator:
             await enemy.look_around(aggregator)
