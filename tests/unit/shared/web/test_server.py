@@ -242,6 +242,27 @@ async def test_a_body_that_never_ends_is_not_waited_for(monkeypatch: pytest.Monk
         await asyncio.wait_for(read.wait(), PATIENCE)
 
 
+async def test_a_body_that_is_pipelined_behind_a_request_is_not_waited_for_either(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(server_module, "BODY_TIMEOUT", 0.05)
+
+    async def answer(scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["method"] == "GET":
+            await send({"type": "http.response.start", "status": 204, "headers": []})
+            await send({"type": "http.response.body", "body": b""})
+            return
+        while (await receive())["type"] != "http.disconnect":
+            pass
+
+    async with serving_of_connection(HttpSettings(port=0)) as server, connected(server) as line:
+        server.app = answer
+        first = b"GET / HTTP/1.1\r\nHost: a\r\n\r\n"
+        line[1].write(first + b"POST / HTTP/1.1\r\nHost: a\r\nContent-Length: 9\r\n\r\nbo")
+        assert (await line[0].readuntil(b"\r\n\r\n")).startswith(b"HTTP/1.1 204")
+        assert await is_closed(line)
+
+
 def over_tls(folder: Path) -> tuple[HttpSettings, str]:
     """Return settings of a server with TLS, and the file of the authority that vouches for it."""
     authority = Authority(folder)
