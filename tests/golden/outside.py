@@ -19,8 +19,8 @@ from fastapi import FastAPI
 
 from nena_demo.plants import sample_plant_path
 from nena_order_service.api.rest import role_needed
-from nena_order_service.parts import OrderService, build
 from nena_order_service.plant_file import load_plant
+from nena_order_service.service import OrderService, build
 from nena_order_service.settings import OrderServiceSettings, StoreSettings
 from nena_order_service.store.schema import open_database
 from nena_order_service.store.store import Store

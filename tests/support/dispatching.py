@@ -8,8 +8,8 @@ from math import inf
 from typing import Any
 
 from nena_order_service.dispatching.dispatcher import Decisions, DispatchedVehicle, Pick
-from nena_order_service.dispatching.way import RouteCost
 from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.routing.order_routes import RouteCost
 
 
 @dataclass(frozen=True)

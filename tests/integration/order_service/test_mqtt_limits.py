@@ -11,7 +11,7 @@ import httpx
 import pytest
 
 from nena_order_service.api import mqtt as mqtt_limits
-from nena_order_service.host_requests import HostRequests
+from nena_order_service.api.host_requests import HostRequests
 from support.broker import MqttPeer
 from support.order_service_fleet import Fleet, listening
 

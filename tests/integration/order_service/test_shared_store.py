@@ -11,8 +11,8 @@ from sqlalchemy import Engine, text
 
 from nena_demo.plants import sample_plant_path
 from nena_order_service.app import serve
+from nena_order_service.plant_change import KIND, StoredPlant
 from nena_order_service.plant_file import load_plant
-from nena_order_service.serving import KIND, StoredPlant
 from nena_order_service.store.changes import Changes
 from nena_order_service.store.database import write
 from nena_order_service.store.leadership import Fence

@@ -7,8 +7,8 @@ import httpx
 import pytest
 
 from nena_demo.plants import sample_plant_path
-from nena_order_service.parts import OrderService, build
 from nena_order_service.plant_file import load_plant
+from nena_order_service.service import OrderService, build
 from nena_order_service.settings import OrderServiceSettings, StoreSettings
 from nena_order_service.store.schema import open_database
 from nena_order_service.store.store import Store

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from typing import Any
 
-from nena_order_service.host_requests import HostRequests
+from nena_order_service.api.host_requests import HostRequests
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import NOW, assigned_order, request

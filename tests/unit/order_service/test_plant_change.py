@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from nena_order_service.engine import Engine
-from nena_order_service.serving import hindrances
+from nena_order_service.plant_change import conflicts
 from nena_order_service.vehicles.registry import VehicleRegistry
 from nena_shared.plant import PlantModel, Vehicle
 from nena_shared.plant.model import Block, BlockType
@@ -40,7 +40,7 @@ async def busy() -> Engine:
 def found(engine: Engine, **changes: Any) -> tuple[str, ...]:
     new = PLANT.model_copy(update=changes)
     new = PlantModel.from_json(new.to_json())
-    return hindrances(engine, new, VehicleRegistry(new, default_map_id="map", adopt_unknown=False))
+    return conflicts(engine, new, VehicleRegistry(new, default_map_id="map", adopt_unknown=False))
 
 
 def without(*points: str) -> dict[str, Any]:

@@ -7,9 +7,9 @@ from collections.abc import Callable, Coroutine
 from typing import Any
 
 from nena_order_service.api.server import RestServer, make_standby_app, make_starting_app
-from nena_order_service.parts import OrderService, build
+from nena_order_service.plant_change import ServiceRunner
 from nena_order_service.plant_file import PlantFile, load_plant
-from nena_order_service.serving import Serving
+from nena_order_service.service import OrderService, build
 from nena_order_service.settings import OrderServiceSettings
 from nena_order_service.store.instance_lock import InstanceLock
 from nena_order_service.store.lead import Lead
@@ -85,8 +85,8 @@ async def _serve_alone(settings: OrderServiceSettings, plant: PlantFile, stop: a
     store = Store(open_database(url), lock)
     server = RestServer(make_starting_app(lambda: store.why_not_ready), settings.http)
     async with Supervisor() as supervisor:
-        serving = _serving(settings, plant, store, supervisor)
-        await _begin_and_serve(serving, store, server, supervisor, stop)
+        runner = _runner(settings, plant, store, supervisor)
+        await _begin_and_serve(runner, store, server, supervisor, stop)
     store.close()
 
 
@@ -99,8 +99,8 @@ async def _serve_shared(settings: OrderServiceSettings, plant: PlantFile, stop: 
         try:
             if await lead.take(stop):
                 store, epoch = await _take_over(settings, lead, supervisor, server.url)
-                serving = _serving(settings, plant, store, supervisor, epoch=epoch, term=lead.lease.term)
-                await _begin_and_serve(serving, store, server, supervisor, stop)
+                runner = _runner(settings, plant, store, supervisor, epoch=epoch, term=lead.lease.term)
+                await _begin_and_serve(runner, store, server, supervisor, stop)
         finally:
             await server.close()
     if store:
@@ -109,7 +109,7 @@ async def _serve_shared(settings: OrderServiceSettings, plant: PlantFile, stop: 
 
 
 async def _begin_and_serve(
-    serving: Serving[OrderService],
+    runner: ServiceRunner[OrderService],
     store: Store,
     server: RestServer,
     supervisor: Supervisor,
@@ -121,23 +121,23 @@ async def _begin_and_serve(
         server.show(make_starting_app(lambda: store.why_not_ready))
         server.open(supervisor)
 
-    serving.show = server.show
+    runner.show = server.show
     begun = False
     try:
-        begun = await has_begun(serving.begin(), supervisor, stop, waits=lambda: not store.ready, tell=tell)
+        begun = await has_begun(runner.begin(), supervisor, stop, waits=lambda: not store.ready, tell=tell)
         if begun:
-            server.show(serving.parts.app)
+            server.show(runner.service.app)
             server.open(supervisor)
             await supervisor.wait(stop)
     finally:
         if begun:
-            serving.parts.stream.close()
+            runner.service.stream.close()
         await server.close()
         if begun:
-            await _shut_down(serving.parts)
+            await _shut_down(runner.service)
 
 
-def _serving(
+def _runner(
     settings: OrderServiceSettings,
     plant: PlantFile,
     store: Store,
@@ -145,12 +145,12 @@ def _serving(
     *,
     epoch: int = 0,
     term: Term = always,
-) -> Serving[OrderService]:
+) -> ServiceRunner[OrderService]:
     def make(model: PlantModel) -> OrderService:
-        return build(settings, model, store, epoch=epoch, term=term, change_plant=serving.change_plant)
+        return build(settings, model, store, epoch=epoch, term=term, change_plant=runner.change_plant)
 
-    serving = Serving(plant, store, supervisor, make=make)
-    return serving
+    runner = ServiceRunner(plant, store, supervisor, make=make)
+    return runner
 
 
 async def _take_over(

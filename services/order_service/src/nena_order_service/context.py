@@ -9,7 +9,7 @@ from pydantic import Field
 from nena_order_service.dispatching.settings import DispatchSettings
 from nena_order_service.fleet import RobotView, VdaOrder
 from nena_order_service.orders.vda_orders import OrderPlanner
-from nena_order_service.routing.vehicle_routes import VehicleRoutes
+from nena_order_service.routing.order_routes import VehicleRoutes
 from nena_order_service.state import FleetState
 from nena_order_service.traffic.manager import TrafficManager
 from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry

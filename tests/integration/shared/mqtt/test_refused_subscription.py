@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from nena_order_service.parts import readiness
+from nena_order_service.service import readiness
 from nena_order_service.store.instance_lock import InstanceLock
 from nena_order_service.store.schema import open_database
 from nena_order_service.store.store import Store

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import httpx
 
-from nena_order_service.parts import OrderService
+from nena_order_service.service import OrderService
 
 
 async def test_health_and_readiness(client: httpx.AsyncClient, service: OrderService) -> None:

@@ -14,7 +14,7 @@ import pytest
 from nena_order_service.api import events
 from nena_order_service.api.events import EventKind, EventStream, Interest
 from nena_order_service.errors import StoreNotReadyError, TooManyClientsError
-from nena_order_service.parts import OrderService
+from nena_order_service.service import OrderService
 from nena_order_service.settings import EventSettings
 from nena_shared.fleet_api.transport_order import OrderSequenceRequest, TransportOrderRequest
 from support.waiting import PATIENCE

@@ -8,7 +8,7 @@ from collections.abc import AsyncIterator
 import httpx
 import pytest
 
-from nena_order_service.parts import OrderService
+from nena_order_service.service import OrderService
 from nena_shared.web.server import HttpServer
 from nena_shared.web.settings import HttpSettings
 from support.waiting import PATIENCE

@@ -5,8 +5,8 @@ from __future__ import annotations
 import httpx
 import pytest
 
-from nena_order_service.parts import OrderService, build
 from nena_order_service.routing import NoRouteError
+from nena_order_service.service import OrderService, build
 from nena_order_service.settings import OrderServiceSettings
 from nena_shared.fleet_api.transport_order import Destination
 

@@ -8,7 +8,7 @@ import httpx
 import pytest
 from starlette.types import Receive, Scope, Send
 
-from nena_order_service.parts import OrderService
+from nena_order_service.service import OrderService
 from nena_shared.fleet_api.requests import BY_LIMIT
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.web.access import KnownUser

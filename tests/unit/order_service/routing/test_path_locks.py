@@ -5,7 +5,7 @@ import asyncio
 import pytest
 
 from nena_order_service.errors import UnknownPathError
-from nena_order_service.parts import OrderService
+from nena_order_service.service import OrderService
 from nena_order_service.store.changes import Changes
 
 

@@ -4,7 +4,13 @@ from itertools import pairwise
 
 import pytest
 
-from nena_order_service.zone_sets import FIRST_PAUSE, LONGEST_PAUSE, Wanted, ZoneDistribution, ZoneStep
+from nena_order_service.vehicles.zone_sets import (
+    FIRST_PAUSE,
+    LONGEST_PAUSE,
+    Wanted,
+    ZoneDistribution,
+    ZoneStep,
+)
 from nena_shared.vda5050.state import ZoneSetState, ZoneSetStatus
 from support.scripted_fleet import key
 from support.zones import zone, zone_set

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from nena_order_service.errors import UnknownZoneSetError, ZoneSetChangedError
-from nena_order_service.parts import OrderService
-from nena_order_service.zone_sets import ZoneSets
+from nena_order_service.service import OrderService
+from nena_order_service.vehicles.zone_sets import ZoneSets
 from support.zones import zone, zone_set
 
 ZONE = zone("z", "BLOCKED", 0, 1)

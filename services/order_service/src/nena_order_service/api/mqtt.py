@@ -14,9 +14,9 @@ from typing import Any, Final, TypeVar, cast
 from pydantic import BaseModel, Field, ValidationError, create_model
 from pydantic_core import from_json
 
+from nena_order_service.api.host_requests import ETag
 from nena_order_service.api.operations import Call, HostOperations
 from nena_order_service.api.problems import FORESEEN, problem_of
-from nena_order_service.host_requests import ETag
 from nena_order_service.settings import HostSettings
 from nena_shared.clock import Clock
 from nena_shared.fleet_api import operations as table

@@ -16,11 +16,11 @@ from starlette.datastructures import MutableHeaders
 from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Receive, Scope, Send
 
+from nena_order_service.api.host_requests import HostRequests, HostServices, SequenceRequests
 from nena_order_service.api.operations import Call, HostOperations
 from nena_order_service.api.problems import FORESEEN, problem_of
 from nena_order_service.errors import NameTakenError, SequenceNameTakenError
-from nena_order_service.host_requests import HostRequests, HostServices, SequenceRequests
-from nena_order_service.path_locks import PathLocks
+from nena_order_service.routing.path_locks import PathLocks
 from nena_order_service.store.database import OrderFilter, SequenceFilter
 from nena_shared.fleet_api import operations as table
 from nena_shared.fleet_api.base import CamelCase, Moment

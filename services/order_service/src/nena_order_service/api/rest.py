@@ -23,10 +23,10 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from nena_order_service.api import problems
 from nena_order_service.api.events import EventKind, EventStream, Interest
+from nena_order_service.api.host_requests import ETag
 from nena_order_service.api.operations import Call, Handler, HostOperations, Reply
-from nena_order_service.host_requests import ETag
+from nena_order_service.plant_change import ChangePlant
 from nena_order_service.plant_file import read_plant
-from nena_order_service.serving import ChangePlant
 from nena_shared.fleet_api.base import ObjectName
 from nena_shared.fleet_api.operations import CHANGE_PLANT, OPERATIONS, PLANT_MODEL, Operation
 from nena_shared.fleet_api.plant import PlantModelChange

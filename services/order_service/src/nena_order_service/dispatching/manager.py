@@ -21,13 +21,13 @@ from nena_order_service.dispatching.dispatcher import (
     explain,
     why_not_accepted,
 )
-from nena_order_service.dispatching.way import OrderCosts, RouteCost, RouteCosts, RoutePlan
 from nena_order_service.fleet import LinkStatus, NotLocatedError, RobotView, Standing
 from nena_order_service.orders.automatic import is_automatic_recharge
 from nena_order_service.orders.sequences import Sequences
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.vda_orders import OrderPlanner
 from nena_order_service.routing import NoRouteError
+from nena_order_service.routing.order_routes import OrderCosts, RouteCost, RouteCosts, RoutePlan
 from nena_order_service.state import VehicleRecords
 from nena_order_service.traffic.driving import Driving
 from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry, why_not_on

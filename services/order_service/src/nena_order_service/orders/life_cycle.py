@@ -11,7 +11,6 @@ from datetime import datetime, timedelta
 
 from nena_order_service.context import Context
 from nena_order_service.dispatching.manager import GIVES_UP, Dispatched, Dispatching, is_operating
-from nena_order_service.dispatching.way import RoutePlan
 from nena_order_service.fleet import (
     ActionRetriable,
     FailureKind,
@@ -37,6 +36,7 @@ from nena_order_service.orders.validation import InvalidRequestError, check_orde
 from nena_order_service.orders.vda_orders import SentOrder
 from nena_order_service.recovery import LostOrderError, Recovery
 from nena_order_service.routing import NoRouteError
+from nena_order_service.routing.order_routes import RoutePlan
 from nena_order_service.traffic.driving import Driving, Pauses, Stuck
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.transport_order import (

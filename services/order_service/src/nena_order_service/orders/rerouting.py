@@ -6,13 +6,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from nena_order_service.context import Context
-from nena_order_service.dispatching.way import Leg
 from nena_order_service.errors import NotReroutableError, VehicleNotReachedError
 from nena_order_service.fleet import LinkStatus, Standing
 from nena_order_service.fleet.vda_order import with_other_horizon
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.vda_orders import SentOrder
 from nena_order_service.routing import NoRouteError, Route
+from nena_order_service.routing.order_routes import Leg
 from nena_order_service.traffic.driving import Driving
 from nena_order_service.traffic.traffic_control import Refusal, WaitReason
 from nena_order_service.vehicles.registry import FleetVehicle

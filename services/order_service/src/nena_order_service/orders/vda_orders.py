@@ -8,7 +8,6 @@ from typing import Self
 from pydantic import BaseModel, ConfigDict, Field
 
 from nena_order_service.dispatching.dispatcher import Pick
-from nena_order_service.dispatching.way import Leg, RouteFinder, RoutePlan
 from nena_order_service.fleet import (
     OperationMap,
     RobotView,
@@ -22,6 +21,7 @@ from nena_order_service.fleet.position import NotLocatedError
 from nena_order_service.fleet.vda_order import DROP, PICK, fresh_id, released_to
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.routing import NoRouteError, Route
+from nena_order_service.routing.order_routes import Leg, RouteFinder, RoutePlan
 from nena_order_service.traffic.manager import Journey
 from nena_order_service.traffic.resources import ResourceSet
 from nena_order_service.traffic.traffic_control import RouteRequest

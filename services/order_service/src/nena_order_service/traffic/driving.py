@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cache, partial
 
 from nena_order_service.context import Context
-from nena_order_service.dispatching.way import RoutePlan
 from nena_order_service.fleet import (
     FailureKind,
     FleetOutput,
@@ -20,6 +19,7 @@ from nena_order_service.fleet import (
 from nena_order_service.fleet.vda_order import state_request
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.vda_orders import SentOrder
+from nena_order_service.routing.order_routes import RoutePlan
 from nena_order_service.traffic.traffic_control import Evasion, RouteGrant, RouteRejection, RouteRequest
 from nena_order_service.vehicles.positions import Positions
 from nena_order_service.vehicles.registry import FleetVehicle

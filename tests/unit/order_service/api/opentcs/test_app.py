@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from nena_demo.plants import sample_plant_path
 from nena_order_service.api.opentcs import AccessKey
-from nena_order_service.parts import OrderService
+from nena_order_service.service import OrderService
 from nena_order_service.settings import OrderServiceSettings
 
 API = "/opentcs/v1"

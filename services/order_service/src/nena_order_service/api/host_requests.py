@@ -29,11 +29,11 @@ from nena_order_service.fleet.vda_order import fresh_id, order_id
 from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder, sortable_id
 from nena_order_service.orders.validation import check_request
-from nena_order_service.path_locks import PathLocks
+from nena_order_service.routing.path_locks import PathLocks
 from nena_order_service.store.database import OrderFilter, SequenceFilter
 from nena_order_service.store.store import Store
 from nena_order_service.vehicles.registry import FleetVehicle
-from nena_order_service.zone_sets import ZoneSets
+from nena_order_service.vehicles.zone_sets import ZoneSets
 from nena_shared.fleet_api.requests import FleetSummary
 from nena_shared.fleet_api.transport_order import (
     AssignmentStatus,

@@ -1,4 +1,4 @@
-"""The order service over one store: runs its parts, and starts them again when the plant model is changed."""
+"""Changes of the plant model: what conflicts with one, and the runner that rebuilds the service for it."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ from nena_shared.settings import ConfigurationError
 from nena_shared.tasks import Supervisor, end
 
 PROBLEMS_NAMED = 100
-"""What is named at the most."""
+"""Maximum number of conflicts that an answer lists."""
 
 
-def hindrances(engine: Engine, new: PlantModel, registry: VehicleRegistry) -> tuple[str, ...]:
-    """Return what of the present orders and vehicles keeps the plant from being ``new``; nothing: it can be.
+def conflicts(engine: Engine, new: PlantModel, registry: VehicleRegistry) -> tuple[str, ...]:
+    """Return what of the present orders and vehicles conflicts with the plant model ``new``.
 
     ``registry`` is that of the new plant. Orders must find their destinations, and vehicles what they hold
-    and have claimed, unchanged: what robots were told to drive they drive, and others keep off it.
+    and have claimed, unchanged: robots drive on as they were sent, and other vehicles keep off.
     """
     found = [
         *_of_orders(engine.state.orders.present(), new, registry),
@@ -147,12 +147,12 @@ log = get_logger(__name__)
 
 KIND = "plantModel"
 CHANGING = "the plant model is being changed; ask again in a moment"
-PATIENCE = 20.0
-"""Seconds in which a host is told that its plant model is in use; it is put in use later, too."""
+CHANGE_TIMEOUT = 20.0
+"""Seconds that a host waits for its change; after them it may still succeed."""
 
 
-class Parts(Protocol):
-    """All parts of the order service over one plant model."""
+class RunnableService(Protocol):
+    """An order service for one plant model."""
 
     engine: Engine
 
@@ -187,15 +187,15 @@ class _RequestedChange:
     check_only: bool
 
 
-P = TypeVar("P", bound=Parts)
+P = TypeVar("P", bound=RunnableService)
 
 
-class Serving(Generic[P]):
-    """Runs an order service; its plant model is that of the file until a host puts another one.
+class ServiceRunner(Generic[P]):
+    """Runs an order service with the plant model of the file, or with one that a host has put in its place.
 
-    What a host has put counts until the file changes, and is forgotten then. A change is checked and
-    committed between two units of work; then everything is built again over the same store, as after a
-    restart: robots go on with what they have, and orders where these are.
+    A host's model counts until the file changes. A change is checked and committed between two units of
+    work; then the service is built again over the same store, as after a restart: robots continue what
+    they have, and orders continue where they are.
     """
 
     def __init__(
@@ -206,10 +206,10 @@ class Serving(Generic[P]):
         *,
         make: Callable[[PlantModel], P],
     ) -> None:
-        """Serve the model of ``file``, or what replaces it, by the parts that ``make`` makes."""
+        """Run the service that ``make`` builds for the model of ``file``, or for what replaces it."""
         self.show: Callable[[ASGIApp], None] = lambda _: None
-        """Is called with the REST application each time it is made."""
-        self.parts: P
+        """Receives the REST application each time it is built."""
+        self.service: P
         self._file = file
         self._store = store
         self._supervisor = supervisor
@@ -218,22 +218,22 @@ class Serving(Generic[P]):
         self._asked: asyncio.Queue[_RequestedChange] = asyncio.Queue(maxsize=1)
 
     async def begin(self) -> None:
-        """Let all parts run.
+        """Start all tasks of the service.
 
         Raises:
             ConfigurationError: the plant model names an unsupported version.
 
         """
         self._supervisor.start("store", self._store.run())
-        self.parts = self._make(await self._present())
-        await self.parts.begin(self._start)
+        self.service = self._make(await self._present())
+        await self.service.begin(self._start)
         self._supervisor.start("plant model", self._change_when_asked())
 
     async def change_plant(self, model: PlantModel, *, check_only: bool = False) -> None:
-        """Put another plant model in use, or only tell whether that can be.
+        """Use another plant model, or only check whether that is possible.
 
         Raises:
-            InvalidPlantError: it is none with which robots can be led here.
+            InvalidPlantError: this service cannot use it.
             PlantInUseError: orders or vehicles use what it does not have.
             StoreNotReadyError: it cannot be kept, or another change is under way.
 
@@ -241,7 +241,7 @@ class Serving(Generic[P]):
         asked = _RequestedChange(model, asyncio.get_running_loop().create_future(), check_only)
         try:
             self._asked.put_nowait(asked)
-            async with asyncio.timeout(PATIENCE):
+            async with asyncio.timeout(CHANGE_TIMEOUT):
                 await asked.done
         except (asyncio.QueueFull, TimeoutError):
             raise StoreNotReadyError(CHANGING) from None
@@ -260,11 +260,11 @@ class Serving(Generic[P]):
 
     async def _change(self, asked: _RequestedChange) -> None:
         try:
-            parts = await asyncio.to_thread(self._make, asked.model)
+            service = await asyncio.to_thread(self._make, asked.model)
         except ConfigurationError as error:
             raise InvalidPlantError(error.problems) from error
-        old = self.parts
-        if problems := hindrances(old.engine, asked.model, parts.engine.registry):
+        old = self.service
+        if problems := conflicts(old.engine, asked.model, service.engine.registry):
             raise PlantInUseError(problems)
         if not self._store.ready:
             raise StoreNotReadyError(self._store.why_not_ready)
@@ -273,19 +273,19 @@ class Serving(Generic[P]):
         old.engine.close(CHANGING)  # from here to the check above nothing else has run
         await self._end(old)
         await self._keep(asked.model)
-        self.parts = parts
+        self.service = service
         try:
-            await parts.begin(self._start)
+            await service.begin(self._start)
         except StoreNotReadyError as error:  # no answer to a host: nothing runs any more, so the program ends
             message = "the plant was changed and cannot be taken up: the store takes nothing"
             raise RuntimeError(message) from error
-        self.show(parts.app)
+        self.show(service.app)
         log.info("plant model changed", name=asked.model.name, points=len(asked.model.points))
 
-    async def _end(self, parts: Parts) -> None:
+    async def _end(self, service: RunnableService) -> None:
         tasks, self._tasks = self._tasks, []
         await end(*tasks)
-        await parts.end()
+        await service.end()
 
     async def _keep(self, model: PlantModel) -> None:
         """Commit the model, however long the store takes."""
@@ -323,4 +323,4 @@ class Serving(Generic[P]):
 
 
 ChangePlant = Callable[..., Awaitable[None]]
-"""As :meth:`Serving.change_plant`."""
+"""As :meth:`ServiceRunner.change_plant`."""

@@ -1,4 +1,4 @@
-"""The parts of the order service, and how they are joined."""
+"""The order service as a whole: what it consists of, and how it is put together."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from starlette.types import ASGIApp
 from nena_order_service.api import opentcs
 from nena_order_service.api.asyncapi import document
 from nena_order_service.api.events import EventStream
+from nena_order_service.api.host_requests import HostRequests, HostServices, SequenceRequests
 from nena_order_service.api.mqtt import MqttApi, MqttLimits
 from nena_order_service.api.operations import HostOperations
 from nena_order_service.api.rest import Service, make_app
 from nena_order_service.api.statuses import RetainedSweep, StatusPublisher
 from nena_order_service.context import Context
-from nena_order_service.dispatching.way import RouteFinder
 from nena_order_service.engine import Engine
 from nena_order_service.fleet import FleetLink, OperationMap, RobotAddresses
-from nena_order_service.host_requests import HostRequests, HostServices, SequenceRequests
 from nena_order_service.orders.vda_orders import OrderPlanner
-from nena_order_service.path_locks import PathLocks
+from nena_order_service.plant_change import ChangePlant
 from nena_order_service.routing import Router, evaluators
-from nena_order_service.serving import ChangePlant
+from nena_order_service.routing.order_routes import RouteFinder
+from nena_order_service.routing.path_locks import PathLocks
 from nena_order_service.settings import OrderServiceSettings
 from nena_order_service.store.store import Store
 from nena_order_service.vehicles.registry import VehicleRegistry
-from nena_order_service.zone_sets import ZoneSets
+from nena_order_service.vehicles.zone_sets import ZoneSets
 from nena_shared.clock import Clock, SystemClock
 from nena_shared.fleet_api.requests import Readiness
 from nena_shared.fleet_api.topics import FleetTopics

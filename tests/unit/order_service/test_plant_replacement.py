@@ -6,9 +6,9 @@ import pytest
 
 from nena_demo.plants import sample_plant_path
 from nena_order_service.errors import InvalidPlantError, PlantInUseError, StoreNotReadyError
-from nena_order_service.parts import OrderService, build
+from nena_order_service.plant_change import CHANGING, ServiceRunner
 from nena_order_service.plant_file import PlantFile, load_plant
-from nena_order_service.serving import CHANGING, Serving
+from nena_order_service.service import OrderService, build
 from nena_order_service.settings import OrderServiceSettings
 from nena_order_service.store.schema import open_database
 from nena_order_service.store.store import Store
@@ -29,40 +29,40 @@ def without(point: str) -> PlantModel:
     )
 
 
-def serving_of(
+def runner_of(
     settings: OrderServiceSettings, store: Store, supervisor: Supervisor, file: PlantFile = FILE
-) -> Serving[OrderService]:
-    return Serving(file, store, supervisor, make=lambda model: build(settings, model, store))
+) -> ServiceRunner[OrderService]:
+    return ServiceRunner(file, store, supervisor, make=lambda model: build(settings, model, store))
 
 
 async def taken_up(settings: OrderServiceSettings, store: Store, file: PlantFile = FILE) -> PlantModel:
     """Give the plant that counts after a restart with this file."""
     async with Supervisor() as supervisor:
-        serving = serving_of(settings, store, supervisor, file)
-        await serving.begin()
-        return serving.parts.engine.plant
+        runner = runner_of(settings, store, supervisor, file)
+        await runner.begin()
+        return runner.service.engine.plant
 
 
 async def test_model_is_put_in_use_as_a_whole_and_kept(settings: OrderServiceSettings) -> None:
     store = Store(open_database(settings.store.location()))
     shown: list[object] = []
     async with Supervisor() as supervisor:
-        serving = serving_of(settings, store, supervisor)
-        serving.show = shown.append
-        await serving.begin()
-        before = serving.parts
+        runner = runner_of(settings, store, supervisor)
+        runner.show = shown.append
+        await runner.begin()
+        before = runner.service
         before.engine.create(request("South 2"), "T-1")
 
         with pytest.raises(PlantInUseError) as refused:
-            await serving.change_plant(without("South 2"))
+            await runner.change_plant(without("South 2"))
         assert "'T-1'" in str(refused.value.problems)
-        await serving.change_plant(without("South 3"), check_only=True)
-        assert (serving.parts, shown) == (before, [])
+        await runner.change_plant(without("South 3"), check_only=True)
+        assert (runner.service, shown) == (before, [])
 
-        await serving.change_plant(without("South 3"))
-        assert serving.parts.engine.plant == without("South 3")
-        assert shown == [serving.parts.app]
-        assert [order.name for order in serving.parts.engine.state.orders.unfinished()] == ["T-1"]
+        await runner.change_plant(without("South 3"))
+        assert runner.service.engine.plant == without("South 3")
+        assert shown == [runner.service.app]
+        assert [order.name for order in runner.service.engine.state.orders.unfinished()] == ["T-1"]
         with pytest.raises(StoreNotReadyError, match=CHANGING):
             before.engine.create(request("South 2"), "T-2")
     assert await taken_up(settings, store) == without("South 3")
@@ -71,9 +71,9 @@ async def test_model_is_put_in_use_as_a_whole_and_kept(settings: OrderServiceSet
 
 async def put_in_use(settings: OrderServiceSettings, store: Store, model: PlantModel) -> None:
     async with Supervisor() as supervisor:
-        serving = serving_of(settings, store, supervisor)
-        await serving.begin()
-        await serving.change_plant(model)
+        runner = runner_of(settings, store, supervisor)
+        await runner.begin()
+        await runner.change_plant(model)
 
 
 async def test_model_of_a_host_counts_until_the_bytes_of_the_file_change(
@@ -93,14 +93,14 @@ async def test_path_is_not_locked_while_the_plant_is_changed(settings: OrderServ
     store = Store(open_database(settings.store.location()))
     path = without("South 3").paths[0].name
     async with Supervisor() as supervisor:
-        serving = serving_of(settings, store, supervisor)
-        await serving.begin()
-        before = serving.parts
-        await serving.change_plant(without("South 3"))
+        runner = runner_of(settings, store, supervisor)
+        await runner.begin()
+        before = runner.service
+        await runner.change_plant(without("South 3"))
         with pytest.raises(StoreNotReadyError, match=CHANGING):
             await before.hosts.locks.set(path, locked=True)
         assert await store.path_locks() == {}
-        assert (await serving.parts.hosts.locks.set(path, locked=True)).locked
+        assert (await runner.service.hosts.locks.set(path, locked=True)).locked
     store.close()
 
 
@@ -108,9 +108,9 @@ async def test_model_that_cannot_be_led_is_refused(settings: OrderServiceSetting
     store = Store(open_database(settings.store.location()))
     strange = SAMPLE.vehicles[0].model_copy(update={"properties": {"vda5050:version": "9.9"}})
     async with Supervisor() as supervisor:
-        serving = serving_of(settings, store, supervisor)
-        await serving.begin()
+        runner = runner_of(settings, store, supervisor)
+        await runner.begin()
         with pytest.raises(InvalidPlantError):
-            await serving.change_plant(SAMPLE.model_copy(update={"vehicles": (strange,)}))
-        assert serving.parts.engine.plant == SAMPLE
+            await runner.change_plant(SAMPLE.model_copy(update={"vehicles": (strange,)}))
+        assert runner.service.engine.plant == SAMPLE
     store.close()
