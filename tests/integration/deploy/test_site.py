@@ -9,10 +9,13 @@ import ssl
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from nena_deploy.commands import app
 from nena_deploy.identities import Kind
 from nena_deploy.site import Site
 from nena_edge_agent.messages import client_id_of
+from nena_shared.mqtt import Outbound
 from nena_shared.mqtt.tls import tls_context
 from nena_shared.settings import MqttSettings
 from nena_shared.vda5050.topics import RobotKey
@@ -189,3 +192,54 @@ async def test_a_site_that_was_lost_comes_back_from_its_copy(running: RunningSit
     again = Site.open(folder)
     again.add(Kind.ROBOT, "ACME/9", days=1)
     assert {each.name for each in again} >= {"ACME/1", "ACME/9", "wms", "order-service"}
+
+
+INVENTED = (
+    "uagv/v2/ACME/1/nena/loot",
+    "vda5050/v3/ACME/1/nena/map/1",
+    "uagv/v2/ACME/1/order",
+    "uagv/v2/ACME/1",
+)
+
+
+async def test_a_robot_leaves_no_messages_under_topics_that_it_invents(running: RunningSite) -> None:
+    own = "uagv/v2/ACME/1/state"
+    async with running.client(ROBOT_1) as robot:
+        for topic in (*INVENTED, own):
+            robot.link.publish(Outbound(topic, bytes(1024), retain=True))
+        assert await robot.link.drain(PATIENCE)
+    async with running.client(AGGREGATOR, "uagv/v2/#", "vda5050/v3/#") as watcher:
+        await until(lambda: watcher.came)
+
+        assert watcher.topics == [own]
+
+
+async def test_what_the_broker_retains_of_a_robot_goes_with_it(running: RunningSite) -> None:
+    own = ("uagv/v2/ACME/1/connection", "vda5050/v3/ACME/1/factsheet", "uagv/v2/ACME/1/nena/map")
+    async with running.client(ROBOT_1) as robot:
+        for topic in own:
+            robot.link.publish(Outbound(topic, b"mine", retain=True))
+        assert await robot.link.drain(PATIENCE)
+    async with running.client(ROBOT_2) as neighbour:
+        neighbour.link.publish(Outbound("uagv/v2/ACME/2/connection", b"mine", retain=True))
+        assert await neighbour.link.drain(PATIENCE)
+
+    await asyncio.to_thread(_remove_robot, running.site.folder)
+
+    async with running.client(AGGREGATOR, "uagv/v2/#", "vda5050/v3/#") as watcher:
+        await until(lambda: watcher.came)
+        assert watcher.topics == ["uagv/v2/ACME/2/connection"]
+
+
+def _remove_robot(site: Path) -> None:
+    done = CliRunner().invoke(app, ["robot", "remove", str(site), "ACME", "1"])
+    assert (done.exit_code, "cannot be reached" in done.stderr) == (0, False), done.stderr
+
+
+def test_a_broker_that_is_away_does_not_keep_a_robot(running: RunningSite) -> None:
+    running.end()
+    done = CliRunner().invoke(app, ["robot", "remove", str(running.site.folder), "ACME", "1"])
+
+    assert done.exit_code == 0
+    assert "The broker still has retained messages of ACME/1: it cannot be reached" in done.stderr
+    assert "ACME/1" not in {each.name for each in Site.open(running.site.folder)}

@@ -3,6 +3,7 @@ from __future__ import annotations
 import asyncio
 import errno
 import os
+import shutil
 import threading
 from collections.abc import AsyncIterator
 from pathlib import Path
@@ -13,6 +14,7 @@ import pytest
 from nena_edge_agent import journal as journal_module
 from nena_edge_agent.factsheet import frame_of
 from nena_edge_agent.journal import (
+    BLOCK,
     Journal,
     Recorder,
     UnreadableJournalError,
@@ -28,6 +30,7 @@ from support.robot_core import Bench, action, order
 
 ROBOT = RobotKey("ACME", "0001")
 FILE = "ACME.0001.journal"
+OF_AN_EARLIER_RELEASE = Path(__file__).parents[2] / "fixtures/journals/format-1/ACME.0001.journal"
 
 
 def busy() -> Bench:
@@ -128,6 +131,62 @@ def test_a_torn_write_leaves_the_old_record(tmp_path: Path) -> None:
     assert seen == [old] * seen.count(old) + [new] * seen.count(new)
 
 
+def every_other_block(before: bytes, after: bytes) -> bytes:
+    """Mix two contents as a disk leaves them that has written some blocks only, in an order of its own."""
+    starts = range(0, len(after), 2 * BLOCK)
+    return b"".join(
+        before[start : start + BLOCK] + after[start + BLOCK : start + 2 * BLOCK] for start in starts
+    )
+
+
+@pytest.mark.parametrize("damage", ["one bit", "a block of zeros", "the first label", "all of it"])
+def test_a_damaged_newest_record_is_not_taken_for_one_whose_writing_was_interrupted(
+    tmp_path: Path, damage: str
+) -> None:
+    bench, journal = busy(), Journal(tmp_path, ROBOT)
+    for _ in range(3):
+        record(journal, bench.core.memory())
+    content = bytearray((tmp_path / FILE).read_bytes())
+    newest = len(content) // 2  # the third record: odd numbers are in the second half
+    match damage:
+        case "one bit":
+            content[newest + 200] ^= 1
+        case "a block of zeros":
+            content[newest + BLOCK : newest + 2 * BLOCK] = bytes(BLOCK)
+        case "the first label":
+            content[newest + 12] ^= 1
+        case _:
+            content[newest:] = bytes(len(content) - newest)
+    (tmp_path / FILE).write_bytes(content)
+
+    with pytest.raises(UnreadableJournalError, match="the journal is damaged: remove"):
+        Journal(tmp_path, ROBOT).read()
+
+
+def test_damage_of_the_older_record_is_no_loss(tmp_path: Path) -> None:
+    bench, journal = busy(), Journal(tmp_path, ROBOT)
+    for _ in range(3):
+        record(journal, bench.core.memory())
+    content = bytearray((tmp_path / FILE).read_bytes())
+    content[200] ^= 1
+    (tmp_path / FILE).write_bytes(content)
+
+    assert Journal(tmp_path, ROBOT).read() == bench.core.memory()
+
+
+def test_a_journal_of_an_earlier_release_is_continued(tmp_path: Path) -> None:
+    shutil.copy(OF_AN_EARLIER_RELEASE, tmp_path / FILE)
+    memory = Journal(tmp_path, ROBOT).read()
+    assert memory is not None
+    journal = Journal(tmp_path, ROBOT)
+    journal.read()
+    for paused in (True, False):
+        record(journal, memory.model_copy(update={"paused": paused}))
+        kept = Journal(tmp_path, ROBOT).read()
+        assert kept is not None
+        assert kept.paused is paused
+
+
 def test_what_the_disk_may_not_have_is_never_the_only_record(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -145,8 +204,7 @@ def test_what_the_disk_may_not_have_is_never_the_only_record(
             record(journal, bench.core.memory())
     journal.write(bench.core.memory())  # and is torn
     after = (tmp_path / FILE).read_bytes()
-    torn = bytes(one if one == other else 0 for one, other in zip(before, after, strict=True))
-    (tmp_path / FILE).write_bytes(torn)
+    (tmp_path / FILE).write_bytes(every_other_block(before, after))
 
     assert Journal(tmp_path, ROBOT).read() == old
 

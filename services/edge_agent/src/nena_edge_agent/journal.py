@@ -21,8 +21,12 @@ from nena_shared.vda5050.topics import RobotKey
 
 LEAST_ROOM = 16 * 1024
 """Bytes for one record, at least."""
+BLOCK = 512
+"""Bytes that a disk writes whole or not at all."""
+LABEL = 23
+"""Bytes in front of each block: checksum (8 digits) and number of the record (13), a space after each."""
 CHECKSUM = 9
-"""Bytes of a record's checksum: eight digits and a space."""
+"""Bytes of the one checksum of a record as earlier releases wrote it: eight digits and a space."""
 
 
 @contextmanager
@@ -58,7 +62,9 @@ class Journal:
     """Keeps the newest record and the one before it, each in its half of one file.
 
     A record overwrites the older one. The file keeps its size, so that a write needs no new blocks on the
-    disk; where a record needs more room, a new file replaces the old one.
+    disk; where a record needs more room, a new file replaces the old one. Each block of the disk has its own
+    checksum and the number of its record: a write that was interrupted leaves whole blocks of two records, a
+    disk that damages data a block that does not fit its checksum.
     """
 
     def __init__(self, folder: Path, robot: RobotKey) -> None:
@@ -132,10 +138,9 @@ class Journal:
         """Write over the older record; return whether there is a file with room for it."""
         with suppress(FileNotFoundError), self._file.open("r+b") as file:
             half = os.fstat(file.fileno()).st_size // 2
-            framed = _framed(number, record, half)
-            if len(framed) == half:
+            if len(record) <= half // BLOCK * (BLOCK - LABEL):
                 file.seek(number % 2 * half)
-                file.write(framed)
+                file.write(_framed(number, record, half))
                 return True
         return False
 
@@ -165,29 +170,77 @@ def read_journal(journal: Journal | None) -> tuple[Memory | None, str]:
 
 
 def _framed(number: int, record: bytes, size: int) -> bytes:
-    """Return a record with its number, padded to ``size``, behind a checksum of both."""
-    rest = (b"%d\n%b" % (number, record)).ljust(size - CHECKSUM)
-    return b"%08x " % crc32(rest) + rest
+    """Return a record in blocks of ``size`` bytes in all, each with its checksum and the record's number."""
+    room, count = BLOCK - LABEL, size // BLOCK
+    parts = (record[start : start + room].ljust(room) for start in range(0, count * room, room))
+    bodies = (b"%013d %b" % (number, part) for part in parts)
+    return b"".join(b"%08x %b" % (crc32(body, count), body) for body in bodies)
 
 
 def _newest(content: bytes) -> tuple[int, bytes]:
-    """Return the newest record of a journal and its number; one that was being written may be torn.
+    """Return the newest record of a journal and its number; one whose writing was interrupted does not count.
 
     Raises:
-        ValueError: there is none.
+        ValueError: there is none, or the newest one is damaged.
 
     """
     half = len(content) // 2
-    records = [_read(each) for each in (content[:half], content[half:])]
-    return max(each for each in records if each)
+    halves = content[:half], content[half:]
+    records = [_read(each) for each in halves]
+    found = max(each for each in records if each)
+    other = halves[1 - records.index(found)]
+    if None in records and not _is_of_an_earlier_release(halves[records.index(found)]):
+        _check_interrupted(other, found[0])
+    return found
 
 
-def _read(framed: bytes) -> tuple[int, bytes] | None:
-    rest = framed[CHECKSUM:]
-    if framed[:CHECKSUM] != b"%08x " % crc32(rest):
-        return None
-    number, _, record = rest.partition(b"\n")
-    return int(number), record
+def _check_interrupted(half: bytes, newest: int) -> None:
+    """Check that the unreadable ``half`` is older than record ``newest``, or its writing was interrupted.
+
+    Raises:
+        ValueError: it is a newer record that was whole, and is damaged.
+
+    """
+    numbers = _numbers(half)
+    if None in numbers and not any(number is not None and number <= newest for number in numbers):
+        message = f"a record after {newest} is damaged"
+        raise ValueError(message)
+
+
+def _blocks(half: bytes) -> list[bytes]:
+    return [half[start : start + BLOCK] for start in range(0, len(half), BLOCK)]
+
+
+def _numbers(half: bytes) -> list[int | None]:
+    """Return the number of each block's record, 0 for one that was never written, None for a damaged one.
+
+    A checksum also holds the count of blocks, so a file that was cut is damaged.
+    """
+    blocks = _blocks(half)
+    return [_number(block, len(blocks)) for block in blocks]
+
+
+def _number(block: bytes, count: int) -> int | None:
+    if block == b" " * BLOCK:
+        return 0
+    body = block[CHECKSUM:]
+    fits = len(block) == BLOCK and block[:CHECKSUM] == b"%08x " % crc32(body, count)
+    return int(body[: LABEL - CHECKSUM]) if fits else None
+
+
+def _read(half: bytes) -> tuple[int, bytes] | None:
+    """Return the number and the record of a half that is whole."""
+    if _is_of_an_earlier_release(half):
+        first, _, record = half[CHECKSUM:].partition(b"\n")
+        return int(first), record
+    numbers = set(_numbers(half))
+    number = numbers.pop() if len(numbers) == 1 else None
+    return (number, b"".join(block[LABEL:] for block in _blocks(half))) if number else None
+
+
+def _is_of_an_earlier_release(half: bytes) -> bool:
+    """Return whether it is a record with one checksum for all of it."""
+    return half[:CHECKSUM] == b"%08x " % crc32(half[CHECKSUM:])
 
 
 def _file_name(robot: RobotKey) -> str:

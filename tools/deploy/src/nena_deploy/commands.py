@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,8 +16,9 @@ from rich.table import Table
 
 from nena_deploy.authority import expiry
 from nena_deploy.identities import IdentityError, Kind, SiteTopics, host_name, robot_name
-from nena_deploy.site import BusyError, Site, SiteError, locked
+from nena_deploy.site import LONGEST_MESSAGE, BrokerError, BusyError, Site, SiteError, locked
 from nena_shared.settings import ConfigurationError
+from nena_shared.vda5050.topics import RobotKey
 from nena_shared.web.users import NAME, Role, User, hash_of, new_token, read_users, write_users
 
 WRONG = 2
@@ -75,6 +77,9 @@ def init(
         typer.Option(help="Folder of these files on the broker's machine. Unset: where they are created."),
     ] = None,
     data_folder: Annotated[str, typer.Option(help="Folder for the broker's data.")] = "/var/lib/mosquitto",
+    longest_message: Annotated[
+        int, typer.Option(min=4, max=255, help="Longest message that the broker accepts, MiB.")
+    ] = LONGEST_MESSAGE,
 ) -> None:
     """Create a site: a CA, the broker's certificate and configuration, and the services' identities."""
     topics = SiteTopics(
@@ -89,6 +94,7 @@ def init(
             days=days,
             broker_folder=PurePosixPath(broker_folder) if broker_folder else None,
             data_folder=PurePosixPath(data_folder),
+            longest_message=longest_message,
         )
     say(f"Site created in {folder}. Keep {folder}/authority secret: its key can impersonate any client.")
     say(f"Broker: {folder}/broker/mosquitto.conf. Services: {folder}/order-service and status-aggregator.")
@@ -116,9 +122,15 @@ def add_robot(folder: Folder, manufacturer: str, serial_number: str, *, days: Da
 
 @robot.command("remove")
 def remove_robot(folder: Folder, manufacturer: str, serial_number: str) -> None:
-    """Revoke a robot's certificate and delete its identity."""
+    """Clear what the broker retains of a robot, revoke its certificate and delete its identity."""
     with errors_reported(), locked(folder):
-        Site.open(folder).remove(Kind.ROBOT, robot_name(manufacturer, serial_number))
+        site, name = Site.open(folder), robot_name(manufacturer, serial_number)
+        site.require(Kind.ROBOT, name)
+        try:
+            asyncio.run(site.clear(RobotKey(manufacturer, serial_number)))
+        except BrokerError as error:
+            say(f"The broker still has retained messages of {name}: it cannot be reached ({error}).")
+        site.remove(Kind.ROBOT, name)
     _report_broker_reload()
 
 

@@ -8,6 +8,7 @@ from enum import StrEnum
 
 from pydantic import BaseModel, ConfigDict
 
+from nena_shared.fleet_api.plant import topic_of_map
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 
@@ -112,8 +113,12 @@ TO_ROBOT = (Topic.ORDER, Topic.INSTANT_ACTIONS, Topic.ZONE_SET, Topic.RESPONSES)
 FROM_HOST = ("transportOrders/create", "commands/delivery")
 """Requests that a host may send; other commands concern orders and robots of others."""
 ANY_ROBOT = RobotKey("+", "+")
-OWN_TOPICS = "nena/#"
-"""Additional topics of NeNa's edge agent below a robot's topics."""
+
+
+def topics_of_robot(robot: RobotKey, topics: SiteTopics) -> Iterator[str]:
+    """Yield all topics that a robot may write, in every version of VDA 5050."""
+    for scheme in topics.schemes:
+        yield from _written(scheme, robot)
 
 
 def access_list(identities: Iterable[Identity], topics: SiteTopics) -> str:
@@ -149,8 +154,12 @@ def _rules(identity: Identity, topics: SiteTopics) -> Iterator[str]:
             yield f"read {topics.prefix}/#"
 
 
+def _written(scheme: TopicScheme, robot: RobotKey) -> Iterator[str]:
+    yield from (scheme.of(robot, topic) for topic in FROM_ROBOT)
+    yield topic_of_map(scheme, robot)
+
+
 def _of_robots(scheme: TopicScheme, robot: RobotKey, *, out: str, back: str) -> Iterator[str]:
     """Yield the rules for a robot's topics: ``out`` for topics it writes, ``back`` for topics it reads."""
-    yield from (f"{out} {scheme.of(robot, topic)}" for topic in FROM_ROBOT)
-    yield f"{out} {scheme.interface_name}/{scheme.major_version}/{robot}/{OWN_TOPICS}"
+    yield from (f"{out} {topic}" for topic in _written(scheme, robot))
     yield from (f"{back} {scheme.of(robot, topic)}" for topic in TO_ROBOT)

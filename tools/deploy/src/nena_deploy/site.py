@@ -2,21 +2,36 @@
 
 from __future__ import annotations
 
+import asyncio
 import fcntl
 import shutil
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from datetime import datetime
+from functools import partial
 from pathlib import Path, PurePosixPath
+from secrets import token_hex
+from tempfile import TemporaryDirectory
 from typing import Self
 
 from cryptography.exceptions import UnsupportedAlgorithm
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from nena_deploy.authority import Authority, Pair, utc_now, write_secret
-from nena_deploy.identities import Identity, IdentityError, Kind, SiteTopics, access_list
+from nena_deploy.identities import (
+    Identity,
+    IdentityError,
+    Kind,
+    SiteTopics,
+    access_list,
+    topics_of_robot,
+)
 from nena_shared.misfits import in_words, shortened
+from nena_shared.mqtt import Outbound
+from nena_shared.mqtt.client import Client, MqttError
+from nena_shared.settings import MqttSettings, MqttTlsSettings
+from nena_shared.vda5050.topics import RobotKey
 
 LOCK_TIMEOUT = 30.0
 """Maximum wait for another run, seconds."""
@@ -69,12 +84,18 @@ allow_anonymous false
 acl_file {folder}/access.list
 
 # Limits for each client. The longest message is the model of a large plant.
-max_packet_size 67108864
+max_packet_size {longest}
 max_inflight_messages 200
 max_queued_messages 10000
+max_queued_bytes 67108864
 max_connections 5000
 max_keepalive 120
 set_tcp_nodelay true
+
+# Retained messages of clients without rights, such as removed robots, are not delivered.
+check_retain_source true
+# Bytes of all clients together: beyond them the broker refuses messages instead of ending for lack of memory.
+memory_limit 1073741824
 
 persistence true
 persistence_location {data}/
@@ -83,11 +104,25 @@ log_dest stdout
 """
 
 
-def broker_configuration(folder: PurePosixPath, data: PurePosixPath, port: int) -> str:
-    """Return the configuration; ``folder``: the broker's files, ``data``: its data."""
-    return TEMPLATE.format(folder=folder, data=data, port=port)
+LONGEST_MESSAGE = 16
+"""MiB. A plant model of 10,000 points has 15 MB."""
 
 
+def broker_configuration(folder: PurePosixPath, data: PurePosixPath, port: int, longest: int) -> str:
+    """Return the configuration.
+
+    Args:
+        folder: of the broker's files.
+        data: folder of its data.
+        port: its TCP port.
+        longest: size of the longest message, MiB.
+
+    """
+    return TEMPLATE.format(folder=folder, data=data, port=port, longest=longest * 1024 * 1024)
+
+
+BROKER_TIMEOUT = 5.0
+"""Seconds."""
 SERVICES = (Kind.ORDER_SERVICE, Kind.STATUS_AGGREGATOR)
 
 SETTINGS = """\
@@ -105,6 +140,10 @@ key = "{folder}/key.pem"
 
 class SiteError(Exception):
     """A folder is not a site, or is already in use; the text says what to do."""
+
+
+class BrokerError(Exception):
+    """The broker cannot be reached; the text says why."""
 
 
 class _Register(BaseModel):
@@ -138,6 +177,7 @@ class Site:
         days: int,
         broker_folder: PurePosixPath | None = None,
         data_folder: PurePosixPath,
+        longest_message: int = LONGEST_MESSAGE,
     ) -> Self:
         """Create a site with its broker and its services.
 
@@ -149,6 +189,7 @@ class Site:
             days: validity of certificates.
             broker_folder: folder of the files on the broker's machine; None: where they are created.
             data_folder: folder for the broker's data.
+            longest_message: that the broker accepts, MiB.
 
         Raises:
             SiteError: the folder is not empty, or a host is neither a name nor an address.
@@ -169,7 +210,9 @@ class Site:
         (broker / "broker.pem").write_bytes(server.certificate)
         write_secret(broker / "broker-key.pem", server.key)
         shown = broker_folder or PurePosixPath(broker.absolute())
-        (broker / "mosquitto.conf").write_text(broker_configuration(shown, data_folder, port))
+        (broker / "mosquitto.conf").write_text(
+            broker_configuration(shown, data_folder, port, longest_message)
+        )
         site = cls(folder, _Register(hosts=hosts, port=port, topics=topics), authority)
         for kind in SERVICES:
             site.add(kind, kind, days=days)
@@ -216,6 +259,27 @@ class Site:
         self._save()
         return folder
 
+    async def clear(self, robot: RobotKey) -> None:
+        """Clear what the broker retains of ``robot``, with a certificate of its name that is used only once.
+
+        Raises:
+            BrokerError: the broker cannot be reached, or does not confirm.
+
+        """
+        pair = self._authority.for_client(str(robot), utc_now(), 1)
+        self._register.revoked.append(pair.serial_number)
+        with TemporaryDirectory() as draft:
+            folder = Path(draft)
+            (folder / "certificate.pem").write_bytes(pair.certificate)
+            write_secret(folder / "key.pem", pair.key)
+            tls = MqttTlsSettings(
+                ca=self.folder / "broker" / "ca.pem",
+                certificate=folder / "certificate.pem",
+                key=folder / "key.pem",
+            )
+            broker = MqttSettings(host=self._register.hosts[0], port=self._register.port, tls=tls)
+            await _clear(broker, topics_of_robot(robot, self._register.topics))
+
     def remove(self, kind: Kind, name: str) -> None:
         """Remove an identity: revoke its certificate, delete its rights and files.
 
@@ -223,19 +287,31 @@ class Site:
             IdentityError: unknown identity.
 
         """
-        identity = self._drop(kind, name)
-        if identity is None:
-            message = f"No {kind} {name}. `nena-deploy list` shows all identities."
-            raise IdentityError(message)
+        identity = self.require(kind, name)
+        self._drop(kind, name)
         shutil.rmtree(self.folder_of(identity), ignore_errors=True)
         self._save()
 
-    def _drop(self, kind: Kind, name: str) -> Identity | None:
-        found = next((each for each in self if (each.kind, each.name) == (kind, name)), None)
-        if found:
+    def require(self, kind: Kind, name: str) -> Identity:
+        """Return an identity.
+
+        Raises:
+            IdentityError: unknown identity.
+
+        """
+        identity = self._find(kind, name)
+        if identity is None:
+            message = f"No {kind} {name}. `nena-deploy list` shows all identities."
+            raise IdentityError(message)
+        return identity
+
+    def _find(self, kind: Kind, name: str) -> Identity | None:
+        return next((each for each in self if (each.kind, each.name) == (kind, name)), None)
+
+    def _drop(self, kind: Kind, name: str) -> None:
+        if found := self._find(kind, name):
             self._register.identities.remove(found)
             self._register.revoked.append(found.certificate)
-        return found
 
     def _fill(self, folder: Path, identity: Identity, pair: Pair) -> None:
         (folder / "ca.pem").write_bytes(self._authority.pem)
@@ -252,6 +328,25 @@ class Site:
         _replace(broker / "access.list", access_list(self, self._register.topics).encode())
         _replace(broker / "revoked.pem", revoked)
         _replace(self.folder / "site.json", self._register.model_dump_json(indent=2).encode())
+
+
+async def _clear(broker: MqttSettings, topics: Iterable[str]) -> None:
+    confirmations: list[asyncio.Future[None]] = []
+    try:
+        async with (
+            asyncio.timeout(BROKER_TIMEOUT),
+            Client(broker, f"nena-deploy-{token_hex(8)}", timeout=BROKER_TIMEOUT) as client,
+        ):
+            for topic in topics:
+                confirmed = asyncio.get_running_loop().create_future()
+                client.send(Outbound(topic, b"", qos=1, retain=True), partial(confirmed.set_result, None))
+                confirmations.append(confirmed)
+            receiving = asyncio.ensure_future(client.receive(lambda _: None))
+            await asyncio.gather(*confirmations)
+            receiving.cancel()
+    except (MqttError, OSError) as error:
+        reason = str(error) or "it does not answer"
+        raise BrokerError(reason) from error
 
 
 def _reason(error: Exception) -> str:
