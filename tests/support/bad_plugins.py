@@ -216,9 +216,9 @@ BAD: dict[str, tuple[Good, str]] = {
     "gives no reason": (made(GivesNoReason), "Cancel"),
     "does not hold": (made(DoesNotHold), "Pause and resume"),
     "works in the pause": (made(WorksInThePause), "Pause and resume"),
-    "talks behind the end": (made(TalksBehindTheEnd), "Behind the end"),
-    "leaves a task": (made(LeavesATask), "Nothing left"),
-    "leaves a thread": (made(LeavesAThread), "Nothing left"),
+    "talks behind the end": (made(TalksBehindTheEnd), "After the end"),
+    "leaves a task": (made(LeavesATask), "No leaks"),
+    "leaves a thread": (made(LeavesAThread), "No leaks"),
     "one at a time": (OneAtATime(), "Two at a time"),
     "is the agent's": (made(declaration=ActionDeclaration("cancelOrder", NODE)), "Declaration"),
     "has no scope": (made(declaration=ActionDeclaration("good", ())), "Declaration"),
@@ -227,10 +227,10 @@ BAD: dict[str, tuple[Good, str]] = {
         made(declaration=ActionDeclaration("good", NODE, description=cast("str", 7))),
         "Declaration",
     ),
-    "cannot judge": (made(declaration=ActionDeclaration("good", NODE, check=_check)), "Check beforehand"),
+    "cannot judge": (made(declaration=ActionDeclaration("good", NODE, check=_check)), "Check of parameters"),
     "judges by no sentence": (
         made(declaration=ActionDeclaration("good", NODE, check=lambda _: cast("str", 7))),
-        "Check beforehand",
+        "Check of parameters",
     ),
 }
 """By what is wrong: the plug-in, and the check that finds it."""

@@ -80,7 +80,7 @@ def test_the_example_of_the_page_keeps_the_contract(forks: Path) -> None:
 
     assert done.returncode == 0, done.stdout + done.stderr
     assert "ok        Start to end: FINISHED: at 1.00 m" in done.stdout
-    assert "It keeps to the contract." in done.stdout
+    assert "Passed: the plug-in keeps the contract." in done.stdout
 
 
 def test_a_plug_in_that_cannot_be_loaded_is_called_broken(broken: Path) -> None:
@@ -94,7 +94,7 @@ def test_a_name_that_nobody_has_is_a_mistake_of_the_caller(forks: Path) -> None:
     done = check("froks", sites=(forks,))
 
     assert done.returncode == 2
-    assert "none of the plug-ins (forks) or actions (pick, drop" in done.stderr
+    assert "not a plug-in (forks) or an action (pick, drop" in done.stderr
 
 
 @pytest.fixture

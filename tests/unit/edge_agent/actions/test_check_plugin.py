@@ -31,18 +31,18 @@ def settings(folder: Path, field: str = "data") -> str:
 def test_an_action_of_the_settings_is_tried_without_a_robot(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["clamp", "--config", settings(tmp_path), "--patience", "1"]) == 0
+    assert main(["clamp", "--config", settings(tmp_path), "--timeout", "1"]) == 0
 
     out = capsys.readouterr().out
     assert out.startswith("clamp\n  ok        Declaration: 'clamp' for NODE; parameters: none\n")
-    assert "not seen  Cancel: declares that it cannot be cancelled" in out
-    assert out.endswith("It keeps to the contract.\n")
+    assert "skipped   Cancel: the declaration does not allow cancelling" in out
+    assert out.endswith("Passed: the plug-in keeps the contract.\n")
 
 
 @pytest.mark.parametrize(
     ("name", "field", "problem"),
     [
-        ("clmp", "data", "setting NAME: 'clmp' is none of the plug-ins"),
+        ("clmp", "data", "setting NAME: 'clmp' is not a plug-in"),
         (
             "clamp",
             "dat",
@@ -58,8 +58,8 @@ def test_a_mistake_is_told_in_a_line(
 
 
 def test_parameters_are_those_of_the_command_line(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["wait", "--parameters", '{"duration": "long"}', "--patience", "1"]) == 0
-    assert "not seen  Check beforehand: action 'wait': parameter 'duration'" in capsys.readouterr().out
+    assert main(["wait", "--parameters", '{"duration": "long"}', "--timeout", "1"]) == 0
+    assert "skipped   Check of parameters: action 'wait': parameter 'duration'" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("parameters", ["[1]", "{", "[" * 100_000])

@@ -264,7 +264,7 @@ async def test_one_that_takes_too_long_is_told_to_stop() -> None:
 
     status, result = await robot.end()
     assert status == "FAILED"
-    assert "took longer than 1 s; the last that it told: waits for lift/result" in str(result)
+    assert "took longer than 1 s; last progress: waits for lift/result" in str(result)
     await robot.until_published("raise 1", "stop a")
 
 

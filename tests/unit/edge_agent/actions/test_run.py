@@ -109,11 +109,11 @@ async def test_what_comes_behind_the_end_is_passed_over() -> None:
 @pytest.mark.parametrize(
     ("report", "reason"),
     [
-        ("FINISHED", "no ActionReport"),
-        (None, "no ActionReport"),
-        (ActionReport("b", ActionStatus.RUNNING), "another one"),
-        (ActionReport("a", ActionStatus.RETRIABLE), "not a plug-in's"),
-        (ActionReport("a", cast("ActionStatus", "FINISHED!")), "not a plug-in's"),
+        ("FINISHED", "not an ActionReport"),
+        (None, "not an ActionReport"),
+        (ActionReport("b", ActionStatus.RUNNING), "another action"),
+        (ActionReport("a", ActionStatus.RETRIABLE), "plug-ins must not report"),
+        (ActionReport("a", cast("ActionStatus", "FINISHED!")), "plug-ins must not report"),
         (ActionReport("a", ActionStatus.FINISHED, cast("str", 7)), "not a text"),
         (ActionReport("a", ActionStatus.FINISHED, loads=cast("Any", "box")), "not a tuple of Load"),
         (ActionReport("a", ActionStatus.FINISHED, loads=cast("Any", ("box",))), "not a tuple of Load"),
@@ -138,13 +138,13 @@ async def test_a_failure_without_a_reason_gets_one() -> None:
 
 @pytest.mark.parametrize("given", [None, object()])
 async def test_a_start_that_gives_no_running_action_fails(given: object) -> None:
-    assert "has pause, resume, cancel" in await Trial(Puppet(lambda: given)).fails()
+    assert "without pause, resume, cancel" in await Trial(Puppet(lambda: given)).fails()
 
 
 async def test_one_that_never_begins_fails_in_time() -> None:
     trial = Trial(Puppet(), QUICK)
 
-    assert "did not say within 0.05 s that it has begun" in await trial.fails()
+    assert "did not report its start within 0.05 s" in await trial.fails()
     assert trial.plugin.asked == ["cancel"]
 
 
@@ -153,7 +153,7 @@ async def test_one_that_takes_too_long_fails_with_what_it_told_last() -> None:
     trial.plugin.report(RUNNING)
     trial.plugin.report(ActionReport("a", ActionStatus.RUNNING, "at 40 %"))
 
-    assert await trial.fails() == "the action took longer than 0.05 s; the last that it told: at 40 %"
+    assert await trial.fails() == "the action took longer than 0.05 s; last progress: at 40 %"
     assert trial.plugin.asked == ["cancel"]
 
 
@@ -175,7 +175,7 @@ async def test_one_that_does_not_give_up_fails_in_time() -> None:
     trial.plugin.report(RUNNING)
     trial.run.cancel()
 
-    assert "told to give up, and did not within 0.05 s" in await trial.fails()
+    assert "did not cancel within 0.05 s" in await trial.fails()
 
 
 async def test_one_that_does_not_hold_says_so_and_goes_on() -> None:
@@ -185,7 +185,7 @@ async def test_one_that_does_not_hold_says_so_and_goes_on() -> None:
     await until(lambda: len(trial.told) == 2)
 
     assert trial.told[-1].status is ActionStatus.RUNNING
-    assert "told to hold, and did not" in str(trial.told[-1].result)
+    assert "did not pause" in str(trial.told[-1].result)
     trial.plugin.report(FINISHED)
     assert trial.run.ended
 

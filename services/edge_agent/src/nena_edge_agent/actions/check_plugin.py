@@ -1,4 +1,4 @@
-"""``nena-edge-agent check-plugin NAME``: the contract of plug-ins, tried on one of them, as a report."""
+"""``nena-edge-agent check-plugin NAME``: check a plug-in against the contract and print a report."""
 
 from __future__ import annotations
 
@@ -47,13 +47,13 @@ DRIVE_TIME = 0.2
 
 
 class DryRos:
-    """Takes every message that fits its type, and says nothing; services answer that they have succeeded."""
+    """Simulated ROS: accepts valid messages and publishes none; services answer with success."""
 
     def publisher(self, topic: str, type_name: str) -> Publisher:
-        """Return a publisher to whom one listens.
+        """Return a publisher with one subscriber.
 
         Raises:
-            RosError: there is no such type here.
+            RosError: the type is not installed.
 
         """
         try:
@@ -69,10 +69,10 @@ class DryRos:
         *,
         qos: TopicQos = TopicQos.RELIABLE,  # noqa: ARG002
     ) -> None:
-        """Check the type; no message will come.
+        """Check the type; no messages arrive.
 
         Raises:
-            RosError: there is no such type here.
+            RosError: the type is not installed.
 
         """
         try:
@@ -81,10 +81,10 @@ class DryRos:
             raise RosError(str(error)) from error
 
     def client(self, service: str, type_name: str) -> ServiceClient:
-        """Return a client whose service does nothing.
+        """Return a client whose service only answers.
 
         Raises:
-            RosError: there is no such type here.
+            RosError: the type is not installed.
 
         """
         try:
@@ -94,7 +94,7 @@ class DryRos:
 
 
 class DryDrive:
-    """Arrives after a moment, wherever it is to go."""
+    """Simulated drive: arrives after a moment."""
 
     def __init__(self) -> None:
         self.pose: Pose | None = Pose(0.0, 0.0, 0.0, "map")
@@ -107,7 +107,7 @@ class DryDrive:
         deviation_theta: float | None = None,  # noqa: ARG002
         maximum_speed: float | None = None,  # noqa: ARG002
     ) -> None:
-        """Be there."""
+        """Wait, then arrive."""
         await asyncio.sleep(DRIVE_TIME)
         self.pose = pose
 
@@ -146,14 +146,13 @@ def _conform(fields: Mapping[str, JsonValue], shape: Record, path: str) -> None:
 COMMAND = "check-plugin"
 PROGRAM = f"nena-edge-agent {COMMAND}"
 DESCRIPTION = (
-    "Tries a plug-in for actions: does it keep to its contract? No robot is needed and none is moved: ROS "
-    "and drives are rehearsed. Exit status: 0 when nothing is broken, 1 when something is, 2 for bad "
-    "settings."
+    "Check that an action plug-in keeps its contract. No robot is needed or moved: ROS and drives are "
+    "simulated. Exit status: 0 if all checks pass, 1 if one fails, 2 if the settings are wrong."
 )
 
 
 def main(argv: Sequence[str]) -> int:
-    """Run the command with its arguments: a name, and options of its own and of the agent."""
+    """Run the command with its arguments: a name, its own options and those of the agent."""
     own, rest = _parser().parse_known_args(list(argv))
     try:
         settings = load(EdgeAgentSettings, rest, program=PROGRAM, description=DESCRIPTION)
@@ -168,7 +167,7 @@ def main(argv: Sequence[str]) -> int:
         return EXIT_FAILED
     broken = False
     for plugin in plugins:
-        subject = Subject(plugin, own.parameters, settings.actions.timeouts, own.patience)
+        subject = Subject(plugin, own.parameters, settings.actions.timeouts, own.timeout)
         findings = findings_of(subject)
         sys.stdout.write(report(plugin.declaration.action_type, findings))
         broken = broken or any(each.verdict is Verdict.BROKEN for each in findings)
@@ -176,7 +175,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def findings_of(subject: Subject, checks: Sequence[Check] = CHECKS) -> list[Finding]:
-    """Try a plug-in in a thread of its own, which it may block for ever."""
+    """Check a plug-in in a separate thread, which it may block forever."""
     run = _Run(subject, checks)
     thread = threading.Thread(target=run.work, name="trial", daemon=True)
     thread.start()
@@ -186,14 +185,14 @@ def findings_of(subject: Subject, checks: Sequence[Check] = CHECKS) -> list[Find
 
 
 def report(name: str, findings: Sequence[Finding]) -> str:
-    """Write findings for people."""
+    """Return the findings as text."""
     lines = [name]
     for each in findings:
         lines.append(f"  {each.verdict:<9} {each.check}: {each.text}")
         if each.remedy:
             lines.append(f"            -> {each.remedy}")
     broken = sum(each.verdict is Verdict.BROKEN for each in findings)
-    lines.append(f"  {broken} broken" if broken else "  It keeps to the contract.")
+    lines.append(f"  {broken} broken" if broken else "  Passed: the plug-in keeps the contract.")
     return "\n".join(lines) + "\n"
 
 
@@ -207,21 +206,21 @@ class _Run:
     watchdog: Watchdog | None = None
 
     def work(self) -> None:
-        """Run them."""
+        """Run the checks."""
         asyncio.run(self._work())
 
     @property
     def hangs(self) -> bool:
-        """Whether they will never end."""
+        """Whether a check will never end."""
         return self.watchdog is not None and self.watchdog.hangs.is_set()
 
     def findings(self) -> list[Finding]:
-        """Return what was found, with what kept the loop from running."""
+        """Return the findings, and whether the plug-in blocked the event loop."""
         name, blocked = "Does not block", self.watchdog.blocked if self.watchdog else ""
         if not blocked:
-            return [*self.found, Finding(name, Verdict.OK, "the agent's event loop runs on meanwhile")]
-        ever = ", for ever: the rest could not be tried" if self.hangs else ""
-        remedy = "wait by await, or do what blocks in a thread: asyncio.to_thread"
+            return [*self.found, Finding(name, Verdict.OK, "the agent's event loop keeps running")]
+        ever = ", forever; the other checks were not run" if self.hangs else ""
+        remedy = "await, or run blocking code in a thread: asyncio.to_thread"
         return [
             *self.found,
             Finding(name, Verdict.BROKEN, f"blocks the whole agent at {blocked}{ever}", remedy),
@@ -234,11 +233,11 @@ class _Run:
 
 
 def _plugins(name: str, settings: EdgeAgentSettings) -> tuple[ActionPlugin, ...]:
-    """Return what goes by the name: an installed plug-in, or an action of the settings.
+    """Return the installed plug-in or configured action with this name.
 
     Raises:
-        ConfigurationError: nothing does.
-        PluginBrokenError: the plug-in gives no actions.
+        ConfigurationError: the name is unknown.
+        PluginBrokenError: the plug-in provides no actions.
 
     """
     options = settings.actions.options.get(name, {})
@@ -251,7 +250,7 @@ def _plugins(name: str, settings: EdgeAgentSettings) -> tuple[ActionPlugin, ...]
     if not found:
         known = ", ".join(names_installed()) or "none"
         types = ", ".join(each.declaration.action_type for each in own)
-        raise ConfigurationError([f"NAME: '{name}' is none of the plug-ins ({known}) or actions ({types})"])
+        raise ConfigurationError([f"NAME: '{name}' is not a plug-in ({known}) or an action ({types})"])
     return found
 
 
@@ -259,15 +258,19 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog=PROGRAM,
         description=DESCRIPTION,
-        epilog="All further options are those of the agent, such as --config FILE.",
+        epilog="All options of the agent work as well, such as --config FILE.",
         allow_abbrev=False,
     )
-    parser.add_argument("name", metavar="NAME", help="an installed plug-in, or an action of the settings")
+    parser.add_argument("name", metavar="NAME", help="an installed plug-in or a configured action")
     parser.add_argument(
         "--parameters", type=_parameters, default={}, metavar="JSON", help="parameters of the actions"
     )
     parser.add_argument(
-        "--patience", type=float, default=10.0, metavar="SECONDS", help="how long an action may take (10)"
+        "--timeout",
+        type=float,
+        default=10.0,
+        metavar="SECONDS",
+        help="time in which an action should end (10)",
     )
     return parser
 
@@ -275,6 +278,6 @@ def _parser() -> argparse.ArgumentParser:
 def _parameters(text: str) -> dict[str, JsonValue]:
     value: JsonValue = from_json(text)
     if not isinstance(value, dict):
-        message = "give a JSON object"
+        message = "expected a JSON object"
         raise argparse.ArgumentTypeError(message)
     return value

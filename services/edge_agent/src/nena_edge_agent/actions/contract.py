@@ -1,7 +1,7 @@
-"""The contract of action plug-ins, as checks that run on any of them.
+"""Checks of the contract that every action plug-in has to keep.
 
-Each check begins actions of the plug-in as the agent would, and looks at what it does. What a check finds
-wrong would not hurt the agent (see ``run``), but fail actions of orders.
+Each check starts actions of the plug-in as the agent would and watches what they do. A broken plug-in cannot
+harm the agent (see ``run``), but its actions fail.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ from nena_shared.vda5050.state import Load
 from nena_shared.vda5050.versions import CODECS, RULES
 
 LOOK_EVERY: Final = 0.01
-"""Seconds between two looks at a condition."""
+"""Seconds between two checks of a condition."""
 METHODS: Final = ("pause", "resume", "cancel")
 
 
 class BrokenError(Exception):
-    """The plug-in does not keep the contract."""
+    """The plug-in breaks the contract."""
 
     def __init__(self, text: str, remedy: str) -> None:
         super().__init__(text)
@@ -47,12 +47,12 @@ class BrokenError(Exception):
 
 
 class NotSeenError(Exception):
-    """The plug-in gave no occasion to see it; the text says why."""
+    """The plug-in offers nothing to check; the text says why."""
 
 
 @dataclass(slots=True)
 class Subject:
-    """A plug-in under trial, with the ``parameters`` of its actions and seconds until they should end."""
+    """The plug-in to check, the ``parameters`` of its actions, and the seconds in which they should end."""
 
     plugin: ActionPlugin
     parameters: Mapping[str, JsonValue] = field(default_factory=dict)
@@ -82,7 +82,7 @@ class Subject:
 
 
 class Trial:
-    """One action that the plug-in was given, and what it has reported."""
+    """One action of the plug-in and its reports."""
 
     def __init__(self, subject: Subject) -> None:
         self.subject = subject
@@ -91,7 +91,7 @@ class Trial:
         self.running: RunningAction | None = None
 
     def start(self) -> None:
-        """Have it begin."""
+        """Start the action."""
         takes = self.subject.declaration.load
         loads = (Load(load_id="check"),) if takes is LoadChange.GIVE else ()
         self.running = called(
@@ -99,27 +99,27 @@ class Trial:
         )
         missing = [name for name in METHODS if not callable(getattr(self.running, name, None))]
         if missing:
-            text = f"start gave {self.running!r}, which has no {', '.join(missing)}"
-            raise BrokenError(text, "give an object with all of pause, resume and cancel")
+            text = f"start returned {self.running!r}, which has no {', '.join(missing)}"
+            raise BrokenError(text, "return an object with pause, resume and cancel")
 
     def ask(self, name: str) -> None:
-        """Have it hold, go on or give up."""
+        """Call pause, resume or cancel."""
         called(name, getattr(self.running, name))
 
     @property
     def statuses(self) -> list[ActionStatus]:
-        """What it has said so far."""
+        """The statuses reported so far."""
         return [each.status for each in self.reports if isinstance(each, ActionReport)]
 
     @property
     def end(self) -> ActionReport | None:
-        """The report of its end."""
+        """The final report, if there is one."""
         return next(
             (each for each in self.reports if isinstance(each, ActionReport) and each.status.ended), None
         )
 
     async def until(self, condition: Callable[[], object], seconds: float) -> bool:
-        """Wait for a condition; return whether it has come true."""
+        """Wait for a condition; return False on timeout."""
         loop = asyncio.get_running_loop()
         limit = loop.time() + seconds
         while not condition():
@@ -129,57 +129,57 @@ class Trial:
         return True
 
     async def runs(self) -> None:
-        """Wait until it has begun."""
+        """Wait for the first report."""
         seconds = self.subject.timeouts.begin
         if not await self.until(lambda: self.reports, seconds):
-            text = f"nothing was reported within {seconds:g} s of the start"
-            raise BrokenError(text, "report RUNNING as soon as the action has begun")
+            text = f"no report within {seconds:g} s of the start"
+            raise BrokenError(text, "report RUNNING as soon as the action has started")
         self.sound()
 
     async def runs_still(self) -> None:
-        """Wait until it has begun; one that has ended by then shows nothing."""
+        """Wait for the first report; raise NotSeenError if the action has already ended."""
         await self.runs()
         if self.end:
-            text = "the action ended before it could be seen"
+            text = "the action ended too early to check this"
             raise NotSeenError(text)
 
     async def gives_up(self) -> None:
-        """Cancel it, and wait for its end."""
+        """Cancel the action and wait for its end."""
         self.ask("cancel")
         seconds = self.subject.timeouts.obey
         if not await self.until(lambda: self.end, seconds):
-            text = f"no end was reported within {seconds:g} s of cancel"
-            raise BrokenError(text, "report FAILED when the action has given up")
+            text = f"the action did not end within {seconds:g} s of cancel"
+            raise BrokenError(text, "report FAILED when the action has stopped")
         self.sound()
 
     def sound(self) -> None:
-        """Check all reports so far."""
+        """Check all reports so far, and raise BrokenError on a wrong one."""
         for report in self.reports:
             if flaw := flaw_of(report, self.action.action_id):
-                text = f"reported was {flaw}"
+                text = f"it reported {flaw}"
                 raise BrokenError(text, "report ActionReport(action.action_id, status, ...)")
         ends = [each for each in self.statuses if each.ended]
         if len(ends) > 1 or (ends and not self.statuses[-1].ended):
-            text = f"reported was {', '.join(self.statuses)}"
-            raise BrokenError(text, "report the end once, and nothing behind it")
+            text = f"it reported {', '.join(self.statuses)}"
+            raise BrokenError(text, "report the end once, and nothing after it")
 
 
-def called(name: str, step: Callable[[], Any]) -> Any:  # noqa: ANN401 - what the plug-in gives
+def called(name: str, step: Callable[[], Any]) -> Any:  # noqa: ANN401 - any object that the plug-in returns
     """Call ``step`` of the plug-in.
 
     Raises:
-        BrokenError: it has raised.
+        BrokenError: the step raised an exception.
 
     """
     try:
         return step()
     except Exception as error:
         text = f"{name} raised {type(error).__name__}: {error}"
-        raise BrokenError(text, f"let {name} raise nothing; report FAILED with the reason") from error
+        raise BrokenError(text, f"catch exceptions in {name}; report FAILED with the reason") from error
 
 
 def sample(parameter: Parameter) -> JsonValue:
-    """Return a value that the parameter takes."""
+    """Return a valid value of the parameter."""
     if parameter.choices:
         return parameter.choices[0]
     most = 1.0 if parameter.maximum is None else min(1.0, parameter.maximum)
@@ -196,20 +196,20 @@ def sample(parameter: Parameter) -> JsonValue:
 
 
 SETTLE: Final = 0.2
-"""Seconds in which nothing may come any more."""
+"""Seconds to wait for reports that must not come."""
 
 
 class Verdict(StrEnum):
-    """What a check has found."""
+    """Result of a check."""
 
     OK = "ok"
     BROKEN = "BROKEN"
-    NOT_SEEN = "not seen"
+    NOT_SEEN = "skipped"
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One check: what it looked at, what it found, and what to do about it."""
+    """Result of one check, with what to do about it."""
 
     check: str
     verdict: Verdict
@@ -218,46 +218,46 @@ class Finding:
 
 
 async def declares(subject: Subject) -> str:
-    """Declaration: it can stand in the factsheet, and is nobody else's."""
+    """Declaration: it fits the factsheet, and the action type is not reserved."""
     declaration = subject.declaration
     keys = [each.key for each in declaration.parameters]
     if not declaration.action_type or declaration.action_type in PREDEFINED:
-        text = f"the action type '{declaration.action_type}' is empty, or one of the agent's own"
-        raise BrokenError(text, "call it something else")
+        text = f"the action type '{declaration.action_type}' is empty or reserved by the agent"
+        raise BrokenError(text, "choose another name")
     if not declaration.scopes or not declaration.blocking_types:
-        text = "it has no scopes or no blocking types, so that no order can ever ask for it"
-        raise BrokenError(text, "declare where it may stand")
+        text = "it has no scopes or no blocking types, so no order can contain it"
+        raise BrokenError(text, "declare scopes and blocking types")
     if len(set(keys)) < len(keys):
         text = f"two parameters have the same key: {', '.join(keys)}"
-        raise BrokenError(text, "give each parameter a key of its own")
-    await asyncio.to_thread(_encoded, declaration)  # which takes its time, and is not the plug-in's fault
+        raise BrokenError(text, "give each parameter its own key")
+    await asyncio.to_thread(_encoded, declaration)  # slow, and not the plug-in's fault
     scopes, parameters = ", ".join(declaration.scopes), ", ".join(keys) or "none"
     return f"'{declaration.action_type}' for {scopes}; parameters: {parameters}"
 
 
 async def judges(subject: Subject) -> str:
-    """Check beforehand: it says what is wrong, and never fails."""
+    """Check of parameters: it returns what is wrong, and never raises."""
     action, scope = subject.action(), subject.declaration.scopes[0]
     strange = action.model_copy(update={"action_parameters": ()})
     check = subject.declaration.check or (lambda _: None)
     for each in (action, strange):
         found = called("check", partial(check, each))
         if not isinstance(found, str | None):
-            text = f"the check gave {found!r}"
-            raise BrokenError(text, "give None, or a sentence that says what is wrong")
+            text = f"check returned {found!r}"
+            raise BrokenError(text, "return None, or a sentence that says what is wrong")
     problem = subject.declaration.problem(action, scope)
     if problem:
-        text = f"{problem}; give what it needs by --parameters"
+        text = f"{problem}; pass valid ones with --parameters"
         raise NotSeenError(text)
-    return "takes the parameters of the trial"
+    return "accepts the parameters"
 
 
 async def ends(subject: Subject) -> str:
-    """Start to end: it says that it has begun, and once how it has ended."""
+    """Start to end: it reports its start, and its end once."""
     async with _trial(subject) as trial:
         await trial.runs()
         if subject.declaration.open_ended:
-            text = "it is open-ended: it lasts until its edge ends"
+            text = "open-ended: it runs until its edge ends"
             raise NotSeenError(text)
         if not await trial.until(lambda: trial.end, subject.seconds):
             raise _unended(subject)
@@ -265,15 +265,15 @@ async def ends(subject: Subject) -> str:
         trial.sound()
         end = trial.end
         if end and end.status is ActionStatus.FAILED and not end.result:
-            text = "it failed and did not say why"
-            raise BrokenError(text, "give the reason as the result")
+            text = "it failed without a reason"
+            raise BrokenError(text, "report the reason as the result")
         return f"{end.status}: {end.result or 'no result'}" if end else ""
 
 
 async def holds(subject: Subject) -> str:
-    """Pause and resume: it holds, nothing ends meanwhile, and it goes on."""
+    """Pause and resume: it pauses, stays paused, and continues."""
     if not subject.declaration.pause_allowed:
-        text = "declares that it cannot be paused"
+        text = "the declaration does not allow pausing"
         raise NotSeenError(text)
     async with _trial(subject) as trial:
         await trial.runs_still()
@@ -281,36 +281,36 @@ async def holds(subject: Subject) -> str:
         await _answered(trial, ActionStatus.PAUSED, "pause")
         await asyncio.sleep(SETTLE)
         if trial.statuses[-1] is not ActionStatus.PAUSED:
-            text = f"in the pause {trial.statuses[-1]} was reported"
-            raise BrokenError(text, "do nothing while it is held")
+            text = f"it reported {trial.statuses[-1]} while paused"
+            raise BrokenError(text, "report nothing while paused")
         trial.ask("resume")
         await _answered(trial, ActionStatus.RUNNING, "resume")
-        return "holds, and goes on"
+        return "pauses and continues"
 
 
 async def gives_up(subject: Subject) -> str:
-    """Cancel: it ends with a reason, also when it is held, also when it is asked twice."""
+    """Cancel: it ends with a reason, also while paused."""
     async with _trial(subject) as trial:
         await trial.runs_still()
         if not subject.declaration.cancel_allowed:
             trial.ask("cancel")
-            text = "declares that it cannot be cancelled; at the agent's end it can"
+            text = "the declaration does not allow cancelling; the agent still cancels it when it exits"
             raise NotSeenError(text)
         await trial.gives_up()
         if trial.end and trial.end.status is ActionStatus.FAILED and not trial.end.result:
-            text = "it was cancelled and did not say so"
-            raise BrokenError(text, "give the reason as the result: cancelled")
+            text = "it was cancelled without a reason"
+            raise BrokenError(text, "report the reason as the result, for example: cancelled")
     if subject.declaration.pause_allowed:
         async with _trial(subject) as trial:
             await trial.runs_still()
             trial.ask("pause")
             await _answered(trial, ActionStatus.PAUSED, "pause")
             await trial.gives_up()
-    return f"gives up: {trial.end.result if trial.end else ''}"
+    return f"ends: {trial.end.result if trial.end else ''}"
 
 
 async def is_silent_afterwards(subject: Subject) -> str:
-    """Behind the end: whatever comes then does nothing."""
+    """After the end: later calls have no effect."""
     async with _trial(subject) as trial:
         await trial.runs()
         trial.ask("cancel")
@@ -322,13 +322,13 @@ async def is_silent_afterwards(subject: Subject) -> str:
             trial.ask(name)
         await asyncio.sleep(SETTLE)
         if len(trial.reports) > before:
-            text = f"{', '.join(trial.statuses[before:])} was reported behind the end"
-            raise BrokenError(text, "report nothing behind the end")
-        return "does nothing"
+            text = f"{', '.join(trial.statuses[before:])} was reported after the end"
+            raise BrokenError(text, "report nothing after the end")
+        return "later calls have no effect"
 
 
 async def keeps_apart(subject: Subject) -> str:
-    """Two at a time: each tells of itself."""
+    """Two at a time: each action reports for itself."""
     async with _trial(subject) as one, _trial(subject) as other:
         await one.runs()
         await other.runs()
@@ -337,7 +337,7 @@ async def keeps_apart(subject: Subject) -> str:
         await other.until(lambda: one.end and other.end, subject.timeouts.obey)
         one.sound()
         other.sound()
-        return "each tells of itself"
+        return "each action reports for itself"
 
 
 Check = Callable[[Subject], Awaitable[str]]
@@ -354,10 +354,10 @@ CHECKS: Final[tuple[Check, ...]] = (
 
 
 async def examine(subject: Subject, found: list[Finding], checks: Sequence[Check] = CHECKS) -> None:
-    """Run ``checks``, one after the other; each puts its finding into ``found``."""
+    """Run ``checks`` one after the other and append each finding to ``found``."""
     tasks, threads = set(asyncio.all_tasks()), set(threading.enumerate())
     for check in checks:
-        found.append(await _judged(check, subject))  # noqa: PERF401 - seen one by one, should the next hang
+        found.append(await _judged(check, subject))  # noqa: PERF401 - kept one by one, in case the next check hangs
     found.append(await _cleaned_up(tasks, threads))
 
 
@@ -369,28 +369,28 @@ async def _judged(check: Check, subject: Subject) -> Finding:
         return Finding(name, Verdict.NOT_SEEN, str(error))
     except BrokenError as error:
         return Finding(name, Verdict.BROKEN, str(error), error.remedy)
-    except Exception as error:  # noqa: BLE001 - a plug-in may do anything, and the checks go on
+    except Exception as error:  # noqa: BLE001 - a plug-in may raise anything; the other checks continue
         text = f"{type(error).__name__}: {error}"
         return Finding(name, Verdict.BROKEN, text, "see the plug-in's declaration")
 
 
 async def _cleaned_up(tasks: set[asyncio.Task[Any]], threads: set[threading.Thread]) -> Finding:
-    """Look for what ended actions have left behind."""
-    name, left = "Nothing left", ""
+    """Look for tasks and threads that outlive their actions."""
+    name, left = "No leaks", ""
     for _ in range(100):
         more = [each.get_name() for each in asyncio.all_tasks() - tasks]
         more += [each.name for each in set(threading.enumerate()) - threads if "asyncio" not in each.name]
         left = ", ".join(more)
         if not left:
-            return Finding(name, Verdict.OK, "no task and no thread is left behind")
+            return Finding(name, Verdict.OK, "no tasks or threads are left")
         await asyncio.sleep(LOOK_EVERY)
-    text = f"left behind by actions that have ended: {left}"
-    return Finding(name, Verdict.BROKEN, text, "end tasks and threads with the action that began them")
+    text = f"left running by actions that have ended: {left}"
+    return Finding(name, Verdict.BROKEN, text, "end tasks and threads together with their action")
 
 
 @asynccontextmanager
 async def _trial(subject: Subject) -> AsyncIterator[Trial]:
-    """Begin an action; whatever comes of it, it is given up in the end, as the agent does when it ends."""
+    """Start an action, and cancel it afterwards if it still runs, as the agent does when it exits."""
     trial = Trial(subject)
     trial.start()
     try:
@@ -407,21 +407,23 @@ async def _answered(trial: Trial, status: ActionStatus, what: str) -> None:
     done = await trial.until(lambda: trial.statuses[-1] is status or trial.end, seconds)
     trial.sound()
     if trial.end:
-        text = "the action ended before it could be seen"
+        text = "the action ended too early to check this"
         raise NotSeenError(text)
     if not done:
         text = f"{status} was not reported within {seconds:g} s of {what}"
-        raise BrokenError(text, f"report {status} when told to {what}, or declare pause_allowed=False")
+        raise BrokenError(text, f"report {status} on {what}, or declare pause_allowed=False")
 
 
 def _unended(subject: Subject) -> Exception:
-    """Judge an action that goes on and on."""
+    """Return the exception for an action that does not end."""
     declaration = subject.declaration
     if declaration.cancel_allowed or declaration.timeout is not None:
         limit = "" if declaration.timeout is None else f", and fails after {declaration.timeout:g} s"
-        return NotSeenError(f"it does not end by itself within {subject.seconds:g} s{limit}")
+        return NotSeenError(f"it does not end within {subject.seconds:g} s{limit}")
     text = f"it does not end within {subject.seconds:g} s, cannot be cancelled and has no timeout"
-    return BrokenError(text, "end, or declare cancel_allowed or a timeout; --patience waits for longer")
+    return BrokenError(
+        text, "end the action, declare cancel_allowed or a timeout, or wait longer with --timeout"
+    )
 
 
 def _encoded(declaration: ActionDeclaration) -> None:
@@ -437,10 +439,10 @@ def _encoded(declaration: ActionDeclaration) -> None:
             capabilities = Capabilities("map", actions=actions, rules=RULES[version])
             codec.encode(make_factsheet({**header, "version": version}, EdgeAgentSettings(), capabilities))
     except (MalformedMessageError, ValidationError, AttributeError, TypeError) as error:
-        text = f"it cannot be told in the factsheet: {error}"
-        raise BrokenError(text, "declare texts, types and scopes of VDA 5050") from error
+        text = f"it does not fit the factsheet: {error}"
+        raise BrokenError(text, "use the texts, types and scopes of VDA 5050") from error
 
 
 def _name(check: Check) -> str:
-    """Return what stands before the colon of its docstring."""
+    """Return the text before the colon of its docstring."""
     return (check.__doc__ or "").split(":", 1)[0]

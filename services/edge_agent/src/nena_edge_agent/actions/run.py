@@ -30,7 +30,7 @@ REPORTED: Final = frozenset(
         ActionStatus.FAILED,
     }
 )
-"""What a plug-in may say; the rest is the core's."""
+"""Statuses that a plug-in may report; the core reports the others."""
 
 
 def _all_of(kind: type) -> Callable[[Any], bool]:
@@ -49,17 +49,17 @@ _SOUND: Final[Mapping[str, tuple[Callable[[Any], bool], str]]] = {
     "zone_set": (_one(ZoneSet), "a ZoneSet"),
     "error": (_one(ErrorEntry), "an ErrorEntry"),
 }
-"""How to know a sound value of each field that may be given, and what it is called."""
+"""Check of each optional field, and the name of its type."""
 
 
 def flaw_of(report: object, action_id: str) -> str | None:
-    """Return what is wrong with a report of the action ``action_id``, in the words that follow "reported"."""
+    """Return what is wrong with a report of the action ``action_id``, to follow "reported"."""
     if not isinstance(report, ActionReport):
-        return f"{_named(report)}, which is no ActionReport"
+        return f"{_named(report)}, which is not an ActionReport"
     if report.action_id != action_id:
-        return f"something of the action {report.action_id!r}, which is another one"
+        return f"on another action: {report.action_id!r}"
     if report.status not in REPORTED:
-        return f"the status {report.status!r}, which is not a plug-in's to report"
+        return f"the status {report.status!r}, which plug-ins must not report"
     for name, (sound, what) in _SOUND.items():
         value = getattr(report, name)
         if value is not None and not sound(value):
@@ -72,18 +72,18 @@ def _named(value: object) -> str:
 
 
 LOOK_EVERY: Final = 0.05
-"""Seconds between two looks."""
+"""Seconds between two samples."""
 LOOKS: Final = 4
-"""Looks at a loop that does not come round, until it counts as blocked. Looks and not seconds: on a machine
-that is busy they are late as well."""
+"""Samples without progress until the loop counts as blocked. Samples, not seconds: on a busy machine samples
+are late, too."""
 LONGEST: Final = 100
-"""Looks, until a loop counts as one that will never come round."""
+"""Samples without progress until the loop counts as blocked forever."""
 WAITING: Final = frozenset({"select", "poll", "epoll", "_run_once"})
-"""Functions in which a loop waits, or is between two steps."""
+"""Functions in which an event loop is idle."""
 
 
 class Watchdog:
-    """Watches the loop in whose thread it is begun; ``blocked`` is where that stood still, empty: nowhere."""
+    """Watches the running event loop; ``blocked`` is the line that blocked it, or empty."""
 
     def __init__(self) -> None:
         self._loop = asyncio.get_running_loop()
@@ -92,12 +92,12 @@ class Watchdog:
         self._stop = threading.Event()
         self.blocked = ""
         self.hangs = threading.Event()
-        """Set when the loop will not come round any more."""
+        """Set when the loop is blocked forever."""
         self._beat()
         threading.Thread(target=self._watch, name="watchdog", daemon=True).start()
 
     def stop(self) -> None:
-        """Look no more."""
+        """Stop watching."""
         self._stop.set()
 
     def _beat(self) -> None:
@@ -115,11 +115,11 @@ class Watchdog:
                 self.hangs.set()
 
     def _idle(self) -> bool:
-        frame = sys._current_frames().get(self._thread)  # noqa: SLF001 - the documented way to see another thread
+        frame = sys._current_frames().get(self._thread)  # noqa: SLF001 - the documented way to inspect another thread
         return frame is None or frame.f_code.co_name in WAITING
 
     def _place(self) -> str:
-        """Return the last line of the stack that is neither the loop's nor the library's."""
+        """Return the innermost line outside the event loop and the standard library."""
         frame = sys._current_frames().get(self._thread)  # noqa: SLF001
         stack = traceback.extract_stack(frame) if frame else []
         library = str(Path(threading.__file__).parent)
@@ -135,16 +135,16 @@ class Watchdog:
 log = get_logger(__name__)
 
 PROGRESS_INTERVAL = 0.5
-"""Seconds between two reports of progress; of what comes faster only the newest is told."""
+"""Minimum seconds between two progress reports; of faster ones only the newest is passed on."""
 LONGEST_RESULT = 1000
-"""Characters of a result; the rest is cut off, for it comes with every state."""
+"""Maximum characters of a result, which is part of every state; longer ones are cut."""
 
 
 class Run:
-    """Guards the core from a plug-in: whatever it does wrong fails this action, with a reason, and no other.
+    """One running action. A mistake of its plug-in fails this action only, with a reason.
 
-    Reports may come from any thread. ``told`` gets those that are sound, in the event loop's thread, and
-    none behind the end of the action.
+    Reports may come from any thread. Valid ones are passed to ``told`` in the event loop's thread, and none
+    after the end of the action.
     """
 
     def __init__(self, action: Action, plugin: ActionPlugin, told: Report, timeouts: ActionTimeouts) -> None:
@@ -164,50 +164,48 @@ class Run:
         self.ended = False
 
     def start(self, loads: tuple[Load, ...]) -> None:
-        """Have the plug-in begin."""
-        text = f"the plug-in did not say within {self._timeouts.begin:g} s that it has begun"
+        """Start the action."""
+        text = f"the plug-in did not report its start within {self._timeouts.begin:g} s"
         self._expect(self._timeouts.begin, lambda: self._fail(text))
         self._guarded(lambda: self._begin(loads))
 
     def pause(self) -> None:
-        """Have it hold; one that does not goes on, and its result says so."""
+        """Pause; if the plug-in does not, the action continues and its result says so."""
         if self._running is None:
             return
-        text = f"the plug-in was told to hold, and did not within {self._timeouts.obey:g} s"
+        text = f"the plug-in did not pause within {self._timeouts.obey:g} s"
         self._expect(self._timeouts.obey, lambda: self._tell(self._report_of(self._status, text)))
         self._guarded(self._running.pause)
 
     def resume(self) -> None:
-        """Have it go on."""
+        """Resume."""
         if self._running is not None:
             self._guarded(self._running.resume)
 
     def cancel(self) -> None:
-        """Have it give up; one that does not in time counts as failed."""
+        """Cancel; if the plug-in does not stop in time, the action fails."""
         if self._running is None:
             self._fail("cancelled")
             return
-        text = (
-            f"the plug-in was told to give up, and did not within {self._timeouts.obey:g} s; see what it does"
-        )
+        text = f"the plug-in did not cancel within {self._timeouts.obey:g} s; check the robot"
         self._expect(self._timeouts.obey, lambda: self._fail(text))
         self._guarded(self._running.cancel)
 
     def abandon(self) -> None:
-        """Have it give up without a report."""
+        """Cancel without a report."""
         if not self.ended:
             self._end()
             self._give_up()
 
     def take(self, report: ActionReport) -> None:
-        """Handle what the plug-in reports, from whatever thread."""
+        """Handle a report of the plug-in, from any thread."""
         if threading.get_ident() == self._thread:
             self._take(report)
             return
         try:
             self._loop.call_soon_threadsafe(self._take, report)
         except RuntimeError:
-            self._log.debug("the event loop has ended before the plug-in")
+            self._log.debug("the event loop ended before the plug-in")
 
     def _begin(self, loads: tuple[Load, ...]) -> None:
         running = self._plugin.start(self._action, loads, self.take)
@@ -219,11 +217,11 @@ class Run:
         ]
         if missing:
             self._running = None
-            self._fail(f"the plug-in's start gave nothing that has {', '.join(missing)}")
+            self._fail(f"start of the plug-in returned an object without {', '.join(missing)}")
 
     def _take(self, report: ActionReport) -> None:
         if self.ended:
-            self._log.warning("a report behind the end of an action is passed over", report=repr(report))
+            self._log.warning("ignored a report after the end of an action", report=repr(report))
         elif flaw := flaw_of(report, self._action.action_id):
             self._fail(f"the plug-in reported {flaw}")
         elif report.status is ActionStatus.FAILED:
@@ -248,7 +246,7 @@ class Run:
         self._tell(report)
 
     def _over_time(self) -> None:
-        last = f"; the last that it told: {self._heard}" if self._heard else ""
+        last = f"; last progress: {self._heard}" if self._heard else ""
         self._fail(f"the action took longer than {self._plugin.declaration.timeout:g} s{last}")
 
     def _fail(self, reason: str) -> None:
@@ -258,17 +256,17 @@ class Run:
             self._give_up()
 
     def _report_of(self, status: ActionStatus, text: str) -> ActionReport:
-        self._log.warning("an action plug-in does not work as it should", problem=text)
+        self._log.warning("an action plug-in misbehaves", problem=text)
         return ActionReport(self._action.action_id, status, text)
 
     def _give_up(self) -> None:
-        """Have the plug-in stop; that it could not does not matter any more."""
+        """Cancel in the plug-in; a failure no longer matters."""
         running, self._running = self._running, None
         if running is not None:
             try:
                 running.cancel()
             except Exception:
-                log.exception("an action plug-in failed as it was to give up", action=self._action.action_id)
+                log.exception("an action plug-in failed to cancel", action=self._action.action_id)
 
     def _end(self) -> None:
         self.ended = True
@@ -299,7 +297,7 @@ class Run:
 
 
 class _Progress:
-    """Passes reports of progress on, the newest each :data:`PROGRESS_INTERVAL` at most."""
+    """Passes on the newest progress report, at most one per :data:`PROGRESS_INTERVAL`."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop, tell: Report) -> None:
         self._loop = loop
@@ -308,7 +306,7 @@ class _Progress:
         self._timer: asyncio.TimerHandle | None = None
 
     def take(self, report: ActionReport) -> None:
-        """Report it now, or in place of one that waits."""
+        """Pass it on now, or replace the one that waits."""
         self.drop()
         due = self._told_at + PROGRESS_INTERVAL
         if due <= self._loop.time():
@@ -317,7 +315,7 @@ class _Progress:
             self._timer = self._loop.call_at(due, self._tell_now, report)
 
     def drop(self) -> None:
-        """Forget what waits."""
+        """Drop the report that waits."""
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
@@ -329,7 +327,7 @@ class _Progress:
 
 
 class _Stopwatch:
-    """Calls ``over`` once it has run for ``seconds`` in all, None: never."""
+    """Calls ``over`` once it has run for ``seconds`` in total; None: never."""
 
     def __init__(
         self, loop: asyncio.AbstractEventLoop, seconds: float | None, over: Callable[[], None]
@@ -340,7 +338,7 @@ class _Stopwatch:
         self._timer: asyncio.TimerHandle | None = None
 
     def run(self, *, on: bool) -> None:
-        """Run, or stand still; it may do so already."""
+        """Start or stop; repeated calls have no effect."""
         if on and self._timer is None and self._left is not None:
             self._timer = self._loop.call_later(self._left, self._over)
         elif not on and self._timer is not None:
@@ -350,7 +348,7 @@ class _Stopwatch:
 
 
 class ActionRunner:
-    """Begins, holds and gives up actions, as the core asks."""
+    """Starts, pauses, resumes and cancels actions for the core."""
 
     def __init__(
         self, registry: ActionRegistry, report: Report, timeouts: ActionTimeouts | None = None
@@ -361,11 +359,11 @@ class ActionRunner:
         self._runs: dict[str, Run] = {}
 
     def start(self, effect: StartAction) -> None:
-        """Begin an action; an earlier run under its id, of which nothing more is wanted, is given up."""
+        """Start an action, and cancel an earlier one with the same ID."""
         action = effect.action
         plugin = self._registry.plugin(action.action_type)
         if plugin is None:
-            self._fail(action.action_id, f"nothing does '{action.action_type}' on this robot any more")
+            self._fail(action.action_id, f"this robot no longer has the action '{action.action_type}'")
             return
         if before := self._runs.pop(action.action_id, None):
             before.abandon()
@@ -374,24 +372,24 @@ class ActionRunner:
         run.start(effect.loads)
 
     def pause(self, effect: PauseAction) -> None:
-        """Hold an action."""
+        """Pause an action."""
         if run := self._runs.get(effect.action_id):
             run.pause()
 
     def resume(self, effect: ResumeAction) -> None:
-        """Let a held action go on."""
+        """Resume an action."""
         if run := self._runs.get(effect.action_id):
             run.resume()
 
     def cancel(self, effect: CancelAction) -> None:
-        """Give up an action; one that nobody runs has failed already."""
+        """Cancel an action; report FAILED if it does not run."""
         if run := self._runs.get(effect.action_id):
             run.cancel()
         else:
             self._fail(effect.action_id, "the action was not running")
 
     def close(self) -> None:
-        """Give up all that runs, without a report: the agent ends, and the journal knows what ran."""
+        """Cancel all actions without reports: the agent exits, and the journal has what ran."""
         runs, self._runs = self._runs, {}
         for run in runs.values():
             run.abandon()
