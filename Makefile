@@ -12,11 +12,11 @@ SOURCES := $(DISTRIBUTIONS:%=%/src)
 WORKERS ?= 2
 # Whole sites stand at the head of the list: who has done his half takes from the other's, or one worker had all of them.
 SHARED_OUT := -n $(WORKERS) --dist worksteal
-# What failed side by side has two further tries, alone (docs/decisions/0015).
-AGAIN := PYTHONPATH=tests $(BIN)/python -m support.again
+COVERED := --cov --cov-report=xml --cov-fail-under=85
 # Tests of which more examples find more.
-SOAK := tests/unit/edge_agent/protocol/test_robot_machine.py tests/unit/order_service/traffic/test_simulation.py \
-	tests/unit/order_service/test_traffic_simulation.py \
+SOAK := tests/unit/edge_agent/protocol/test_robot_machine.py tests/unit/edge_agent/nav2/test_goal_tracker_property.py \
+	tests/unit/robot_simulator/test_navigator.py \
+	tests/unit/order_service/traffic/test_simulation.py tests/unit/order_service/test_traffic_simulation.py \
 	tests/unit/edge_agent/test_restart_safety.py tests/integration/edge_agent/nav2/test_kills.py \
 	tests/integration/edge_agent/nav2/test_session.py tests/faults/test_recovery.py
 # Readers of what comes from outside.
@@ -67,10 +67,12 @@ lint: $(STAMP) ## style, types, import rules, what is known to be unsafe
 test-unit: $(STAMP) ## unit tests only: no broker, ROS or browser; a few minutes
 	$(BIN)/pytest tests/unit $(SHARED_OUT) -m "not broker and not postgres and not ros and not e2e"
 
-test: $(STAMP) action-types broker browser ## all tests with branch coverage; TESTS=path runs a part of them
-	$(if $(TESTS),$(BIN)/pytest $(SHARED_OUT) $(TESTS),$(AGAIN) $(SHARED_OUT) --cov --cov-report=xml --cov-fail-under=85)
+test: $(STAMP) action-types broker browser ## all tests but the long ones, with branch coverage; TESTS=path runs a part of them
+	$(BIN)/pytest $(SHARED_OUT) $(or $(TESTS),$(COVERED))
 
-test-all: test soak-cores fuzz faults ## all tests, then the long ones: several hours
+test-all: $(STAMP) action-types broker browser ## all tests, with long and quarantined ones, then soak-cores, fuzz and faults: several hours
+	$(BIN)/pytest $(SHARED_OUT) $(COVERED) --long
+	$(MAKE) soak-cores fuzz faults
 
 conformance: $(STAMP) ## write docs/vda5050.md anew: how the standard is kept, and which tests show it
 	PYTHONPATH=tests $(BIN)/python -m conformance.table
@@ -81,12 +83,12 @@ reference: $(STAMP) ## write docs/configuration.md anew: every setting of every 
 soak: soak-site soak-cores ## both of the following, one after the other
 
 soak-cores: $(STAMP) broker ## the tests that guard the cores, with many more examples: about two hours on two cores
-	NENA_EXAMPLES=100000 NENA_PLANTS=400 NENA_KERNEL_PLANTS=400 NENA_RESTARTS=1000 NENA_KILLS=40 NENA_SESSIONS=200 NENA_ORDER_KILLS=50 $(BIN)/pytest -n $(WORKERS) --timeout 7200 $(SOAK)
+	NENA_EXAMPLES=100000 NENA_PLANTS=400 NENA_KERNEL_PLANTS=400 NENA_RESTARTS=1000 NENA_KILLS=40 NENA_SESSIONS=200 NENA_ORDER_KILLS=50 $(BIN)/pytest --long -n $(WORKERS) --timeout 7200 $(SOAK)
 
 # Robots behind a line that is cut and full disks need root; without it these tests say so and are left out.
 faults: $(STAMP) broker ## every kind of fault under a site at work, about an hour; writes docs/recovery.md
 	rm -f build/recovery.jsonl
-	NENA_FAULTS=3 $(BIN)/pytest tests/faults --timeout 3600
+	NENA_FAULTS=3 $(BIN)/pytest tests/faults --long --timeout 3600
 	PYTHONPATH=tests $(BIN)/python -m faults.table
 
 MINUTES ?= 120
@@ -95,7 +97,7 @@ soak-site: $(STAMP) broker ## a site at work for two hours (or MINUTES=10): memo
 
 # Messages and files go wrong in the same ways each time; NENA_FUZZ_SEED=anything chooses others.
 fuzz: $(STAMP) broker ## every parser and both HTTP interfaces against damaged and generated input, for long
-	NENA_FUZZ_EXAMPLES=200 NENA_FUZZ_MESSAGES=20000 NENA_FUZZ_FILES=5000 $(BIN)/pytest -n $(WORKERS) --timeout 7200 $(FUZZED)
+	NENA_FUZZ_EXAMPLES=200 NENA_FUZZ_MESSAGES=20000 NENA_FUZZ_FILES=5000 $(BIN)/pytest --long -n $(WORKERS) --timeout 7200 $(FUZZED)
 
 # A command that makes the base images ready first, where no registry does: make compose-test IMAGES=...
 IMAGES ?=

@@ -18,6 +18,7 @@ from support.published import Publications, watched
 settings.register_profile("nena", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("nena")
 
+pytest_plugins = ["support.selection"]
 
 MARKED_BY = {
     "broker": "broker",

@@ -1,16 +1,16 @@
-"""How much the largest tests take on; ``make soak`` takes more."""
+"""How much the largest tests take on; ``make soak-cores`` and ``make fuzz`` take more."""
 
 from __future__ import annotations
 
 import os
 
-EXAMPLES = int(os.environ.get("NENA_EXAMPLES", "2000"))
-"""Random histories of the robot's core, over all versions."""
+EXAMPLES = int(os.environ.get("NENA_EXAMPLES", "600"))
+"""Random histories of the robot's core, over all versions; machines of one part take a share of it."""
 
-PLANTS = int(os.environ.get("NENA_PLANTS", "16"))
+PLANTS = int(os.environ.get("NENA_PLANTS", "8"))
 """Random plants on which a fleet is simulated."""
 
-KERNEL_PLANTS = int(os.environ.get("NENA_KERNEL_PLANTS", "6"))
+KERNEL_PLANTS = int(os.environ.get("NENA_KERNEL_PLANTS", "4"))
 """Random plants on which a fleet is simulated under the real kernel."""
 
 KILLS = int(os.environ.get("NENA_KILLS", "5"))

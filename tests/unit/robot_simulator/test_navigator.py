@@ -14,6 +14,7 @@ from nena_robot_simulator import goals
 from nena_robot_simulator.goals import GoalStatus, StatusArray
 from nena_robot_simulator.motion import Pose
 from nena_robot_simulator.navigator import PLAN_PARTS, Drive, Goal, Navigator, Progress, Target
+from support.examples import EXAMPLES
 
 HALTING = 0.03
 A, B, C = UUID(int=1), UUID(int=2), UUID(int=3)
@@ -289,7 +290,7 @@ class AnyConversation(RuleBasedStateMachine):
 
 
 TestAnyConversation = AnyConversation.TestCase
-TestAnyConversation.settings = settings(max_examples=100, stateful_step_count=40, deadline=None)
+TestAnyConversation.settings = settings(max_examples=EXAMPLES // 10, stateful_step_count=40, deadline=None)
 
 
 GOAL = Pose(10.0, 0.0, 1.0)

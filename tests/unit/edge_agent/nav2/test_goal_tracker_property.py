@@ -26,6 +26,7 @@ from nena_edge_agent.nav2.commands import CancelGoal, Command, PublishGoal, Repo
 from nena_edge_agent.nav2.goal_tracker import GoalTracker
 from nena_edge_agent.nav2.goals import GoalEntry, GoalStatus
 from nena_edge_agent.nav2.settings import GoalSettings
+from support.examples import EXAMPLES
 
 EXTERNAL = 0
 """Generation of goals that somebody else gives."""
@@ -280,4 +281,4 @@ class TrackedRobot(RuleBasedStateMachine):
 
 
 TestTrackedRobot = TrackedRobot.TestCase
-TestTrackedRobot.settings = settings(max_examples=300, stateful_step_count=40, deadline=None)
+TestTrackedRobot.settings = settings(max_examples=EXAMPLES // 4, stateful_step_count=40, deadline=None)

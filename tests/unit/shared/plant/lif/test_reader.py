@@ -417,6 +417,7 @@ MOST_GROWTH = 8.0
 """For four times as many nodes; what grows with the square of their number takes sixteen times as long."""
 
 
+@pytest.mark.long
 def test_loading_grows_with_the_layout_and_not_faster() -> None:
     day = datetime(2026, 11, 20, tzinfo=UTC)
     small, large = (write(grid_plant(side, side), at=day).data for side in (50, 100))

@@ -423,6 +423,7 @@ MOST_GROWTH = 8.0
 """For four times as many points; what grows with the square of their number takes sixteen times as long."""
 
 
+@pytest.mark.long
 def test_loading_grows_with_the_plant_and_not_faster() -> None:
     small, large = (write(grid_plant(side, side)).data for side in (50, 100))
     model = read(large).model
