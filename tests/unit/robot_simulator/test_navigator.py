@@ -300,7 +300,7 @@ START = Pose(0.0, 0.0, 0.0)
 
 def progress_at(drive: Drive, pose: Pose) -> Progress:
     drive.move_to(pose)
-    return drive.progress(pose)
+    return drive.progress(pose, 0.0)
 
 
 def test_the_goal_counts_as_reached_within_place_and_heading() -> None:

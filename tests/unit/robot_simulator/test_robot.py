@@ -1,54 +1,15 @@
 from __future__ import annotations
 
 import math
-import random
-from collections.abc import Callable
-from typing import Any
 from uuid import UUID
 
 import pytest
 
 from nena_robot_simulator import faults
 from nena_robot_simulator.goals import Action
-from nena_robot_simulator.motion import Pose, hall
-from nena_robot_simulator.navigator import Goal
-from nena_robot_simulator.robot import Robot
-from nena_robot_simulator.settings import RobotSettings, SimulatorSettings
-
-A, B = UUID(int=1), UUID(int=2)
-HALL = hall(min_x=-20, min_y=-20, max_x=30, max_y=20, resolution=0.1)
-
-
-class Bench:
-    """A robot whose time is moved by the test."""
-
-    def __init__(self, *, time_factor: float = 1.0, replan_period: float = 0.0, **settings: Any) -> None:
-        self.now = 100.0
-        self.robot = Robot(
-            RobotSettings(**settings),
-            SimulatorSettings(time_factor=time_factor, replan_period=replan_period),
-            hall=HALL,
-            now=self.now,
-            noise=random.Random(7),
-        )
-
-    def take(self, goal_id: UUID, x: float, y: float, yaw: float = 0.0, frame: str = "map") -> bool:
-        return self.robot.take_goal(Goal(goal_id, Pose(x, y, yaw), frame), 1, self.now)
-
-    def apply(self, fault: faults.AnyFault, goal_id: UUID = B) -> None:
-        self.robot.apply(fault, goal_id=goal_id, accepted_ns=1, now=self.now)
-
-    def run(self, seconds: float, until: Callable[[], bool] = lambda: False) -> float:
-        """Run for ``seconds`` or until the condition holds; gives the seconds that passed."""
-        start = self.now
-        while self.now - start < seconds and not until():
-            self.now += 0.01
-            self.robot.advance(self.now)
-        return self.now - start
-
-    def until_ended(self, goal_id: UUID = A, seconds: float = 60.0) -> int:
-        self.run(seconds, lambda: int(self.robot.goals(Action.TO_POSE)[goal_id]) >= 4)
-        return int(self.robot.goals(Action.TO_POSE)[goal_id])
+from nena_robot_simulator.motion import Pose
+from nena_robot_simulator.servers import Server
+from support.timed_robot import A, B, Bench
 
 
 def test_a_drive_ends_at_the_goal_within_the_tolerance() -> None:
@@ -240,7 +201,7 @@ def test_an_inactive_navigator_aborts_and_swallows() -> None:
     bench.take(A, 5.0, 0.0)
     bench.run(1.0)
     bench.apply(faults.Inactive())
-    assert not bench.robot.active
+    assert not bench.robot.servers.group_active(Server.MANAGER)
     assert bench.until_ended(seconds=0.2) == 6
     assert not bench.take(B, 1.0, 0.0)
     bench.apply(faults.Inactive(active=False))
@@ -307,7 +268,7 @@ def test_an_unconfigured_navigator_forgets_its_goals_and_the_robot_stops() -> No
     bench.apply(faults.Unconfigured())
     bench.run(5.0)
     assert bench.robot.resting
-    assert not bench.robot.active
+    assert not bench.robot.servers.group_active(Server.MANAGER)
     assert not bench.take(B, 1.0, 0.0)
     bench.apply(faults.Unconfigured(active=False))
     assert bench.robot.goals(Action.TO_POSE).entries(bench.now) == ()
@@ -321,13 +282,15 @@ def test_a_controller_without_its_navigator_drives_to_the_end_of_its_path() -> N
     bench = Bench()
     bench.take(A, 10.0, 0.0)
     bench.run(2.0)
-    bench.apply(faults.NavigatorDied())
+    bench.apply(faults.ServerDied(server=Server.NAVIGATOR))
     bench.run(30.0, lambda: bench.robot.resting)
     assert bench.robot.pose.distance(Pose(10, 0, 0)) <= 0.25
     assert bench.robot.goals(Action.TO_POSE).entries(bench.now) == ()
 
 
-@pytest.mark.parametrize("fault", [faults.NavigatorDied(), faults.NavigatorHung()])
+@pytest.mark.parametrize(
+    "fault", [faults.ServerDied(server=Server.NAVIGATOR), faults.ServerHung(server=Server.NAVIGATOR)]
+)
 def test_a_controller_whose_goal_is_cancelled_stands(fault: faults.AnyFault) -> None:
     bench = Bench()
     bench.take(A, 10.0, 0.0)

@@ -14,7 +14,6 @@ from uuid import UUID
 from action_msgs.msg import GoalStatusArray
 from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import PoseStamped
-from lifecycle_msgs.srv import GetState
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_profile_system_default
 
 from nena_robot_simulator import messages
@@ -150,7 +149,7 @@ class ActionEndpoints:
 
 
 class NavigatorEndpoints:
-    """Two actions, the goal topic and the lifecycle service; closed at first.
+    """Two actions and the goal topic; closed at first.
 
     ``types`` are the installed action types. Without them NavigateToPose publishes its status and can be
     cancelled, which is all that driving by topic needs.
@@ -163,22 +162,20 @@ class NavigatorEndpoints:
         types: Mapping[Action, Any],
         *,
         on_goal_pose: Callable[[Any], None],
-        on_get_state: Callable[[Any, Any], None],
     ) -> None:
         self._session = session
         self._on_goal_pose = on_goal_pose
-        self._on_get_state = on_get_state
         self._actions = {
             action: ActionEndpoints(session, action, types.get(action), server)
             for action in (Action.TO_POSE, *types)
         }
-        self._others: list[Any] = []
+        self._goal_pose: Any = None
 
     def show(self, *, there: bool) -> None:
         """Join or leave the ROS graph; each time it joins as a new server with an empty list."""
-        if there and not self._others:
+        if there and self._goal_pose is None:
             self._open()
-        elif not there and self._others:
+        elif not there and self._goal_pose is not None:
             self._close()
 
     def publish(self, action: Action, snapshot: Snapshot) -> None:
@@ -203,15 +200,12 @@ class NavigatorEndpoints:
     def _open(self) -> None:
         for endpoints in self._actions.values():
             endpoints.open()
-        session = self._session
-        self._others = [
-            session.subscribe(PoseStamped, "goal_pose", self._on_goal_pose, qos_profile_system_default),
-            session.serve(GetState, "bt_navigator/get_state", self._on_get_state),
-        ]
+        self._goal_pose = self._session.subscribe(
+            PoseStamped, "goal_pose", self._on_goal_pose, qos_profile_system_default
+        )
 
     def _close(self) -> None:
         for endpoints in self._actions.values():
             endpoints.close()
-        for entity in self._others:
-            self._session.destroy(entity)
-        self._others = []
+        self._session.destroy(self._goal_pose)
+        self._goal_pose = None

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from nena_robot_simulator.goals import Snapshot
 from nena_robot_simulator.motion import Pose
+from nena_robot_simulator.servers import Server
 from nena_shared.misfits import TOLD, in_words
 
 Metres = Annotated[float, Field(allow_inf_nan=False)]
@@ -58,7 +59,7 @@ class Circle(_Message):
 
 
 class Unreachable(PerGoal):
-    """No path is found: the goal is ABORTED at once."""
+    """No path is found: the goal is ABORTED, for code 208 after the recoveries."""
 
     kind: Literal["unreachable"] = "unreachable"
     circles: tuple[Circle, ...] = Field(
@@ -147,19 +148,22 @@ class Unconfigured(Lasting):
     kind: Literal["unconfigured"] = "unconfigured"
 
 
-class NavigatorDied(Lasting):
-    """bt_navigator alone has died: it leaves the ROS graph, and the controller drives its path to the end.
+class ServerDied(Lasting):
+    """One process of Nav2 has died: it leaves the ROS graph.
 
-    It comes back as a new server that knows no goals.
+    Without bt_navigator the controller drives its path to the end. A process comes back without its goals,
+    and AMCL without its pose.
     """
 
-    kind: Literal["navigator_died"] = "navigator_died"
+    kind: Literal["server_died"] = "server_died"
+    server: Server = Field(description="Name of its node.")
 
 
-class NavigatorHung(Lasting):
-    """bt_navigator alone hangs: it is in the ROS graph and answers nothing; the controller drives on."""
+class ServerHung(Lasting):
+    """One process of Nav2 hangs: it is in the ROS graph and answers nothing."""
 
-    kind: Literal["navigator_hung"] = "navigator_hung"
+    kind: Literal["server_hung"] = "server_hung"
+    server: Server = Field(description="Name of its node.")
 
 
 class ControllerDeaf(Lasting):
@@ -226,8 +230,8 @@ AnyFault = (
     | NanPose
     | BatteryScale
     | Unconfigured
-    | NavigatorDied
-    | NavigatorHung
+    | ServerDied
+    | ServerHung
     | ControllerDeaf
     | BringUp
     | DuplicateStatus

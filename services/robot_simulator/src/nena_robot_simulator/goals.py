@@ -24,10 +24,11 @@ class ErrorCode(IntEnum):
 
     NONE = 0
     """No error, or the goal never started."""
+    CONTROLLER_TF = 102
+    """From the controller: it does not know where the robot is."""
     FAILED_TO_MAKE_PROGRESS = 105
     """From the controller: the robot is stuck."""
     GOAL_OUTSIDE_MAP = 204
-    GOAL_OCCUPIED = 206
     NO_VALID_PATH = 208
     NO_VIAPOINTS_GIVEN = 309
     """A NavigateThroughPoses goal without poses."""

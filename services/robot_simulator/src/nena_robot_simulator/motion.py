@@ -124,14 +124,23 @@ HEADING_GAIN = 3.0
 """Yaw rate per heading error, 1/s; smoothed by the acceleration limit."""
 
 
+LEAST_APPROACH = 0.05
+"""Speed at which a goal is approached at least, m/s (``min_approach_linear_velocity``)."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """Limits of the drive: m/s, m/s², rad/s, rad/s²."""
+    """Limits of the drive: m/s, m/s², rad/s, rad/s².
+
+    ``approach``: metres from the end of the path from which on the speed falls with the distance, as
+    Regulated Pure Pursuit has it.
+    """
 
     speed: float
     acceleration: float
     yaw_rate: float
     yaw_acceleration: float
+    approach: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,11 +162,14 @@ def step(motion: Motion, target: Pose | None, limits: Limits, dt: float, *, behi
 
     ``behind`` is the length of the path beyond the target, m: above 0 the robot passes without a stop.
     """
-    wanted_speed, wanted_yaw_rate = (
-        (0.0, 0.0) if target is None else _wanted(motion.pose, target, limits, behind)
-    )
-    speed = _approach(motion.speed, wanted_speed, limits.acceleration * dt)
-    yaw_rate = _approach(motion.yaw_rate, wanted_yaw_rate, limits.yaw_acceleration * dt)
+    wanted = (0.0, 0.0) if target is None else _wanted(motion.pose, target, limits, behind)
+    return obey(motion, wanted, limits, dt)
+
+
+def obey(motion: Motion, command: tuple[float, float], limits: Limits, dt: float) -> Motion:
+    """Move for ``dt`` seconds with the commanded velocity (m/s, rad/s), as far as the limits allow."""
+    speed = _approach(motion.speed, command[0], limits.acceleration * dt)
+    yaw_rate = _approach(motion.yaw_rate, command[1], limits.yaw_acceleration * dt)
     heading = motion.pose.yaw + yaw_rate * dt / 2.0
     return replace(
         motion,
@@ -181,7 +193,11 @@ def _wanted(pose: Pose, target: Pose, limits: Limits, behind: float) -> tuple[fl
     if abs(error) > TURN_IN_PLACE_ABOVE:
         return 0.0, turn
     braking = math.sqrt(2.0 * limits.acceleration * (distance + behind))
-    return min(limits.speed, braking) * math.cos(error), turn
+    speed = min(limits.speed, braking)
+    if distance + behind < limits.approach:
+        share = (distance + behind) / limits.approach
+        speed = min(speed, max(LEAST_APPROACH, limits.speed * share))
+    return speed * math.cos(error), turn
 
 
 def _turn(error: float, limits: Limits) -> float:

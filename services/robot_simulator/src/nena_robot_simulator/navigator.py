@@ -192,13 +192,46 @@ XY_TOLERANCE = 0.25
 """Metres from the end of the way within which a goal counts as reached (``xy_goal_tolerance``)."""
 YAW_TOLERANCE = 0.25
 """Radians from the goal's heading within which a goal counts as reached (``yaw_goal_tolerance``)."""
-PLANNER_TOLERANCE = 0.5
-"""Metres from an occupied goal at which the planner may end the way (NavFn's ``tolerance``)."""
 PASSED_WITHIN = 0.7
 """Metres from a place on the way at which the tree takes it for passed (``RemovePassedGoals``)."""
 PLAN_SPACING = 0.25
 """Metres between the poses of the published plan, as long as it has no more than ``PLAN_PARTS``."""
 PLAN_PARTS = 10_000
+
+
+RECOVERY = ((1.6, 0.0, 1.0), (5.0, 0.0, 0.0), (2.0, -0.15, 0.0))
+"""What a robot without a path does in turn: seconds, m/s, rad/s (spin, wait, back up)."""
+RECOVERY_PERIOD = 1.35
+"""Seconds between two counts of ``number_of_recoveries``."""
+
+
+@dataclass(frozen=True, slots=True)
+class Recovery:
+    """The recoveries of a robot without a path: ``seconds`` of its own time, ``pace`` to one of ours."""
+
+    began_at: float
+    seconds: float
+    pace: float = 1.0
+
+    def over(self, now: float) -> bool:
+        """Return whether the behaviour tree gives up."""
+        return self._spent(now) >= self.seconds
+
+    def count(self, now: float) -> int:
+        """Return how many there have been."""
+        return int(min(self._spent(now), self.seconds) / RECOVERY_PERIOD)
+
+    def _spent(self, now: float) -> float:
+        return (now - self.began_at) * self.pace
+
+    def command(self, now: float) -> tuple[float, float]:
+        """Return the velocity of the one at hand, m/s and rad/s."""
+        rest = self._spent(now) % sum(seconds for seconds, _, _ in RECOVERY)
+        for seconds, speed, yaw_rate in RECOVERY:
+            if rest < seconds:
+                return speed, yaw_rate
+            rest -= seconds
+        return 0.0, 0.0
 
 
 class Drive:
@@ -216,10 +249,15 @@ class Drive:
         *,
         abort_after: float | None = None,
         error_code: int = ErrorCode.NONE,
+        tolerances: tuple[float, float] = (XY_TOLERANCE, YAW_TOLERANCE),
+        recovery: Recovery | None = None,
     ) -> None:
         self.target = target
         self.end = end
         self.error_code = error_code
+        self.recovery = recovery
+        """What is tried before the drive fails, where there is no way."""
+        self._tolerances = tolerances
         self._via = list(target.via)
         whole = _length([start, *target.via, target.pose])
         self._abort_within = None if abort_after is None else (1.0 - abort_after) * whole
@@ -245,8 +283,14 @@ class Drive:
         """Length of the path beyond :attr:`next_place`, m."""
         return _length([*self._via, self.end]) if self.end is not None else 0.0
 
+    def fail(self, error_code: int) -> None:
+        """Let the controller give up."""
+        self.end, self.error_code, self.recovery = None, error_code, None
+
     def left(self, pose: Pose) -> float:
-        """Return the remaining length of the path from ``pose``, m."""
+        """Return the remaining length of the path from ``pose``, m; 0 without one."""
+        if self.end is None:
+            return 0.0
         return _length([pose, *self._via, self.target.pose])
 
     def move_to(self, pose: Pose) -> None:
@@ -255,13 +299,16 @@ class Drive:
             return
         while self._via and pose.distance(self._via[0]) <= PASSED_WITHIN:
             del self._via[0]
-        self._at_place = self._at_place or (not self._via and pose.distance(self.end) <= XY_TOLERANCE)
-        self._reached = self._at_place and abs(wrap(pose.yaw - self.end.yaw)) <= YAW_TOLERANCE
+        xy, yaw = self._tolerances
+        self._at_place = self._at_place or (not self._via and pose.distance(self.end) <= xy)
+        self._reached = self._at_place and abs(wrap(pose.yaw - self.end.yaw)) <= yaw
 
-    def progress(self, pose: Pose) -> Progress:
+    def progress(self, pose: Pose, now: float) -> Progress:
         """Return the progress with the robot at ``pose``."""
         if self.cancelled:
             return Progress.REACHED
+        if self.recovery is not None and not self.recovery.over(now):
+            return Progress.UNDERWAY
         given_up = self._abort_within is not None and self.left(pose) <= self._abort_within
         if self.end is None or given_up:
             return Progress.FAILED

@@ -9,28 +9,29 @@ import random
 import threading
 import uuid
 from collections import deque
+from collections.abc import Iterable
 from typing import Any
 
 from action_msgs.msg import GoalInfo
 from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
-from lifecycle_msgs.msg import State
-from lifecycle_msgs.srv import GetState
 from nav_msgs.msg import OccupancyGrid, Odometry, Path
 from nav_msgs.srv import GetMap
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile, ReliabilityPolicy, qos_profile_system_default
 from sensor_msgs.msg import BatteryState
 from std_msgs.msg import String
-from std_srvs.srv import Empty, Trigger
+from std_srvs.srv import Empty
 
 from nena_robot_simulator import faults, messages
-from nena_robot_simulator.action_server import LATCHED, Answer, NavigatorEndpoints, action_types
+from nena_robot_simulator.action_server import LATCHED, NavigatorEndpoints, action_types
 from nena_robot_simulator.faults import disturbed
 from nena_robot_simulator.goals import Action, GoalEntry, Snapshot
 from nena_robot_simulator.motion import GridMap, Pose
 from nena_robot_simulator.navigator import Goal
 from nena_robot_simulator.robot import Robot
+from nena_robot_simulator.server_endpoints import ServerEndpoints
+from nena_robot_simulator.servers import Server, parameters
 from nena_robot_simulator.session import RosSession
 from nena_robot_simulator.settings import RobotSettings, SimulatorSettings
 from nena_shared.clock import Clock
@@ -85,16 +86,19 @@ class RobotNode:
             self,
             action_types() if simulator.actions else {},
             on_goal_pose=self._on_goal_pose,
-            on_get_state=self._on_get_state,
         )
+        self._amcl_pose: Publisher | None = None
+        self._map: Publisher | None = None
+        self._plan: Publisher | None = None
+        self._servers = self._make_servers()
         self._last_array: dict[Action, Snapshot] = {}
-        self._make_publishers()
-        self._make_subscriptions()
-        self._make_services()
+        self._battery = self._session.publisher(BatteryState, "battery_state", BEST_EFFORT)
+        self._odom = self._session.publisher(Odometry, "odom", BEST_EFFORT)
+        self._session.subscribe(String, "simulator/fault", self._on_fault, FAULTS)
         self._make_timers()
         for fault in (*simulator.faults, *settings.faults):
             self._apply(fault)
-        self._show_navigator()
+        self._show_servers()
 
     @property
     def alive(self) -> bool:
@@ -102,8 +106,7 @@ class RobotNode:
         return self._session.alive
 
     def start(self) -> None:
-        """Publish the map and start serving."""
-        self._publish_map()
+        """Start serving."""
         self._session.start()
         self._log.info("robot ready", namespace=self._session.namespace, domain_id=self._settings.domain_id)
 
@@ -111,25 +114,60 @@ class RobotNode:
         """Leave the ROS graph within two seconds."""
         self._session.close()
 
-    def _make_publishers(self) -> None:
-        publisher = self._session.publisher
-        self._amcl_pose = publisher(PoseWithCovarianceStamped, "amcl_pose", LATCHED)
-        self._map = publisher(OccupancyGrid, "map", LATCHED)
-        self._plan = publisher(Path, "plan", RELIABLE)
-        self._battery = publisher(BatteryState, "battery_state", BEST_EFFORT)
-        self._odom = publisher(Odometry, "odom", BEST_EFFORT)
-
-    def _make_subscriptions(self) -> None:
-        self._session.subscribe(
-            PoseWithCovarianceStamped, "initialpose", self._on_initial_pose, qos_profile_system_default
+    def _make_servers(self) -> ServerEndpoints:
+        tolerance, drive = self._settings.tolerance, self._settings.drive
+        values = parameters(
+            xy_tolerance=tolerance.xy,
+            yaw_tolerance=tolerance.yaw,
+            planner_tolerance=tolerance.planner,
+            speed=drive.speed,
+            approach=drive.approach,
         )
-        self._session.subscribe(String, "simulator/fault", self._on_fault, FAULTS)
+        work = {
+            Server.CONTROLLER: lambda: self._cancelled_by(Server.CONTROLLER, ("follow_path",)),
+            Server.BEHAVIOURS: lambda: self._cancelled_by(Server.BEHAVIOURS, ("spin", "backup")),
+            Server.PLANNER: self._open_planner,
+            Server.LOCALISATION: self._open_localisation,
+            Server.MAPS: self._open_maps,
+        }
+        return ServerEndpoints(
+            self._session, self._robot, work=work, values=values, on_change=self._robot.set_navigators
+        )
 
-    def _make_services(self) -> None:
-        self._session.serve_later(Trigger, "lifecycle_manager_navigation/is_active", self._on_is_active)
-        self._session.serve(CancelGoal, "follow_path/_action/cancel_goal", self._on_cancel_controller)
-        self._session.serve(Empty, "request_nomotion_update", self._on_nomotion_update)
-        self._session.serve(GetMap, "map_server/map", self._on_get_map)
+    def _cancelled_by(self, server: Server, actions: Iterable[str]) -> list[Any]:
+        cancel = self._robot.cancel_controller if server is Server.CONTROLLER else self._robot.cancel_recovery
+
+        def on_cancel(_request: CancelGoal.Request, response: CancelGoal.Response) -> None:
+            """Cancel the server's goal, whichever is named: it has one at most."""
+            had_one = cancel()
+            response.goals_canceling = [GoalInfo()] if had_one else []
+            self._log.info("goal cancelled", server=server.value, had_one=had_one)
+
+        return [
+            self._servers.serve(server, CancelGoal, f"{each}/_action/cancel_goal", on_cancel)
+            for each in actions
+        ]
+
+    def _open_planner(self) -> list[Any]:
+        self._plan = self._session.publisher(Path, "plan", RELIABLE)
+        return [self._plan]
+
+    def _open_localisation(self) -> list[Any]:
+        self._amcl_pose = self._session.publisher(PoseWithCovarianceStamped, "amcl_pose", LATCHED)
+        return [
+            self._amcl_pose,
+            self._session.subscribe(
+                PoseWithCovarianceStamped, "initialpose", self._on_initial_pose, qos_profile_system_default
+            ),
+            self._servers.serve(
+                Server.LOCALISATION, Empty, "request_nomotion_update", self._on_nomotion_update
+            ),
+        ]
+
+    def _open_maps(self) -> list[Any]:
+        self._map = self._session.publisher(OccupancyGrid, "map", LATCHED)
+        self._publish_map()
+        return [self._map, self._servers.serve(Server.MAPS, GetMap, "map_server/map", self._on_get_map)]
 
     def _make_timers(self) -> None:
         self._delivery = self._session.every(GOAL_DELAY, self._deliver_goals)
@@ -177,6 +215,8 @@ class RobotNode:
         return stamp if taken else None
 
     def _on_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
+        if not self._robot.servers.runs(Server.LOCALISATION):
+            return
         pose = messages.pose_of(message.pose.pose)
         if pose is None or message.header.frame_id != self._settings.map_frame:
             self._log.warning("initial pose ignored: invalid numbers or frame", frame=message.header.frame_id)
@@ -187,7 +227,7 @@ class RobotNode:
     @property
     def hangs(self) -> bool:
         """Whether bt_navigator answers nothing."""
-        return self._robot.faults.on(faults.NavigatorHung)
+        return not self._robot.servers.runs(Server.NAVIGATOR)
 
     def on_cancel(self, action: Action, request: Any, response: Any) -> None:  # noqa: ANN401
         """Answer an action_msgs/srv/CancelGoal request."""
@@ -198,21 +238,6 @@ class RobotNode:
         response.return_code = int(answer.code)
         response.goals_canceling = [messages.goal_info(goal) for goal in answer.goals]
         self._log.info("cancel", goal=str(goal_id), code=answer.code.name, goals=len(answer.goals))
-
-    def _on_get_state(self, _request: GetState.Request, response: GetState.Response) -> None:
-        active = self._robot.active
-        response.current_state.id = State.PRIMARY_STATE_ACTIVE if active else State.PRIMARY_STATE_INACTIVE
-        response.current_state.label = "active" if active else "inactive"
-
-    def _on_is_active(self, _request: Trigger.Request, answer: Answer) -> None:
-        if not self._robot.faults.on(faults.BringUp):
-            answer(Trigger.Response(success=self._robot.active))
-
-    def _on_cancel_controller(self, _request: CancelGoal.Request, response: CancelGoal.Response) -> None:
-        """Cancel the controller's goal, whichever is named: it has one at most."""
-        had_one = self._robot.cancel_controller()
-        response.goals_canceling = [GoalInfo()] if had_one else []
-        self._log.info("controller's goal cancelled", had_one=had_one)
 
     def _on_nomotion_update(self, _request: Empty.Request, _response: Empty.Response) -> None:
         self._robot.force_estimate()
@@ -227,7 +252,7 @@ class RobotNode:
             self._log.warning("fault rejected", problems=error.problems)
             return
         self._apply(fault)
-        self._show_navigator()
+        self._show_servers()
         self._publish_statuses()
         self._loop.reset()
 
@@ -243,8 +268,9 @@ class RobotNode:
         if was_silent and not self._silent:
             self._publish_map()
 
-    def _show_navigator(self) -> None:
-        gone = self._robot.faults.on(faults.Unconfigured) or self._robot.faults.on(faults.NavigatorDied)
+    def _show_servers(self) -> None:
+        self._servers.show()
+        gone = self._robot.faults.on(faults.Unconfigured) or not self._robot.servers.there(Server.NAVIGATOR)
         self._navigator.show(there=not gone)
 
     @property
@@ -324,6 +350,7 @@ class RobotNode:
                 self._navigator.publish(action, shown)
             self._last_array[action] = snapshot
 
-    def _publish(self, publisher: Publisher, message: object) -> None:
-        if not self._silent:
+    def _publish(self, publisher: Publisher | None, message: object) -> None:
+        """Publish a message, unless the server that would is gone or all is silent."""
+        if not self._silent and publisher is not None:
             publisher.publish(message)

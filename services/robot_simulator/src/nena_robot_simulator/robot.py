@@ -18,15 +18,22 @@ from nena_robot_simulator.goals import (
     answer_cancel,
     of_several,
 )
-from nena_robot_simulator.motion import GridMap, Limits, Motion, Pose, step
-from nena_robot_simulator.navigator import PLANNER_TOLERANCE, Drive, Goal, Navigator, Progress, Target
+from nena_robot_simulator.motion import GridMap, Limits, Motion, Pose, obey, step
+from nena_robot_simulator.navigator import Drive, Goal, Navigator, Progress, Recovery, Target
 from nena_robot_simulator.sensors import Battery, Estimate, Localisation
+from nena_robot_simulator.servers import LifecycleState, Server, Servers
 from nena_robot_simulator.settings import RobotSettings, SimulatorSettings
 
 HALTING = (0.020, 0.050)
 """Minimum and maximum time that halting the behaviour tree takes, seconds."""
 SEVERAL_SLOWER = 3.0
 """How much longer the replanning period of NavigateThroughPoses is than that of NavigateToPose."""
+COMMAND_TIMEOUT = 0.7
+"""Time for which the base goes on with the last command of a controller that has died, seconds."""
+TRANSFORM_TIMEOUT = 1.0
+"""Time without a localisation after which the controller gives up, seconds."""
+NO_PATH_YET = 0.02
+"""Time in which the feedback of a new goal knows no path, seconds."""
 LONGEST_STEP = 0.02
 """Maximum step of the kinematics, seconds of the robot's time."""
 LONGEST_PAUSE = 0.2
@@ -59,6 +66,7 @@ class Robot:
         noise: random.Random,
     ) -> None:
         self.faults = Faults()
+        self.servers = Servers()
         self.battery = Battery(
             charge=settings.battery.charge,
             per_metre=settings.battery.drain_per_km / 1000.0,
@@ -80,8 +88,10 @@ class Robot:
         self._motion = Motion(start)
         self._odom_origin = start
         self._drive: Drive | None = None
-        self._stuck_for = 0.0
-        self._advanced_at = now
+        self._stuck_for = self._unlocalised_for = 0.0
+        self._places_told = 1
+        self._advanced_at = self._commanded_at = now
+        self._recovery_time = simulator.recovery_time
         self._replan_period = simulator.replan_period / simulator.time_factor
         self._replan_at = now
 
@@ -99,11 +109,6 @@ class Robot:
     def velocity(self) -> tuple[float, float]:
         """Forward m/s and counter-clockwise rad/s, as an observer with a wall clock sees them."""
         return self._motion.speed * self._time_factor, self._motion.yaw_rate * self._time_factor
-
-    @property
-    def active(self) -> bool:
-        """Whether Nav2's lifecycle nodes are active."""
-        return all(navigator.active for navigator in self._navigators.values())
 
     @property
     def resting(self) -> bool:
@@ -140,25 +145,36 @@ class Robot:
 
     def cancel_controller(self) -> bool:
         """Cancel the goal of the controller, which the navigator did not do; return whether it had one."""
-        if self._drive is None:
+        if self._drive is None or self._drive.recovery is not None:
             return False
         self._drive.cancelled = not self.faults.on(faults.ControllerDeaf)
+        return True
+
+    def cancel_recovery(self) -> bool:
+        """Cancel the goal of the behaviour server; return whether it had one."""
+        if self._drive is None or self._drive.recovery is None:
+            return False
+        self._drive.recovery = None
         return True
 
     def feedback(self, action: Action, now: float) -> Feedback | None:
         """Return the progress of an action's drive; None without a drive."""
         navigator, drive = self._navigators[action], self._drive
-        if navigator.target is None or drive is None or self.faults.on(faults.NavigatorHung):
+        if navigator.target is None or drive is None or not self.servers.runs(Server.NAVIGATOR):
             return None
         stuck = self.faults.get(faults.Stuck)
+        recoveries = int(self._stuck_for / stuck.recovery_after) if stuck else 0
+        if drive.recovery is not None:
+            recoveries = drive.recovery.count(now)
+        seconds = now - navigator.began_at
         return Feedback(
             navigator.target.goal_id,
             self._shown(self.pose),
-            seconds=now - navigator.began_at,
-            left=drive.left(self.pose),
+            seconds=seconds,
+            left=drive.left(self.pose) if seconds >= NO_PATH_YET else 0.0,
             speed=self.velocity[0],
-            recoveries=int(self._stuck_for / stuck.recovery_after) if stuck else 0,
-            places_left=drive.places_left,
+            recoveries=recoveries,
+            places_left=self._places_told,
         )
 
     def take_initial_pose(self, pose: Pose) -> None:
@@ -174,7 +190,7 @@ class Robot:
 
     def scan(self) -> Estimate | None:
         """Return AMCL's estimate after a laser scan; None if it publishes none."""
-        if self.faults.on(faults.AmclSilent):
+        if self.faults.on(faults.AmclSilent) or not self.servers.works(Server.LOCALISATION):
             return None
         estimate, lost = self._localisation.scan(self.pose), self.faults.get(faults.LocalisationLost)
         if estimate is not None and lost is not None:
@@ -204,24 +220,49 @@ class Robot:
             return
         if isinstance(fault, faults.Freeze):
             return  # handled by the node
-        self.faults.apply(fault)
-        gone = self.faults.on(faults.Unconfigured) or self.faults.on(faults.NavigatorDied)
-        idle = gone or self.faults.on(faults.Inactive) or self.faults.on(faults.BringUp)
+        if isinstance(fault, faults.ServerDied):
+            self._set_dead(fault.server, dead=fault.active)
+        elif isinstance(fault, faults.ServerHung):
+            self.servers.set_hung(fault.server, hung=fault.active)
+        else:
+            self.faults.apply(fault)
+        if isinstance(fault, faults.Inactive | faults.BringUp):
+            idle = self.faults.on(faults.Inactive) or self.faults.on(faults.BringUp)
+            state = LifecycleState.INACTIVE if idle else LifecycleState.ACTIVE
+            self.servers.set_group(Server.MANAGER, state)
+        if isinstance(fault, faults.Unconfigured):
+            state = LifecycleState.UNCONFIGURED if fault.active else LifecycleState.ACTIVE
+            self.servers.set_state(Server.NAVIGATOR, state)
+        self.set_navigators()
+
+    def _set_dead(self, server: Server, *, dead: bool) -> None:
+        """Let a server die or start again; what it knew is gone."""
+        self.servers.set_dead(server, dead=dead)
+        if server is Server.LOCALISATION and dead:
+            self._localisation.forget()
+
+    def set_navigators(self) -> None:
+        """Have the action servers take goals as the lifecycle of bt_navigator wants it."""
+        gone = self.faults.on(faults.Unconfigured) or not self.servers.there(Server.NAVIGATOR)
+        active = self.servers.state(Server.NAVIGATOR) is LifecycleState.ACTIVE
         for navigator in self._navigators.values():
             if gone:
                 navigator.restart()
-            navigator.set_active(active=not idle)
+            navigator.set_active(active=active and not gone)
 
     def advance(self, now: float) -> None:
         """Move on to ``now`` and go once round the navigator's loop."""
         seconds = min(now - self._advanced_at, LONGEST_PAUSE)
         self._advanced_at = now
-        alone = self.faults.on(faults.NavigatorDied) or self.faults.on(faults.NavigatorHung)
+        if self.servers.advance(now):
+            self.set_navigators()
+        alone = not self.servers.runs(Server.NAVIGATOR)
         if not alone:
             self._follow(now)
-        self._move(seconds * self._time_factor)
+        self._look_for_transform(seconds)
+        self._move(seconds * self._time_factor, now)
         if alone:
-            self._end_alone()
+            self._end_alone(now)
             return
         if self._drive is not None and self.faults.on(faults.Stuck):
             self._stuck_for += seconds
@@ -230,7 +271,7 @@ class Robot:
             if drive is None:
                 navigator.tick(now, Progress.UNDERWAY)
             else:
-                navigator.tick(now, drive.progress(self.pose), drive.error_code)
+                navigator.tick(now, drive.progress(self.pose, now), drive.error_code)
         self._follow(now)
 
     def take_unpublished(self, action: Action = Action.TO_POSE) -> list[Snapshot]:
@@ -248,7 +289,7 @@ class Robot:
         )
 
     def _resolve(self, pose: Pose, frame_id: str) -> Pose | None:
-        if not self._localisation.known:
+        if not self._localisation.known or not self.servers.works(Server.LOCALISATION):
             return None
         if math.isnan(pose.x):
             return pose  # not a position in any frame; the planner rejects it
@@ -256,9 +297,17 @@ class Robot:
             return self._odom_origin.then(pose)
         return pose if frame_id == self._settings.map_frame else None
 
-    def _end_alone(self) -> None:
+    def _look_for_transform(self, seconds: float) -> None:
+        """Let the controller give up a robot that has no place for a while."""
+        lost = not self._localisation.known or not self.servers.works(Server.LOCALISATION)
+        self._unlocalised_for = self._unlocalised_for + seconds if lost else 0.0
+        if self._drive is not None and self._unlocalised_for >= TRANSFORM_TIMEOUT:
+            self._drive.fail(ErrorCode.CONTROLLER_TF)
+
+    def _end_alone(self, now: float) -> None:
         """Let a controller without a navigator end its drive where its path ends."""
-        if self._drive is not None and self._drive.progress(self.pose) is not Progress.UNDERWAY:
+        drive, driven = self._drive, self.servers.runs(Server.CONTROLLER)
+        if drive is not None and not (driven and drive.progress(self.pose, now) is Progress.UNDERWAY):
             self._drive = None
 
     def _follow(self, now: float) -> None:
@@ -274,51 +323,72 @@ class Robot:
             self._drive = None
             return
         replans = self._drive is None or now >= self._replan_at
-        if replans:
-            slowness = SEVERAL_SLOWER if several else 1.0
-            self._replan_at = now + self._replan_period * slowness
-        if replans and (self._drive is None or self._drive.target != target):
-            self._drive = self._planned(target, several=several)
+        if not replans:
+            return
+        self._replan_at = now + self._replan_period * (SEVERAL_SLOWER if several else 1.0)
+        drive = self._drive
+        planless = drive is not None and drive.end is not None and not self.servers.works(Server.PLANNER)
+        if drive is None or drive.target != target or planless:
+            drive = self._drive = self._planned(target, several=several, now=now)
             self._stuck_for = 0.0
+        self._places_told = drive.places_left
 
-    def _planned(self, target: Target, *, several: bool) -> Drive:
+    def _planned(self, target: Target, *, several: bool, now: float) -> Drive:
         end, code = self._end_of(target)
         abort = self.faults.get(faults.AbortHalfway)
         self.faults.spend(faults.AbortHalfway)
         if end is not None and abort is not None:
             code = abort.error_code
+        tried = end is None and code in (ErrorCode.NONE, ErrorCode.NO_VALID_PATH)
+        recovers = tried and self._recovery_time > 0 and self.servers.works(Server.BEHAVIOURS)
         return Drive(
             target,
             self.pose,
             end,
             abort_after=None if abort is None else abort.fraction,
             error_code=of_several(code) if several else code,
+            tolerances=(self._settings.tolerance.xy, self._settings.tolerance.yaw),
+            recovery=Recovery(now, self._recovery_time, self._time_factor) if recovers else None,
         )
 
     def _end_of(self, target: Target) -> tuple[Pose | None, int]:
         """Return the end of the planner's path to a target, or the error code without one."""
         if math.isnan(target.pose.x):
             return None, ErrorCode.NO_VIAPOINTS_GIVEN
+        if not self.servers.works(Server.PLANNER):
+            return None, ErrorCode.NONE
         unreachable = self.faults.get(faults.Unreachable)
         if unreachable is not None and any(map(unreachable.concerns, (*target.via, target.pose))):
             self.faults.spend(faults.Unreachable)
             return None, unreachable.error_code
-        end = self._hall.free_near(target.pose, PLANNER_TOLERANCE)
+        end = self._hall.free_near(target.pose, self._settings.tolerance.planner)
         if end is not None:
             return end, ErrorCode.NONE
         inside = self._hall.covers(target.pose.x, target.pose.y)
-        return None, ErrorCode.GOAL_OCCUPIED if inside else ErrorCode.GOAL_OUTSIDE_MAP
+        return None, ErrorCode.NO_VALID_PATH if inside else ErrorCode.GOAL_OUTSIDE_MAP
 
-    def _move(self, seconds: float) -> None:
+    def _move(self, seconds: float, now: float) -> None:
         """Move the robot for ``seconds`` of its own time."""
-        stuck = self.faults.on(faults.Stuck)
         before = self.pose
         steps = max(1, math.ceil(seconds / LONGEST_STEP))
+        if self.servers.runs(Server.CONTROLLER):
+            self._commanded_at = now
         for _ in range(steps):
-            towards, behind = None, 0.0
-            if self._drive is not None and not stuck:
-                towards, behind = self._drive.next_place, self._drive.behind
-            self._motion = step(self._motion, towards, self._limits, seconds / steps, behind=behind)
-            if self._drive is not None:
-                self._drive.move_to(self.pose)
+            self._motion = self._moved(seconds / steps, now)
         self.battery.drain(before.distance(self.pose), seconds)
+
+    def _moved(self, seconds: float, now: float) -> Motion:
+        """Return the motion after a step, as the controller, a recovery or nothing commands it."""
+        motion, limits, drive = self._motion, self._limits, self._drive
+        recovery = drive.recovery if drive is not None else None
+        if drive is None or self.faults.on(faults.Stuck):
+            return step(motion, None, limits, seconds)
+        if recovery is not None:
+            works = self.servers.works(Server.BEHAVIOURS)
+            return obey(motion, recovery.command(now) if works else (0.0, 0.0), limits, seconds)
+        if not self.servers.runs(Server.CONTROLLER):
+            coasts = now - self._commanded_at < COMMAND_TIMEOUT
+            return obey(motion, (motion.speed, motion.yaw_rate) if coasts else (0.0, 0.0), limits, seconds)
+        motion = step(motion, drive.next_place, limits, seconds, behind=drive.behind)
+        drive.move_to(motion.pose)
+        return motion

@@ -85,6 +85,10 @@ class Localisation:
         """Accept an initial pose; the next scan yields an estimate."""
         self._known, self._last = True, None
 
+    def forget(self) -> None:
+        """Forget where the robot is, as a process that starts again."""
+        self._known = False
+
     def force(self) -> None:
         """Run the filter on the next scan even if the robot stands still (``request_nomotion_update``)."""
         self._forced = True

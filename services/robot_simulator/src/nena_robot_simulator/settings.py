@@ -48,6 +48,21 @@ class DriveSettings(SettingsGroup):
     acceleration: Positive = Field(1.0, description="Maximum acceleration and deceleration, m/s².")
     yaw_rate: Positive = Field(1.5, description="Maximum yaw rate, rad/s.")
     yaw_acceleration: Positive = Field(3.0, description="Maximum yaw acceleration, rad/s².")
+    approach: float = Field(
+        0.0,
+        ge=0,
+        le=10,
+        description="Distance from the goal from which on the robot slows down with the distance, metres; "
+        "0.6 with Nav2's Regulated Pure Pursuit. 0: it brakes as late as it can.",
+    )
+
+
+class ToleranceSettings(SettingsGroup):
+    """Tolerances of Nav2's goal checker and planner."""
+
+    xy: Positive = Field(0.25, description="Distance from the end of the path at which it is reached, m.")
+    yaw: Positive = Field(0.25, description="Deviation from the goal's heading at which it is reached, rad.")
+    planner: Positive = Field(0.5, description="Distance from an occupied goal at which a path may end, m.")
 
 
 class BatterySettings(SettingsGroup):
@@ -78,6 +93,9 @@ class RobotSettings(SettingsGroup):
     domain_id: int = Field(0, ge=0, le=232, description="ROS domain ID.")
     start: StartPose = Field(default_factory=StartPose, description="Start pose.")
     drive: DriveSettings = Field(default_factory=DriveSettings, description="Limits of the drive.")
+    tolerance: ToleranceSettings = Field(
+        default_factory=ToleranceSettings, description="Tolerances of Nav2; also told as its parameters."
+    )
     battery: BatterySettings = Field(default_factory=BatterySettings, description="Battery.")
     localisation: LocalisationSettings = Field(
         default_factory=LocalisationSettings, description="Localisation."
@@ -147,6 +165,13 @@ class SimulatorSettings(ProgramSettings):
         le=60,
         description="Period of replanning, seconds; 1.0 in Nav2's default behaviour tree (3 times as long "
         "through poses). A new goal follows the old path until then. 0: replan at once.",
+    )
+    recovery_time: float = Field(
+        0.0,
+        ge=0,
+        le=600,
+        description="Time in which a robot without a path spins, waits and backs up before its goal is "
+        "aborted, seconds; 17 to 21 with Nav2's default behaviour tree. 0: at once.",
     )
     actions: bool = Field(
         default=True,

@@ -19,7 +19,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.broker]
 
 BY_BOTH = pytest.mark.parametrize("navigation", ["topics", pytest.param("action", marks=needs_action_types)])
 SOON = {"goals": {**ROS["goals"], "standstill_timeout": 1.0}, "call_timeout": 0.5}
-NAVIGATOR_FAULTS = pytest.mark.parametrize("fault", ["navigator_died", "navigator_hung"])
+NAVIGATOR_FAULTS = pytest.mark.parametrize("fault", ["server_died", "server_hung"])
 LONG_WAY = order("n0", "n3")
 
 
@@ -38,7 +38,7 @@ async def test_a_robot_whose_navigator_has_died_is_stopped(bench: Bench, navigat
     async with bench.robot(time_factor=2.0, ros={"navigation": navigation}) as fleet:
         fleet.send(LONG_WAY)
         await bench.moves()
-        bench.fault("navigator_died")
+        bench.fault("server_died", server="bt_navigator")
         state = await fleet.state(lambda state: failure_of(state) == "NAVIGATION_GONE")
         assert state["driving"], "it rolls out"
         await the_robot_stands(bench)
@@ -51,7 +51,7 @@ async def test_a_robot_whose_navigator_sends_no_feedback_is_stopped(bench: Bench
     async with bench.robot(time_factor=2.0, ros={"navigation": "action"}) as fleet:
         fleet.send(LONG_WAY)
         await bench.moves()
-        bench.fault("navigator_hung")
+        bench.fault("server_hung", server="bt_navigator")
         await fleet.state(lambda state: failure_of(state) == "NAVIGATION_GONE")
         await the_robot_stands(bench)
 
@@ -65,7 +65,7 @@ async def test_a_stop_without_a_navigator_is_finished_when_the_robot_stands(
     async with bench.robot(time_factor=2.0, ros={"navigation": navigation}) as fleet:
         fleet.send(LONG_WAY)
         await bench.moves()
-        bench.fault(fault)
+        bench.fault(fault, server="bt_navigator")
         fleet.instant(action("a", "NONE", request_type))
         state = await fleet.state(lambda state: status_of(state, "a") in ("FINISHED", "FAILED"))
         assert status_of(state, "a") == "FINISHED"
@@ -82,7 +82,7 @@ async def test_a_robot_that_does_not_stop_is_told_as_driving_and_asks_for_a_pers
         bench.fault("controller_deaf")
         fleet.send(LONG_WAY)
         await bench.moves()
-        bench.fault(fault)
+        bench.fault(fault, server="bt_navigator")
         fleet.instant(action("c", "NONE", "cancelOrder"))
         state = await fleet.state(lambda state: status_of(state, "c") in ("FINISHED", "FAILED"))
         assert status_of(state, "c") == "FAILED"

@@ -1,0 +1,92 @@
+"""What nav2_simple_commander's BasicNavigator does, call by call, without a line of it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from action_msgs.msg import GoalStatus
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from lifecycle_msgs.srv import ChangeState, GetState
+from rclpy.action import ActionClient
+
+from nena_robot_simulator.action_server import action_types
+from nena_robot_simulator.goals import Action
+from support.action_client import answer_of
+from support.ros import LATCHED, Inbox, RosPeer
+from support.simulator import goal, initial_pose
+from support.waiting import wait_until
+
+ATTEMPT = 1.0
+"""Seconds between two attempts to set the initial pose."""
+
+
+class SimpleCommander:
+    """One goal at a time, asked again and again whether it has ended."""
+
+    def __init__(self, peer: RosPeer, *, start: tuple[float, float] = (0.0, 0.0)) -> None:
+        self._peer = peer
+        self._start = start
+        self._types = action_types()
+        self._clients = {each: ActionClient(peer.node, self._types[each], each.value) for each in Action}
+        self._poses = peer.subscribe(PoseWithCovarianceStamped, "amcl_pose", LATCHED)
+        self._initial = peer.node.create_publisher(PoseWithCovarianceStamped, "initialpose", 10)
+        self._handle: Any = None
+        self._result: Any = None
+        self.feedback: Inbox[Any] = Inbox()
+
+    def wait_until_nav2_active(self, navigator: str = "bt_navigator", localizer: str = "amcl") -> None:
+        """Wait for the localiser, give it a pose until it answers, wait for the navigator."""
+        self._wait_for_node_to_activate(localizer)
+        self._wait_for_initial_pose()
+        self._wait_for_node_to_activate(navigator)
+
+    def go_to_pose(self, x: float, y: float) -> bool:
+        request = self._types[Action.TO_POSE].Goal(pose=goal(x, y))
+        return self._go(Action.TO_POSE, request)
+
+    def go_through_poses(self, *places: tuple[float, float]) -> bool:
+        request = self._types[Action.THROUGH_POSES].Goal(poses=[goal(x, y) for x, y in places])
+        return self._go(Action.THROUGH_POSES, request)
+
+    def is_task_complete(self) -> bool:
+        return bool(self._result is None or self._result.done())
+
+    def cancel_task(self) -> None:
+        answer_of(self._handle.cancel_goal_async())
+
+    def result(self) -> str:
+        """Return what getResult() would, by its name."""
+        names = {
+            GoalStatus.STATUS_SUCCEEDED: "SUCCEEDED",
+            GoalStatus.STATUS_ABORTED: "FAILED",
+            GoalStatus.STATUS_CANCELED: "CANCELED",
+        }
+        return names.get(answer_of(self._result).status, "UNKNOWN")
+
+    def change_state(self, server: str, transition: int) -> bool:
+        """Do what lifecycleStartup and lifecycleShutdown have the managers do."""
+        request = ChangeState.Request()
+        request.transition.id = transition
+        client = self._peer.client(ChangeState, f"{server}/change_state")
+        return bool(self._peer.call(client, request).success)
+
+    def _wait_for_node_to_activate(self, name: str) -> None:
+        client = self._peer.client(GetState, f"{name}/get_state")
+        wait_until(
+            lambda: self._peer.call(client, GetState.Request()).current_state.label == "active",
+            what=f"{name} active",
+        )
+
+    def _wait_for_initial_pose(self) -> None:
+        while not self._poses.messages:
+            self._initial.publish(initial_pose(*self._start))
+            self._poses.stays_silent(ATTEMPT)
+
+    def _go(self, action: Action, request: Any) -> bool:
+        client = self._clients[action]
+        wait_until(client.server_is_ready, what=f"the server of {action}")
+        self._handle = answer_of(
+            client.send_goal_async(request, lambda told: self.feedback.add(told.feedback))
+        )
+        self._result = self._handle.get_result_async() if self._handle.accepted else None
+        return bool(self._handle.accepted)
