@@ -73,6 +73,11 @@ class Bench:
         before = [each for each in self._odometry.messages if _time_of(each) <= told]
         return abs(float(before[-1].twist.twist.linear.x))
 
+    def speeds(self, start: float, end: float) -> list[float]:
+        """Return how fast the robot was between two places of its way by its odometry: m, m/s."""
+        found = self._odometry.messages
+        return [each.twist.twist.linear.x for each in found if start < each.pose.pose.position.x < end]
+
     @property
     def places(self) -> list[float]:
         """Where the robot has been by its odometry: x, m."""

@@ -17,6 +17,7 @@ from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.actions.settings import OperationSettings
 from nena_edge_agent.factsheet import braking_distance, make_capabilities, make_factsheet
 from nena_edge_agent.loopback.control import SimulationControl
+from nena_edge_agent.nav2.offers import Nav2Offers
 from nena_edge_agent.protocol.capabilities import Capabilities
 from nena_edge_agent.protocol.instant_actions import MESSAGE_LIMIT
 from nena_edge_agent.protocol.zone_sets import ZONES_IN_A_SET
@@ -276,8 +277,17 @@ def test_it_goes_by_the_rules_of_its_version(version: str) -> None:
 
 
 @pytest.mark.parametrize(("driver", "limits"), [("loopback", True), ("nav2", False)])
-def test_only_the_loopback_robot_takes_limits_of_speed(driver: str, *, limits: bool) -> None:
+def test_a_robot_with_nav2_takes_no_limits_of_speed_without_its_types(driver: str, *, limits: bool) -> None:
     assert capabilities(driver=driver).limits_speed is limits
+
+
+@pytest.mark.clause("7.3/speed")
+def test_a_limit_of_speed_is_listed_where_nav2_takes_it() -> None:
+    settings = EdgeAgentSettings()
+    known = make_capabilities(settings, ActionRegistry([Wait()]), Nav2Offers(limits_speed=True))
+    sheet = make_factsheet(HEADER, settings, known)
+    listed = {each.parameter for each in sheet.protocol_features.optional_parameters}
+    assert "order.edges.maximumSpeed" in listed
 
 
 def test_it_has_its_own_actions_beside_those_of_the_standard() -> None:

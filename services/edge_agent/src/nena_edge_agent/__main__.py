@@ -23,6 +23,7 @@ from nena_edge_agent.loopback.actions import ChargingWatch, simulated_actions
 from nena_edge_agent.loopback.control import ControlApi, SimulationControl
 from nena_edge_agent.map_store import MapStore, map_store
 from nena_edge_agent.nav2.map_image import MapWatch
+from nena_edge_agent.nav2.offers import NO_OFFERS, nav2_offers
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import Clock, SystemClock
 from nena_shared.log import get_logger
@@ -75,6 +76,7 @@ def _agent_maker(
     switch = session_switch(settings.ros, journal, robot)
     map_watch = MapWatch.of(settings)
     extensions = (ros, map_watch) if ros else ()
+    offers = nav2_offers(settings.ros) if ros else NO_OFFERS
     driver = driver_maker(settings, index, clock, control, switch, extensions=extensions)
     store = map_store(settings, robot)
     context = PluginContext(robot, ports.drive, ros)
@@ -84,7 +86,7 @@ def _agent_maker(
         agent = RobotAgent(
             settings,
             robot.serial_number,
-            Equipment(ports.joined(driver), registry, store.maps if store else ()),
+            Equipment(ports.joined(driver), registry, store.maps if store else (), offers),
             clock=clock,
         )
         control.cut_link = agent.cut_link

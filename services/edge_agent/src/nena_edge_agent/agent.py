@@ -18,6 +18,7 @@ from nena_edge_agent.driver.port import DriveFailed, DriveFailure, DriveGoal, Dr
 from nena_edge_agent.factsheet import make_capabilities
 from nena_edge_agent.journal import Journal, Recorder, check_frame, read_journal
 from nena_edge_agent.messages import Inbox, RobotMessages, client_id_of
+from nena_edge_agent.nav2.offers import NO_OFFERS, Nav2Offers
 from nena_edge_agent.protocol.conditions import journal_lost
 from nena_edge_agent.protocol.errors import error_key
 from nena_edge_agent.protocol.events import (
@@ -75,11 +76,12 @@ DriverMaker = Callable[[Callable[[Event], None], Pose | None], Driver]
 
 @dataclass(frozen=True, slots=True)
 class Equipment:
-    """What a robot works with: its driver, its actions and the maps on it."""
+    """What a robot works with: its driver, its actions, the maps on it, and what Nav2 offers it."""
 
     make_driver: DriverMaker
     registry: ActionRegistry
     maps: tuple[Map, ...] = ()
+    offers: Nav2Offers = NO_OFFERS
 
 
 class RobotAgent:
@@ -105,7 +107,7 @@ class RobotAgent:
         self.robot = RobotKey(settings.manufacturer, serial_number)
         self._log = log.bind(robot=str(self.robot))
         self._registry = registry = equipment.registry
-        self._capabilities = make_capabilities(settings, registry)
+        self._capabilities = make_capabilities(settings, registry, equipment.offers)
         journal = make_journal(settings.journal.folder, self.robot) if settings.journal.enabled else None
         memory, self._journal_loss = read_journal(journal)
         check_frame(memory, self._capabilities.frame)

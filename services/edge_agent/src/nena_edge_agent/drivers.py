@@ -11,7 +11,9 @@ from nena_edge_agent.driver.plant_frame import PlantFrame, PlantFrameDriver
 from nena_edge_agent.driver.port import Driver, Emit, Pose
 from nena_edge_agent.loopback.control import SimulationControl
 from nena_edge_agent.loopback.driver import LoopbackDriver
+from nena_edge_agent.nav2.offers import nav2_offers
 from nena_edge_agent.nav2.session_control import NodeExtension
+from nena_edge_agent.nav2.speed_limit import SpeedLimiter
 from nena_edge_agent.protocol.events import Event
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import Clock
@@ -68,9 +70,11 @@ def _nav2(
 
     def make(emit: Emit, _: Pose | None) -> Driver:
         def make_on_map(emit_on_map: MapEmit) -> MapDriver:
-            driver = Nav2Driver(
-                switch.address.applied(settings.ros), settings.map_id, emit_on_map, clock, extensions
-            )
+            limiter = None
+            if nav2_offers(settings.ros).limits_speed:
+                limiter = SpeedLimiter(settings.ros.names.speed_limit, settings.description.maximum_speed)
+            ros = switch.address.applied(settings.ros)
+            driver = Nav2Driver(ros, settings.map_id, emit_on_map, clock, extensions, limiter=limiter)
             switch.attach(driver.session)
             return driver
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from nena_edge_agent.actions.registry import ActionRegistry
+from nena_edge_agent.nav2.offers import NO_OFFERS, Nav2Offers
 from nena_edge_agent.protocol.capabilities import Capabilities, supported
 from nena_edge_agent.protocol.declaration import ActionDeclaration, Parameter, supported_actions
 from nena_edge_agent.protocol.geometry import Footprint
@@ -46,8 +47,10 @@ def braking_distance(description: DescriptionSettings) -> float:
     return speed * 0.5 + (speed * speed / (2 * deceleration) if deceleration else 0.0)
 
 
-def make_capabilities(settings: EdgeAgentSettings, registry: ActionRegistry) -> Capabilities:
-    """Return the core what it needs to know of the settings."""
+def make_capabilities(
+    settings: EdgeAgentSettings, registry: ActionRegistry, offers: Nav2Offers = NO_OFFERS
+) -> Capabilities:
+    """Return what the core needs to know of the settings and of what Nav2 offers."""
     drive, goals = settings.drive, settings.ros.goals
     by_nav2 = settings.driver == "nav2"
     return Capabilities(
@@ -55,7 +58,7 @@ def make_capabilities(settings: EdgeAgentSettings, registry: ActionRegistry) -> 
         map_version=settings.map_version,
         actions=supported_actions(registry.declarations, RULES[settings.version]),
         maximum_speed=settings.description.maximum_speed,
-        limits_speed=settings.driver == "loopback",  # Nav2 takes no limit by its topics
+        limits_speed=offers.limits_speed if by_nav2 else True,
         default_deviation_xy=drive.deviation_xy,
         default_deviation_theta=drive.deviation_theta,
         strategy=drive.strategy,

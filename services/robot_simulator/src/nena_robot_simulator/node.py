@@ -29,6 +29,7 @@ from nena_robot_simulator.faults import disturbed
 from nena_robot_simulator.goals import Action, GoalEntry, Snapshot
 from nena_robot_simulator.motion import GridMap, Pose
 from nena_robot_simulator.navigator import Goal
+from nena_robot_simulator.offers import Offers
 from nena_robot_simulator.robot import Robot
 from nena_robot_simulator.server_endpoints import ServerEndpoints
 from nena_robot_simulator.servers import Server, parameters
@@ -96,6 +97,8 @@ class RobotNode:
         self._odom = self._session.publisher(Odometry, "odom", BEST_EFFORT)
         self._session.subscribe(String, "simulator/fault", self._on_fault, FAULTS)
         self._make_timers()
+        if simulator.actions:
+            Offers(self._session, self._robot)
         for fault in (*simulator.faults, *settings.faults):
             self._apply(fault)
         self._show_servers()

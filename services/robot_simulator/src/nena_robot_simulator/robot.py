@@ -76,7 +76,7 @@ class Robot:
         self._hall = hall
         self._time_factor = simulator.time_factor
         self._noise = noise
-        self._limits = Limits(**settings.drive.model_dump())
+        self._own_limits = self._limits = Limits(**settings.drive.model_dump())
         self._navigators = {action: self._navigator(action, simulator.result_timeout) for action in Action}
         self._localisation = Localisation(
             known=settings.localisation.known_at_start,
@@ -176,6 +176,12 @@ class Robot:
             recoveries=recoveries,
             places_left=self._places_told,
         )
+
+    def limit_speed(self, limit: float, *, percentage: bool) -> None:
+        """Drive with ``limit`` in m/s or percent of the own speed; 0: with the own speed again."""
+        own = self._own_limits.speed
+        speed = own * limit / 100.0 if percentage else limit
+        self._limits = replace(self._own_limits, speed=speed or own)
 
     def take_initial_pose(self, pose: Pose) -> None:
         """Move the robot to ``pose``, in truth and in its estimate."""

@@ -21,6 +21,7 @@ from nena_edge_agent.driver.map_port import (
     MapPose,
 )
 from nena_edge_agent.driver.port import (
+    Arrived,
     BlockedReport,
     DriveFailed,
     DriveFailure,
@@ -53,6 +54,7 @@ from nena_edge_agent.nav2.session_control import (
     prepare_environment,
 )
 from nena_edge_agent.nav2.settings import RosAddress, RosSettings
+from nena_edge_agent.nav2.speed_limit import SpeedLimiter
 from nena_shared.clock import Clock
 from nena_shared.log import get_logger
 from nena_shared.program import StartError
@@ -78,9 +80,13 @@ class Nav2Driver:
         emit: MapEmit,
         clock: Clock,
         extensions: Sequence[NodeExtension] = (),
+        *,
+        limiter: SpeedLimiter | None = None,
     ) -> None:
         self._settings = settings
         self._extensions = extensions
+        self._limiter = limiter
+        self._too_fast = ""
         self._map_id = map_id
         self._emit = emit
         self._clock = clock
@@ -145,12 +151,20 @@ class Nav2Driver:
 
     def reclaim(self, goals: MapOwnGoals) -> None:
         """Go on with a goal of an earlier run, where Nav2 still drives to it."""
+        if self._limiter is not None:
+            self._limiter.reclaim()
         self._tracker.reclaim(goals)
 
     def go_to(self, goal: MapGoal) -> None:
         """Drive to ``goal``; while another one is driven, it is replaced without a stop."""
         now = self._clock.monotonic()
         problem = impossible(goal.pose, self._map_id)
+        if self._limiter is not None:
+            if reason := self._limiter.problem(goal.maximum_speed):
+                self._too_fast = reason
+                self._tell_navigation(NavigationReport(available=False, reason=reason))
+                return
+            self._limiter.for_goal(goal.maximum_speed)
         if problem is None:
             self._apply(self._tracker.go_to(goal, now))
         else:
@@ -159,11 +173,14 @@ class Nav2Driver:
 
     def halt(self) -> None:
         """Cancel what is driven; answered by ``Halted`` once the robot stands."""
+        self._too_fast = ""
         self._halted.clear()
         self._apply(self._tracker.halt(self._clock.monotonic()))
 
     def limit_speed(self, speed: float | None) -> None:
-        """Do nothing: Nav2 takes no limit by its topics, and the factsheet says so."""
+        """Have Nav2's controller obey a limit, m/s; asked only where it takes one."""
+        if self._limiter is not None:
+            self._limiter.for_place(speed)
 
     def initialize_position(self, pose: MapPose) -> None:
         """Report the localisation where the robot is.
@@ -196,7 +213,8 @@ class Nav2Driver:
             self._on_battery,
             self._on_plan,
         )
-        extensions = (*self._extensions, *self._action.new_client(self._settings))
+        own = (self._limiter,) if self._limiter is not None else ()
+        extensions = (*self._extensions, *own, *self._action.new_client(self._settings))
         node = Nav2Node(self._settings, listeners, extensions)
         await node.start(self._on_failure)
         self._node = node
@@ -244,14 +262,29 @@ class Nav2Driver:
                 seen = await self._node.presence()
                 seen = replace(seen, action=self._action.look())
                 report = presence.judge(seen, self._settings, pose_known=self._localisation.known)
+                report = self._with_limits(report)
                 self._on_navigation(seen.servers, report)
                 self._watch_drive()
         await asyncio.sleep(self._settings.watch_period)
+
+    def _with_limits(self, report: NavigationReport) -> NavigationReport:
+        """Wait for a controller that takes limits where the next goal has one."""
+        if self._limiter is None:
+            return report
+        self._limiter.look()
+        if self._limiter.listened:
+            self._too_fast = ""
+        if not report.available or not self._too_fast:
+            return report
+        return NavigationReport(available=False, reason=self._too_fast)
 
     def _on_navigation(self, servers: frozenset[str], report: NavigationReport) -> None:
         now = self._clock.monotonic()
         self._apply(self._tracker.on_servers(servers, now))
         self._apply(self._tracker.on_navigation(report, now))
+        self._tell_navigation(report)
+
+    def _tell_navigation(self, report: NavigationReport) -> None:
         if report != self._navigation:
             self._navigation = report
             self._log.info("navigation", available=report.available, reason=report.reason)
@@ -407,4 +440,13 @@ class Nav2Driver:
     def _tell(self, event: MapDriverEvent) -> None:
         if isinstance(event, Halted):
             self._halted.set()
+        if self._limiter is not None and _ends(event):
+            self._limiter.for_goal(None)
         self._loop.call_soon(self._emit, event)
+
+
+def _ends(event: MapDriverEvent) -> bool:
+    """Return whether the robot drives to no goal of ours any more, and the limit of the last one is over."""
+    if isinstance(event, DriveFailed):
+        return event.failure is not DriveFailure.NAVIGATION_GONE  # the controller may drive on
+    return isinstance(event, Arrived | Halted)

@@ -98,6 +98,7 @@ class RosNames(SettingsGroup):
     )
 
     through_poses: RosName = Field("navigate_through_poses", description="Nav2's action for several poses.")
+    speed_limit: RosName = Field("speed_limit", description="Topic of the controller's speed limit.")
 
     motions: tuple[RosName, ...] = Field(
         (
@@ -197,6 +198,16 @@ class LocalisationSettings(SettingsGroup):
     )
 
 
+class OfferSettings(SettingsGroup):
+    """What of Nav2 is used where this machine has the types for it, nav2_msgs."""
+
+    speed_limit: bool = Field(
+        default=True,
+        description="Obey maximumSpeed of edges and SPEED_LIMIT zones by Nav2's topic speed_limit. "
+        "description.maximum_speed must be the controller's own speed.",
+    )
+
+
 class RosSettings(SettingsGroup):
     """The robot's ROS side."""
 
@@ -228,6 +239,9 @@ class RosSettings(SettingsGroup):
     goals: GoalSettings = Field(default_factory=GoalSettings, description="Goals.")
     localisation: LocalisationSettings = Field(
         default_factory=LocalisationSettings, description="Initial position and limits of a localised pose."
+    )
+    nav2: OfferSettings = Field(
+        default_factory=OfferSettings, description="What of Nav2 is used where nav2_msgs is available."
     )
     watch_period: Seconds = Field(1.0, description="Interval between checks for Nav2, seconds.")
     call_timeout: Seconds = Field(1.0, description="Timeout of ROS services, seconds.")

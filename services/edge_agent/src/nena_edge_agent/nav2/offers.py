@@ -1,0 +1,40 @@
+"""What Nav2 offers beside driving, as far as this machine has the types for it.
+
+A robot's ROS installation has ``nav2_msgs`` as a rule; the agent works without.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+from nena_edge_agent.nav2.session_control import prepare_environment
+from nena_edge_agent.nav2.settings import RosSettings
+
+SPEED_LIMIT = "nav2_msgs/msg/SpeedLimit"
+
+
+def interface(name: str) -> Any | None:  # noqa: ANN401 - rclpy carries no types
+    """Return the type of a name such as ``nav2_msgs/msg/SpeedLimit``; None where it is not installed."""
+    prepare_environment()
+    package, kind, type_name = name.split("/")
+    try:
+        return getattr(import_module(f"{package}.{kind}"), type_name, None)
+    except ImportError:
+        return None
+
+
+@dataclass(frozen=True, slots=True)
+class Nav2Offers:
+    """What the robot can do by Nav2, for its factsheet; ``limits_speed``: it obeys limits of its speed."""
+
+    limits_speed: bool = False
+
+
+NO_OFFERS = Nav2Offers()
+
+
+def nav2_offers(settings: RosSettings) -> Nav2Offers:
+    """Return what the settings want and this machine has the types for."""
+    return Nav2Offers(limits_speed=settings.nav2.speed_limit and interface(SPEED_LIMIT) is not None)

@@ -1,0 +1,112 @@
+"""Limits of the robot's speed, which Nav2's controller takes by a topic (nav2_msgs/SpeedLimit)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from nena_edge_agent.driver.port import SessionState
+from nena_edge_agent.nav2.offers import SPEED_LIMIT, interface
+from nena_shared.log import get_logger
+
+if TYPE_CHECKING:
+    from nena_edge_agent.nav2.session import RosSession
+
+log = get_logger(__name__)
+
+NO_LIMIT = 0.0
+"""What a message says to take a limit back."""
+SLOWEST = 0.01
+"""Lowest limit that is sent, m/s: 0 would take it back."""
+
+
+class SpeedLimiter:
+    """Sends the lower one of two limits to the controller: that of the goal, and that of the place.
+
+    Nav2 takes a limit above its own speed for its speed, so that such a limit is not sent. The topic is not
+    latched: a controller that appears is told. After a restart of the agent nothing is sent as long as Nav2
+    may still drive to a goal of the earlier run, which has a limit that only the next goal names.
+    """
+
+    def __init__(self, topic: str, own_speed: float) -> None:
+        """Prepare; ``own_speed`` is the controller's own, m/s."""
+        self._topic = topic
+        self._own_speed = own_speed
+        self._of_goal: float | None = None
+        self._of_place: float | None = None
+        self._reclaimed = False
+        self._listeners: frozenset[bytes] = frozenset()
+        self._sent: float | None = None
+        self._session: RosSession | None = None
+        self._node: Any = None
+        self._publisher: Any = None
+        self._kind: Any = None
+
+    def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401 - rclpy carries no types
+        """Publish on a new node from now on."""
+        from nena_edge_agent.nav2.node import NO_EVENTS, RELIABLE  # noqa: PLC0415 - needs rclpy
+
+        kind = interface(SPEED_LIMIT)
+        self._publisher = node.create_publisher(kind, self._topic, RELIABLE, event_callbacks=NO_EVENTS)
+        self._session, self._node, self._kind = session, node, kind
+        self._listeners, self._sent = frozenset(), None
+
+    @property
+    def limit(self) -> float:
+        """The limit that holds, m/s; 0: none."""
+        limits = [each for each in (self._of_goal, self._of_place) if each is not None]
+        lowest = min(limits, default=self._own_speed)
+        return NO_LIMIT if lowest >= self._own_speed else max(lowest, SLOWEST)
+
+    def reclaim(self) -> None:
+        """Leave the limit as it is until the next goal or the end of all goals."""
+        self._reclaimed = True
+
+    def problem(self, goal_limit: float | None) -> str:
+        """Return why the robot would be too fast for a goal with this limit; empty: it would not."""
+        too_fast = goal_limit is not None and goal_limit < self._own_speed
+        if not too_fast or self.listened:
+            return ""
+        return (
+            f"no node listens to {self._topic}, and the next goal has a limit of {goal_limit:g} m/s: "
+            "does controller_server run?"
+        )
+
+    def for_goal(self, limit: float | None) -> None:
+        """Take the limit of the goal that is given now, m/s; None: it has none."""
+        self._of_goal, self._reclaimed = limit, False
+        self._send()
+
+    def for_place(self, limit: float | None) -> None:
+        """Take the limit of where the robot is or will be soon, m/s; None: there is none."""
+        self._of_place = limit
+        self._send()
+
+    def look(self) -> None:
+        """Tell a controller that has appeared since the last look."""
+        if self._session is None or not self._active:
+            return
+        found = self._node.get_subscriptions_info_by_topic(self._topic)
+        listeners = frozenset(bytes(each.endpoint_gid) for each in found)
+        if listeners - self._listeners:
+            self._sent = None
+        self._listeners = listeners
+        self._send()
+
+    @property
+    def _active(self) -> bool:
+        return self._session is not None and self._session.state is SessionState.ACTIVE
+
+    @property
+    def listened(self) -> bool:
+        """Whether a controller takes limits."""
+        return self._active and self._publisher.get_subscription_count() > 0
+
+    def _send(self) -> None:
+        limit = self.limit
+        if self._reclaimed or limit == self._sent or not self.listened:
+            return
+        self._sent = limit
+        message = self._kind()
+        message.percentage, message.speed_limit = False, float(limit)
+        self._publisher.publish(message)
+        log.info("speed limit", limit=limit or None)

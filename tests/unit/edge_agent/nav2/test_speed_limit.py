@@ -1,0 +1,100 @@
+"""Which limit Nav2's controller gets, and when it is sent."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from nena_edge_agent.driver.port import SessionState
+from nena_edge_agent.nav2.speed_limit import SLOWEST, SpeedLimiter
+
+OWN = 1.0
+
+
+class Controller:
+    """A node with one publisher, and those who listen to it."""
+
+    def __init__(self) -> None:
+        self.sent: list[float] = []
+        self.listeners: list[bytes] = [b"controller"]
+
+    def create_publisher(self, *_: Any, **__: Any) -> Any:
+        return SimpleNamespace(
+            get_subscription_count=lambda: len(self.listeners),
+            publish=lambda message: self.sent.append(message.speed_limit),
+        )
+
+    def get_subscriptions_info_by_topic(self, _topic: str) -> list[Any]:
+        return [SimpleNamespace(endpoint_gid=each) for each in self.listeners]
+
+
+@pytest.fixture
+def controller() -> Controller:
+    return Controller()
+
+
+@pytest.fixture
+def limiter(controller: Controller, monkeypatch: pytest.MonkeyPatch) -> SpeedLimiter:
+    monkeypatch.setattr("nena_edge_agent.nav2.speed_limit.interface", lambda _name: SimpleNamespace)
+    made = SpeedLimiter("speed_limit", OWN)
+    made.enter(SimpleNamespace(state=SessionState.ACTIVE), controller)  # type: ignore[arg-type]
+    return made
+
+
+pytestmark = pytest.mark.ros
+
+
+def test_the_lower_one_of_two_limits_holds(limiter: SpeedLimiter, controller: Controller) -> None:
+    limiter.for_goal(0.5)
+    limiter.for_place(0.3)
+    limiter.for_place(None)
+    limiter.for_goal(None)
+    assert controller.sent == [0.5, 0.3, 0.5, 0.0]
+
+
+@pytest.mark.parametrize("limit", [OWN, 2.0])
+def test_a_limit_above_the_own_speed_would_make_the_robot_faster_and_is_none(
+    limiter: SpeedLimiter, controller: Controller, limit: float
+) -> None:
+    limiter.for_goal(limit)
+    assert controller.sent == [0.0]
+
+
+def test_a_limit_of_zero_does_not_take_the_limit_back(limiter: SpeedLimiter, controller: Controller) -> None:
+    limiter.for_place(0.0)
+    assert controller.sent == [SLOWEST]
+
+
+def test_a_controller_that_comes_back_is_told(limiter: SpeedLimiter, controller: Controller) -> None:
+    limiter.look()
+    limiter.for_goal(0.5)
+    limiter.look()
+    assert controller.sent == [0.0, 0.5]
+
+    controller.listeners = [b"another one"]
+    limiter.look()
+    assert controller.sent == [0.0, 0.5, 0.5]
+
+
+def test_a_limit_of_an_earlier_run_stays_until_the_next_goal(
+    limiter: SpeedLimiter, controller: Controller
+) -> None:
+    limiter.reclaim()
+    limiter.look()
+    limiter.for_place(None)
+    assert controller.sent == []
+
+    limiter.for_goal(0.4)
+    assert controller.sent == [0.4]
+
+
+def test_without_a_listener_a_goal_with_a_limit_has_a_problem(
+    limiter: SpeedLimiter, controller: Controller
+) -> None:
+    controller.listeners = []
+    assert "no node listens to speed_limit" in limiter.problem(0.4)
+    assert limiter.problem(None) == limiter.problem(OWN) == ""
+    controller.listeners = [b"controller"]
+    assert limiter.problem(0.4) == ""
