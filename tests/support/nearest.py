@@ -12,7 +12,7 @@ from math import pi
 from typing import Any
 
 from nena_shared.vda5050.base import WireObject
-from nena_shared.vda5050.v2_1.error_type import REJECTIONS, WRITTEN
+from nena_shared.vda5050.v2_1.state import REJECTIONS, WRITTEN
 
 Plain = dict[str, Any]
 

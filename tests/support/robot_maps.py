@@ -6,7 +6,7 @@ from base64 import b64encode
 from typing import Any
 
 from nena_edge_agent.nav2.map_image import occupancy_image
-from nena_shared.fleet_api.plant import SIDE_LIMIT, RobotMap
+from nena_shared.fleet_api.plant import SIDE_LIMIT, MapImage
 
 
 def room(width: int = 40, height: int = 20) -> bytes:
@@ -17,8 +17,8 @@ def room(width: int = 40, height: int = 20) -> bytes:
 
 def robot_map(
     digest: str = "0123456789abcdef", *, width: int = 40, height: int = 20, **fields: Any
-) -> RobotMap:
+) -> MapImage:
     """Make the map of such a room with cells of half a metre, but for ``fields``."""
     png = occupancy_image(room(width, height), width, height, side_limit=SIDE_LIMIT).png
     content = {"map_id": "hall", "resolution": 0.5, "x": 0.0, "y": 0.0, "theta": 0.0, **fields}
-    return RobotMap.model_validate({"digest": digest, "png": b64encode(png), **content})
+    return MapImage.model_validate({"digest": digest, "png": b64encode(png), **content})

@@ -28,7 +28,6 @@ MAY_CANCEL_AND_WAIT = PROJECT / "shared/src/nena_shared/tasks.py"
 SOURCES = tuple(
     chain.from_iterable(PROJECT.glob(each) for each in ("shared/src", "services/*/src", "tools/*/src"))
 )
-SERVICES = tuple(PROJECT.glob("services/*/src"))
 TESTS = PROJECT / "tests"
 
 
@@ -56,10 +55,10 @@ def wide_constructors(module: Path) -> Iterator[str]:
                 yield f"{module}:{node.lineno} takes {len(parameters) - 1}"
 
 
-def classes_of_services() -> dict[str, list[str]]:
-    """Return the modules that define each class, by service and name."""
+def classes() -> dict[str, list[str]]:
+    """Return the modules that define each class, by distribution and name."""
     found: dict[str, list[str]] = defaultdict(list)
-    for folder in SERVICES:
+    for folder in SOURCES:
         for module in modules(folder):
             for node in nodes(module):
                 if isinstance(node, ast.ClassDef):
@@ -121,8 +120,8 @@ def test_constructors_take_few_parameters() -> None:
     ] == []
 
 
-def test_a_class_name_stands_once_in_a_service() -> None:
-    assert {name: places for name, places in classes_of_services().items() if len(places) > 1} == {}
+def test_a_class_name_stands_once_in_a_distribution() -> None:
+    assert {name: places for name, places in classes().items() if len(places) > 1} == {}
 
 
 def test_tests_wait_for_conditions_and_sleep_nowhere() -> None:

@@ -16,7 +16,7 @@ from nena_deploy.identities import Kind
 from nena_deploy.site import Site
 from nena_edge_agent.messages import client_id_of
 from nena_shared.mqtt import Outbound
-from nena_shared.mqtt.tls import tls_context
+from nena_shared.mqtt.identity import tls_context
 from nena_shared.settings import MqttSettings
 from nena_shared.vda5050.topics import RobotKey
 from support.running_site import (

@@ -7,7 +7,7 @@ import json
 from contextlib import suppress
 
 from nena_shared.web.oidc.issuer import BoundedHttp, KeySet, metadata_of, place_of
-from nena_shared.web.oidc.tokens import Header, header_of, verified
+from nena_shared.web.oidc.tokens import TokenHeader, header_of, verified
 from nena_shared.web.oidc.users import IssuerAwayError, TokenRefusedError
 from nena_shared.web.settings import OidcSettings
 from support.damage import damaged_text
@@ -44,7 +44,7 @@ def keys(place: Place) -> Reader:
             for kid in ("rsa-1", "ec-1", None):
                 if key := found.find(kid, algorithm):
                     with suppress(TokenRefusedError):
-                        header = Header(kid, algorithm)
+                        header = TokenHeader(kid, algorithm)
                         verified(token, key, header, issuer=issuer.address, audience=AUDIENCE, leeway=0)
 
     document = json.dumps({"keys": [rsa_key().public, ec_key().public]}).encode()

@@ -48,7 +48,7 @@ from nena_edge_agent.protocol.state import as_recorded
 from nena_edge_agent.queues import Mailbox, Postponed, StateSchedule, VisualizationSchedule
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import Clock
-from nena_shared.fleet_api.plant import RobotMap
+from nena_shared.fleet_api.plant import MapImage
 from nena_shared.log import get_logger
 from nena_shared.mqtt import MqttLink, Outbound
 from nena_shared.tasks import Supervisor, TaskFailedError
@@ -177,7 +177,7 @@ class RobotAgent:
             self._runner.close()
             await self._driver.stop()
 
-    def publish_map(self, found: RobotMap) -> None:
+    def publish_map(self, found: MapImage) -> None:
         """Publish the robot's map retained, now and after each connect."""
         self._map = self._messages.map(found)
         self._link.publish(self._map)

@@ -20,19 +20,19 @@ from nena_edge_agent.protocol.events import (
 )
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import Clock
-from nena_shared.fleet_api.plant import RobotMap, topic_of_map
+from nena_shared.fleet_api.plant import MapImage, topic_of_map
 from nena_shared.log import get_logger
 from nena_shared.mqtt import Handler, Inbound, Outbound
-from nena_shared.mqtt.client_id import private_client_id
+from nena_shared.mqtt.identity import private_client_id
 from nena_shared.settings import MqttSettings
 from nena_shared.vda5050.action import InstantActions
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.codec import Codec
-from nena_shared.vda5050.commands import read_command
 from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.deviations import Deviations
 from nena_shared.vda5050.error import ErrorEntry, ErrorReference, ErrorType, error
 from nena_shared.vda5050.malformed import MalformedMessageError
+from nena_shared.vda5050.message_reader import read_command
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.responses import Responses
 from nena_shared.vda5050.state import State
@@ -149,7 +149,7 @@ class RobotMessages:
         """Make the visualization message (section 6.7), dropped when it is late."""
         return self._outbound(Topic.VISUALIZATION, message, qos=0)
 
-    def map(self, found: RobotMap) -> Outbound:
+    def map(self, found: MapImage) -> Outbound:
         """Make the message with the robot's map, retained."""
         payload = found.model_dump_json(by_alias=True).encode()
         return Outbound(topic_of_map(self._topics, self._robot), payload, retain=True, keep=False)

@@ -11,7 +11,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from nena_shared.clock import Clock
 from nena_shared.fleet_api.epoch import EpochFilter
-from nena_shared.fleet_api.plant import PAYLOAD_LIMIT, RobotMap, robot_of_map, topics_of_maps
+from nena_shared.fleet_api.plant import PAYLOAD_LIMIT, MapImage, robot_of_map, topics_of_maps
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
@@ -185,7 +185,7 @@ class FleetSubscriber:
             problem = f"map of {len(inbound.payload)} bytes exceeds the limit of {PAYLOAD_LIMIT}"
             self._malformed(MessageKind.ROBOT_MAP, inbound.topic, problem, at, key)
             return
-        found = RobotMap.model_validate_json(inbound.payload) if inbound.payload else None
+        found = MapImage.model_validate_json(inbound.payload) if inbound.payload else None
         self._model.on_robot_map(key, found, at)
 
     def _read_plant_model(self, inbound: Inbound, _at: Timestamp) -> None:

@@ -144,7 +144,7 @@ def _png(image: bytes) -> bytes:
     return image
 
 
-class RobotMap(Resource):
+class MapImage(Resource):
     """A map and where it lies: its lower left corner in m and rad in the plant's frame.
 
     The image is black; how opaque it is tells how sure something is there. What is unknown is faint.

@@ -25,6 +25,7 @@ from paho.mqtt.enums import CallbackAPIVersion
 from paho.mqtt.reasoncodes import ReasonCode
 
 from nena_shared.log import get_logger
+from nena_shared.mqtt.identity import tls_context
 from nena_shared.mqtt.message import Inbound, Outbound
 from nena_shared.mqtt.packets import (
     CHUNK,
@@ -34,7 +35,6 @@ from nena_shared.mqtt.packets import (
     acknowledgements,
     publication,
 )
-from nena_shared.mqtt.tls import tls_context
 from nena_shared.settings import MqttSettings
 
 log = get_logger(__name__)

@@ -1,6 +1,6 @@
 """The plant model in openTCS's vocabulary, its importers and the transform between plant and robot maps."""
 
-from nena_shared.plant.errors import ObjectKind, PlantModelError, Problem, UnknownObjectError
+from nena_shared.plant.errors import ObjectKind, PlantModelError, PlantProblem, UnknownObjectError
 from nena_shared.plant.geometry import MapPlace, MapPose, MapTransform, PlantPlace, PlantPose
 from nena_shared.plant.model import (
     NO_OPERATION,
@@ -22,18 +22,18 @@ from nena_shared.plant.track import (
     BACKWARD_SUFFIX,
     BoundingBox,
     ConnectionType,
-    ControlPoint,
     DirectedEdge,
     Envelope,
     ExecutionTrigger,
     LabelLayout,
+    LayoutPoint,
     Orientation,
     Path,
     PathLayout,
     PeripheralOperation,
+    PlantVertex,
     Point,
     PointType,
-    Vertex,
 )
 
 __all__ = [
@@ -44,7 +44,6 @@ __all__ = [
     "BlockType",
     "BoundingBox",
     "ConnectionType",
-    "ControlPoint",
     "DirectedEdge",
     "EnergyThresholds",
     "Envelope",
@@ -52,6 +51,7 @@ __all__ = [
     "LabelLayout",
     "Layer",
     "LayerGroup",
+    "LayoutPoint",
     "Link",
     "Location",
     "LocationLayout",
@@ -68,11 +68,11 @@ __all__ = [
     "PlantModelError",
     "PlantPlace",
     "PlantPose",
+    "PlantProblem",
+    "PlantVertex",
     "Point",
     "PointType",
-    "Problem",
     "UnknownObjectError",
     "Vehicle",
-    "Vertex",
     "VisualLayout",
 ]

@@ -8,13 +8,13 @@ from types import MappingProxyType
 from typing import Final
 
 from nena_shared.plant import property_keys as keys
-from nena_shared.plant.errors import ObjectKind, Problem
+from nena_shared.plant.errors import ObjectKind, PlantProblem
 from nena_shared.plant.geometry import parse_transform
 from nena_shared.plant.model import NO_OPERATION, RECHARGE_OPERATION, PlantModel, transform_texts
 from nena_shared.plant.track import BACKWARD_SUFFIX, PointType
 
 
-def find_errors(model: PlantModel) -> tuple[Problem, ...]:
+def find_errors(model: PlantModel) -> tuple[PlantProblem, ...]:
     """Return all errors that make the model unusable, such as dangling references."""
     return (
         *_name_errors(model),
@@ -24,7 +24,7 @@ def find_errors(model: PlantModel) -> tuple[Problem, ...]:
     )
 
 
-def find_warnings(model: PlantModel) -> tuple[Problem, ...]:
+def find_warnings(model: PlantModel) -> tuple[PlantProblem, ...]:
     """Return all warnings: content that the author probably did not intend."""
     return (
         *_name_warnings(model),
@@ -109,23 +109,23 @@ _REFERENCES: Final[_References] = MappingProxyType(
 )
 
 
-def find_property_warnings(model: PlantModel) -> Iterator[Problem]:
+def find_property_warnings(model: PlantModel) -> Iterator[PlantProblem]:
     """Yield suspicious properties of all objects, and a missing recharge operation."""
     for kind, name, properties in _all_properties(model):
         for key, value in properties.items():
             for code, text in _findings(model, key, value):
-                yield Problem(code, kind, name, text)
+                yield PlantProblem(code, kind, name, text)
     if model.vehicles:
         yield from _recharging(model)
 
 
-def _recharging(model: PlantModel) -> Iterator[Problem]:
+def _recharging(model: PlantModel) -> Iterator[PlantProblem]:
     operations = {operation for each in model.location_types for operation in each.allowed_operations}
     if RECHARGE_OPERATION not in operations:
         similar = sorted(each for each in operations if each.casefold() == RECHARGE_OPERATION.casefold())
         hint = f" ({similar[0]!r} is a different operation: names are case-sensitive)" if similar else ""
         text = f"no location type allows {RECHARGE_OPERATION!r}, so vehicles are never recharged{hint}"
-        yield Problem("NO_RECHARGE_OPERATION", ObjectKind.MODEL, model.name, text)
+        yield PlantProblem("NO_RECHARGE_OPERATION", ObjectKind.MODEL, model.name, text)
 
 
 def _all_properties(model: PlantModel) -> Iterator[tuple[ObjectKind, str, Mapping[str, str]]]:
@@ -188,19 +188,19 @@ def _names(model: PlantModel) -> Iterator[tuple[ObjectKind, str]]:
     yield from ((ObjectKind.VEHICLE, vehicle.name) for vehicle in model.vehicles)
 
 
-def _name_errors(model: PlantModel) -> Iterator[Problem]:
+def _name_errors(model: PlantModel) -> Iterator[PlantProblem]:
     times = Counter(name for _, name in _names(model))
     for kind, name in dict.fromkeys(_names(model)):
         if times[name] > 1:
             text = f"{times[name]} objects have this name; names must be unique over all kinds of objects"
-            yield Problem("DUPLICATE_NAME", kind, name, text)
+            yield PlantProblem("DUPLICATE_NAME", kind, name, text)
     for path in model.paths:
         if path.max_reverse_velocity_mm_s and path.name + BACKWARD_SUFFIX in times:
             text = f"another object has the ID of its backward edge, {path.name + BACKWARD_SUFFIX!r}"
-            yield Problem("DUPLICATE_NAME", ObjectKind.PATH, path.name, text)
+            yield PlantProblem("DUPLICATE_NAME", ObjectKind.PATH, path.name, text)
 
 
-def _reference_errors(model: PlantModel) -> Iterator[Problem]:
+def _reference_errors(model: PlantModel) -> Iterator[PlantProblem]:
     for path in model.paths:
         for end in (path.source, path.destination):
             if end not in model.points_by_name:
@@ -216,70 +216,72 @@ def _reference_errors(model: PlantModel) -> Iterator[Problem]:
                 yield _dangling(ObjectKind.LOCATION, location.name, ObjectKind.POINT, link.point)
 
 
-def _member_errors(model: PlantModel) -> Iterator[Problem]:
+def _member_errors(model: PlantModel) -> Iterator[PlantProblem]:
     resources = {*model.points_by_name, *model.paths_by_name, *model.locations_by_name}
     for block in model.blocks:
         for member in block.members:
             if member not in resources:
                 text = f"member {member!r} is not a point, path or location"
-                yield Problem("UNKNOWN_REFERENCE", ObjectKind.BLOCK, block.name, text)
+                yield PlantProblem("UNKNOWN_REFERENCE", ObjectKind.BLOCK, block.name, text)
 
 
-def _transform_errors(model: PlantModel) -> Iterator[Problem]:
+def _transform_errors(model: PlantModel) -> Iterator[PlantProblem]:
     """Yield invalid map transforms: robots would drive to wrong positions."""
     for map_id, text in transform_texts(model):
         try:
             parse_transform(text)
         except ValueError as error:
             problem = f"invalid transform to map {map_id!r}: {error}"
-            yield Problem("BAD_VALUE", ObjectKind.MODEL, model.name, problem)
+            yield PlantProblem("BAD_VALUE", ObjectKind.MODEL, model.name, problem)
 
 
-def _dangling(kind: ObjectKind, name: str, wanted: ObjectKind, reference: str) -> Problem:
-    return Problem("UNKNOWN_REFERENCE", kind, name, f"refers to unknown {wanted} {reference!r}")
+def _dangling(kind: ObjectKind, name: str, wanted: ObjectKind, reference: str) -> PlantProblem:
+    return PlantProblem("UNKNOWN_REFERENCE", kind, name, f"refers to unknown {wanted} {reference!r}")
 
 
-def _name_warnings(model: PlantModel) -> Iterator[Problem]:
+def _name_warnings(model: PlantModel) -> Iterator[PlantProblem]:
     for kind, name in _names(model):
         if name != name.strip() or not name.isprintable():
             text = "the name has leading or trailing blanks or invisible characters; it is kept unchanged"
-            yield Problem("SUSPICIOUS_NAME", kind, name, text)
+            yield PlantProblem("SUSPICIOUS_NAME", kind, name, text)
 
 
-def _track_warnings(model: PlantModel) -> Iterator[Problem]:
+def _track_warnings(model: PlantModel) -> Iterator[PlantProblem]:
     used = {end for path in model.paths for end in (path.source, path.destination)}
     for point in model.points:
         if point.name not in used:
-            yield Problem("POINT_WITHOUT_PATH", ObjectKind.POINT, point.name, "no path starts or ends here")
+            yield PlantProblem(
+                "POINT_WITHOUT_PATH", ObjectKind.POINT, point.name, "no path starts or ends here"
+            )
     for path in model.paths:
         if path.locked:
-            yield Problem(
+            yield PlantProblem(
                 "PATH_LOCKED", ObjectKind.PATH, path.name, "locked, so no vehicle is routed over it"
             )
         if not any(path.edges()):
             text = "both maximum speeds are 0, so no vehicle can use it"
-            yield Problem("PATH_NOT_DRIVABLE", ObjectKind.PATH, path.name, text)
+            yield PlantProblem("PATH_NOT_DRIVABLE", ObjectKind.PATH, path.name, text)
     if not any(point.type is PointType.PARK_POSITION for point in model.points):
         text = "no PARK_POSITION, so idle vehicles stay where they are"
-        yield Problem("NO_PARK_POSITION", ObjectKind.MODEL, model.name, text)
+        yield PlantProblem("NO_PARK_POSITION", ObjectKind.MODEL, model.name, text)
     if cut_off := disconnected_points(model):
         names = ", ".join(map(repr, cut_off[:_NAMES_SHOWN])) + (" ..." if len(cut_off) > _NAMES_SHOWN else "")
         text = f"not every point is reachable from every other; disconnected: {names}"
-        yield Problem("NOT_STRONGLY_CONNECTED", ObjectKind.MODEL, model.name, text)
+        yield PlantProblem("NOT_STRONGLY_CONNECTED", ObjectKind.MODEL, model.name, text)
 
 
-def _location_warnings(model: PlantModel) -> Iterator[Problem]:
+def _location_warnings(model: PlantModel) -> Iterator[PlantProblem]:
     for location in model.locations:
         kind, name = ObjectKind.LOCATION, location.name
         if not location.links:
             text = "no link, so no vehicle can be sent there (a peripheral device needs none)"
-            yield Problem("LOCATION_WITHOUT_LINK", kind, name, text)
+            yield PlantProblem("LOCATION_WITHOUT_LINK", kind, name, text)
         if location.locked:
-            yield Problem("LOCATION_LOCKED", kind, name, "locked")
+            yield PlantProblem("LOCATION_LOCKED", kind, name, "locked")
         allowed = model.location_type(location.type).allowed_operations
         for link in location.links:
             if unknown := set(link.allowed_operations) - {*allowed, NO_OPERATION}:
                 text = f"the link to {link.point!r} allows {sorted(unknown)}, but the location type does not"
-                yield Problem("OPERATION_NOT_OF_TYPE", kind, name, text)
+                yield PlantProblem("OPERATION_NOT_OF_TYPE", kind, name, text)
         if len({link.point for link in location.links}) < len(location.links):
-            yield Problem("DUPLICATE_LINK", kind, name, "two links to the same point")
+            yield PlantProblem("DUPLICATE_LINK", kind, name, "two links to the same point")

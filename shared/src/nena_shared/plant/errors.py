@@ -22,7 +22,7 @@ class ObjectKind(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Problem:
+class PlantProblem:
     """A finding: a stable code, the object, and a text that explains it."""
 
     code: str
@@ -38,7 +38,7 @@ class Problem:
 class PlantModelError(ValueError):
     """The plant model is invalid; `problems` holds all findings."""
 
-    def __init__(self, problems: Iterable[Problem]) -> None:
+    def __init__(self, problems: Iterable[PlantProblem]) -> None:
         self.problems = tuple(problems)
         lines = "\n".join(f"  {problem}" for problem in self.problems)
         super().__init__(f"The plant model has {len(self.problems)} error(s):\n{lines}")

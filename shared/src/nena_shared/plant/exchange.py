@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from pydantic_core import from_json
 
-from nena_shared.plant.errors import ObjectKind, PlantModelError, Problem
+from nena_shared.plant.errors import ObjectKind, PlantModelError, PlantProblem
 from nena_shared.plant.model import PlantModel
 
 MAX_DEPTH: Final = 200
@@ -47,7 +47,7 @@ def check_size(data: bytes, limits: JsonLimits = JSON_LIMITS) -> None:
 
 def refusal(code: str, text: str) -> PlantModelError:
     """Return the error for a file that cannot be read."""
-    return PlantModelError([Problem(code, ObjectKind.MODEL, "", text)])
+    return PlantModelError([PlantProblem(code, ObjectKind.MODEL, "", text)])
 
 
 @contextmanager
@@ -71,7 +71,7 @@ class ImportReport:
     """A valid plant model with warnings for its author."""
 
     model: PlantModel
-    warnings: tuple[Problem, ...]
+    warnings: tuple[PlantProblem, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,4 +79,4 @@ class ExportReport:
     """Content of a file, with warnings about what its format cannot represent."""
 
     data: bytes
-    warnings: tuple[Problem, ...]
+    warnings: tuple[PlantProblem, ...]

@@ -7,7 +7,7 @@ from pydantic import ValidationError
 from nena_shared.misfits import in_words
 from nena_shared.plant import lif, opentcs_xml
 from nena_shared.plant.checks import find_errors, find_warnings
-from nena_shared.plant.errors import ObjectKind, PlantModelError, Problem
+from nena_shared.plant.errors import ObjectKind, PlantModelError, PlantProblem
 from nena_shared.plant.exchange import ImportReport, check_size, parse_json, paused_collector
 from nena_shared.plant.model import PlantModel
 
@@ -59,8 +59,8 @@ def _json(data: bytes) -> bytes:
     return data.removeprefix(_BYTE_ORDER_MARK).lstrip()
 
 
-def _problems(error: ValidationError) -> tuple[Problem, ...]:
+def _problems(error: ValidationError) -> tuple[PlantProblem, ...]:
     details = error.errors(include_url=False, include_context=False, include_input=False)
     return tuple(
-        Problem("BAD_VALUE", ObjectKind.MODEL, "", each) for each in in_words(details, whole="the model")
+        PlantProblem("BAD_VALUE", ObjectKind.MODEL, "", each) for each in in_words(details, whole="the model")
     )

@@ -21,8 +21,8 @@ from nena_shared.plant.track import (
     Millimetres,
     Path,
     PlantRecord,
+    PlantVertex,
     Point,
-    Vertex,
 )
 
 
@@ -47,7 +47,7 @@ class LocationLayout(LabelLayout):
     """Drawing of a location; `position` is set only if it is drawn away from its model position."""
 
     representation: str | None = None
-    position: Vertex | None = None
+    position: PlantVertex | None = None
 
 
 class Location(PlantRecord):

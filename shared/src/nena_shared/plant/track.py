@@ -33,7 +33,7 @@ FAR_MM: Final = 10**18
 Millimetres = Annotated[int, Field(ge=-FAR_MM, le=FAR_MM)]
 
 
-class Vertex(PlantRecord):
+class PlantVertex(PlantRecord):
     """A vertex of an envelope or a drawn position, mm in the plant frame."""
 
     x_mm: Millimetres
@@ -44,7 +44,7 @@ class Envelope(PlantRecord):
     """Area covered by vehicles with this envelope key; a closed polygon: the last vertex is the first."""
 
     key: str
-    vertices: tuple[Vertex, ...]
+    vertices: tuple[PlantVertex, ...]
 
 
 class BoundingBox(PlantRecord):
@@ -87,7 +87,7 @@ MAX_DEGREE: Final = 16
 """Maximum degree of a trajectory: computing a position costs its square."""
 
 
-class BlockingType(StrEnum):
+class PlantBlockingType(StrEnum):
     """What may run in parallel to an action, as in VDA 5050."""
 
     NONE = "NONE"
@@ -103,7 +103,7 @@ class RequirementType(StrEnum):
     OPTIONAL = "OPTIONAL"
 
 
-class OrientationType(StrEnum):
+class PathOrientationType(StrEnum):
     """Reference of the orientation on a path: its direction or the plant frame."""
 
     TANGENTIAL = "TANGENTIAL"
@@ -119,7 +119,7 @@ class RotationAllowed(StrEnum):
     BOTH = "BOTH"
 
 
-class ActionParameter(PlantRecord):
+class TypeActionParameter(PlantRecord):
     """A fixed parameter of an action; numbers are converted to strings."""
 
     model_config = ConfigDict(coerce_numbers_to_str=True)
@@ -132,10 +132,10 @@ class TypeAction(PlantRecord):
     """An action that is possible or required at a point or on a path."""
 
     action_type: str
-    blocking_type: BlockingType
+    blocking_type: PlantBlockingType
     requirement_type: RequirementType | None = None
     action_description: str | None = None
-    action_parameters: tuple[ActionParameter, ...] = ()
+    action_parameters: tuple[TypeActionParameter, ...] = ()
 
 
 class LoadRestriction(PlantRecord):
@@ -158,7 +158,7 @@ class TrajectoryPoint(PlantRecord):
     weight: float = Field(default=1.0, ge=1 / MOST, le=MOST)
 
 
-class Trajectory(PlantRecord):
+class PathTrajectory(PlantRecord):
     """A NURBS curve from the path's source to its destination."""
 
     degree: int = Field(default=1, ge=1, le=MAX_DEGREE)
@@ -181,7 +181,7 @@ class VehicleTypeOnPath(PlantRecord):
     vehicle_type_id: str
     rotation_allowed: bool
     vehicle_orientation: float | None = None
-    orientation_type: OrientationType = OrientationType.TANGENTIAL
+    orientation_type: PathOrientationType = PathOrientationType.TANGENTIAL
     rotation_at_start_node_allowed: RotationAllowed = RotationAllowed.BOTH
     rotation_at_end_node_allowed: RotationAllowed = RotationAllowed.BOTH
     max_speed: Speed | None = None
@@ -190,13 +190,13 @@ class VehicleTypeOnPath(PlantRecord):
     max_height: Coordinate | None = None
     load_restriction: LoadRestriction | None = None
     actions: tuple[TypeAction, ...] = ()
-    trajectory: Trajectory | None = None
+    trajectory: PathTrajectory | None = None
     reentry_allowed: bool = True
 
     @property
     def is_backward(self) -> bool:
         """Whether vehicles drive here backwards."""
-        tangential = self.orientation_type is OrientationType.TANGENTIAL
+        tangential = self.orientation_type is PathOrientationType.TANGENTIAL
         return tangential and self.vehicle_orientation is not None and cos(self.vehicle_orientation) < 0
 
     def allows(self, *, loaded: bool | None) -> bool:
@@ -285,7 +285,7 @@ class ConnectionType(StrEnum):
     BEZIER_3 = "BEZIER_3"
 
 
-class ControlPoint(PlantRecord):
+class LayoutPoint(PlantRecord):
     """A control point of a drawn path, mm in the plant frame (pixels times the layout's scale)."""
 
     x_mm: float
@@ -299,7 +299,7 @@ class PathLayout(PlantRecord):
     """
 
     connection_type: ConnectionType = ConnectionType.DIRECT
-    control_points: tuple[ControlPoint, ...] = ()
+    control_points: tuple[LayoutPoint, ...] = ()
     layer_id: int = 0
 
 

@@ -1,4 +1,4 @@
-"""Reads what robots send, in the version that each of them speaks, and as tolerantly as is safe."""
+"""Reads messages of robots and fleet controls, repaired where their meaning is certain."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any, TypeVar
+
+from pydantic_core import from_json
 
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.codec import MAXIMUM_PAYLOAD, Codec
@@ -25,6 +27,50 @@ from nena_shared.vda5050.repair import (
 )
 from nena_shared.vda5050.versions import reader_for, reader_of
 
+H = TypeVar("H", bound=Header)
+
+
+def read_command(
+    kind: type[H], codec: Codec, payload: bytes, *, now: datetime
+) -> tuple[H, tuple[Repair, ...]]:
+    """Read a message of a fleet control, repaired where its meaning is certain; return what was repaired.
+
+    Raises:
+        MalformedMessageError: it breaks the standard otherwise.
+
+    """
+    try:
+        return codec.decode(kind, payload), ()
+    except MalformedMessageError:
+        repaired = _repaired_command(kind, codec, payload, now)
+        if repaired is None:
+            raise
+        return repaired
+
+
+def _repaired_command(
+    kind: type[H], codec: Codec, payload: bytes, now: datetime
+) -> tuple[H, tuple[Repair, ...]] | None:
+    found: Repairs = {}
+    form = codec.forms.get(kind)
+    if form is None or len(payload) > MAXIMUM_PAYLOAD:
+        return None
+    try:
+        content = from_json(without_mark(payload, found))
+        if not isinstance(content, dict):
+            return None
+        repair(form, content, found, version=codec.version, now=now, scope=Scope.COMMAND)
+    except (ArithmeticError, ValueError, RecursionError):
+        return None
+    again = written(content) if found else None
+    if again is None:
+        return None
+    try:
+        return codec.decode(kind, again), repairs_of(found)
+    except MalformedMessageError:
+        return None
+
+
 TOPICS_REMEMBERED = 20_000
 
 
@@ -38,7 +84,7 @@ def _ignore(_topic: str, _repairs: tuple[Repair, ...]) -> None:
 
 
 @dataclass(slots=True)
-class _Known:
+class _KnownReader:
     """What the last message of a topic was like."""
 
     version: str
@@ -59,7 +105,7 @@ class MessageReader:
     def __init__(self, report: Report = _ignore, *, strict: bool = False) -> None:
         self._report = report
         self._strict = strict
-        self._known: dict[str, _Known] = {}
+        self._known: dict[str, _KnownReader] = {}
         """By topic."""
 
     def read(self, kind: type[M], topic: str, payload: bytes, major_version: str) -> M:
@@ -95,7 +141,7 @@ class MessageReader:
             if repaired is None:
                 raise
             return repaired
-        self._learn(topic, _Known(message.version, codec, EVERYWHERE))
+        self._learn(topic, _KnownReader(message.version, codec, EVERYWHERE))
         return message
 
     def _repaired(self, kind: type[M], topic: str, payload: bytes, major_version: str) -> M | None:
@@ -124,7 +170,7 @@ class MessageReader:
                 raise
             return None
         if message is not None:
-            self._learn(topic, _Known(message.version, codec, frozenset(path for path, _ in found)))
+            self._learn(topic, _KnownReader(message.version, codec, frozenset(path for path, _ in found)))
             self._report(topic, repairs_of(found))
         return message
 
@@ -150,7 +196,7 @@ class MessageReader:
                     raise
         return None
 
-    def _learn(self, topic: str, known: _Known) -> None:
+    def _learn(self, topic: str, known: _KnownReader) -> None:
         if topic not in self._known and len(self._known) >= TOPICS_REMEMBERED:
             self._known.clear()
         before = self._known.get(topic)
@@ -173,7 +219,7 @@ def _read_repaired(kind: type[M], codec: Codec, content: dict[str, Any]) -> M | 
     return None if again is None else _read(kind, codec, again)
 
 
-def _unknown_version(known: _Known) -> Repair | None:
+def _unknown_version(known: _KnownReader) -> Repair | None:
     """Report a minor version that is not supported, which is read as the nearest one that is."""
     minor, read_as = known.version.split(".")[:2], known.codec.version.split(".")[:2]
     if minor == read_as:

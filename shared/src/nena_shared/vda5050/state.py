@@ -81,8 +81,8 @@ class Map(WireObject):
     map_status: MapStatus
 
 
-class ZoneSetStatus(StrEnum):
-    """Whether a zone set is in use."""
+class RobotZoneSetStatus(StrEnum):
+    """Whether a robot uses a zone set (zoneSetStatus)."""
 
     ENABLED = "ENABLED"
     DISABLED = "DISABLED"
@@ -93,7 +93,7 @@ class ZoneSetState(WireObject):
 
     zone_set_id: Identifier
     map_id: Identifier
-    zone_set_status: ZoneSetStatus
+    zone_set_status: RobotZoneSetStatus
 
 
 class NodeState(WireObject):

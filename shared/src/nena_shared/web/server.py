@@ -74,7 +74,7 @@ def most_connections() -> int:
     return max(allowed - RESERVED_FILES, allowed // 2)
 
 
-class Connection(H11Protocol):
+class HttpConnection(H11Protocol):
     """Speaks HTTP as uvicorn does, with a time limit for heads and bodies; uvicorn alone waits forever."""
 
     release: Callable[[], None] | None = None
@@ -130,7 +130,7 @@ class Listener:
     def __init__(
         self,
         listening: socket.socket,
-        make: Callable[[], Connection],
+        make: Callable[[], HttpConnection],
         *,
         encryption: ssl.SSLContext | None,
         per_address: int | None,
@@ -208,7 +208,7 @@ class Listener:
     async def _begin(self, accepted: socket.socket, network: str) -> None:
         release = partial(self._release, accepted, network)
 
-        def make() -> Connection:
+        def make() -> HttpConnection:
             made = self._make()
             made.release = release
             return made
@@ -256,7 +256,7 @@ class _Server(uvicorn.Server):
         config = self.config
         return Listener(
             listening,
-            lambda: Connection(config, self.server_state, {}),
+            lambda: HttpConnection(config, self.server_state, {}),
             encryption=config.ssl,
             per_address=None if config.proxy_headers else PER_ADDRESS,
         )
@@ -282,7 +282,7 @@ class HttpServer:
         """What answers; another may take its place while the server runs."""
         config = uvicorn.Config(
             self._answer,
-            http=Connection,  # on h11; httptools, where it is there, loses bodies, and heads may have no end
+            http=HttpConnection,  # on h11: httptools loses bodies and does not limit heads
             ws="none",
             interface="asgi3",
             lifespan="off",

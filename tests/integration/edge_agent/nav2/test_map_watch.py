@@ -13,7 +13,7 @@ from nena_edge_agent.nav2.session import RosSession
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_robot_simulator.messages import map_message
 from nena_robot_simulator.motion import GridMap
-from nena_shared.fleet_api.plant import RobotMap
+from nena_shared.fleet_api.plant import MapImage
 from nena_shared.plant.geometry import MapTransform
 from support.robot_maps import room
 from support.simulator import HALL, simulated_robot
@@ -34,7 +34,7 @@ async def watched(watch: MapWatch, domain_id: int) -> AsyncIterator[None]:
 
 
 async def test_the_map_of_a_robot_that_was_there_before(domain_id: int) -> None:
-    told: list[RobotMap] = []
+    told: list[MapImage] = []
     watch = MapWatch("map", "hall", SAME)
     watch.tell = told.append
     with simulated_robot(domain_id):

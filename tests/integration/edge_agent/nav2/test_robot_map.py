@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from nena_shared.fleet_api.plant import RobotMap, topic_of_map
+from nena_shared.fleet_api.plant import MapImage, topic_of_map
 from nena_shared.vda5050.topics import RobotKey, TopicScheme
 from support.broker import Broker, MqttPeer
 from support.edge_agent import MANUFACTURER, SERIAL
@@ -27,6 +27,6 @@ async def test_the_broker_keeps_the_map_for_those_who_come_later(
             await until(lambda: bool(bench.mqtt.received(topic)), what="the map")
     with MqttPeer(broker, topic) as late:
         await until(lambda: bool(late.received(topic)), what="the map that the broker keeps")
-        found = RobotMap.model_validate_json(late.payloads(topic)[0])
+        found = MapImage.model_validate_json(late.payloads(topic)[0])
     assert min(found.size) > 50
     assert found.digest

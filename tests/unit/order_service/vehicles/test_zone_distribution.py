@@ -11,7 +11,7 @@ from nena_order_service.vehicles.zone_sets import (
     ZoneDistribution,
     ZoneStep,
 )
-from nena_shared.vda5050.state import ZoneSetState, ZoneSetStatus
+from nena_shared.vda5050.state import RobotZoneSetStatus, ZoneSetState
 from support.scripted_fleet import key
 from support.zones import zone, zone_set
 
@@ -22,7 +22,7 @@ ROBOT = key("V1")
 
 
 def at_robot(status: str) -> list[ZoneSetState]:
-    return [ZoneSetState(zone_set_id="s1", map_id=SET.map_id, zone_set_status=ZoneSetStatus(status))]
+    return [ZoneSetState(zone_set_id="s1", map_id=SET.map_id, zone_set_status=RobotZoneSetStatus(status))]
 
 
 @pytest.mark.parametrize(

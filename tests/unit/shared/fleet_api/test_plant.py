@@ -13,7 +13,7 @@ from nena_shared.fleet_api import plant
 from nena_shared.fleet_api.plant import (
     PAYLOAD_LIMIT,
     PNG_LIMIT,
-    RobotMap,
+    MapImage,
     png_size,
     robot_of_map,
     topic_of_map,
@@ -54,7 +54,7 @@ def test_no_filter_of_the_standard_reaches_it() -> None:
 def test_a_map_comes_back_as_it_was_sent() -> None:
     sent = robot_maps.robot_map(theta=0.5)
     payload = sent.model_dump_json(by_alias=True)
-    assert RobotMap.model_validate_json(payload) == sent
+    assert MapImage.model_validate_json(payload) == sent
     assert sent.size == (40, 20)
     assert '"mapId":"hall"' in payload
 
@@ -72,7 +72,7 @@ def test_a_map_comes_back_as_it_was_sent() -> None:
 def test_what_is_no_map_is_refused(wrong: dict[str, Any]) -> None:
     content = {**robot_maps.robot_map().model_dump(), **wrong}
     with pytest.raises(ValidationError, match=next(iter(wrong))):
-        RobotMap.model_validate(content)
+        MapImage.model_validate(content)
 
 
 @pytest.mark.parametrize("limit", ["SIDE_LIMIT", "PNG_LIMIT"])

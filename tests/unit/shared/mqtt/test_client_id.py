@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from nena_shared.mqtt.client_id import DIGITS, private_client_id
+from nena_shared.mqtt.identity import DIGITS, private_client_id
 from nena_shared.settings import ConfigurationError, MqttSettings, MqttTlsSettings
 
 

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from nena_shared.mqtt.pauses import Pauses
+from nena_shared.mqtt.link import Pauses
 
 
 def test_pauses_double_up_to_the_longest() -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from nena_shared.mqtt.tls import tls_context
+from nena_shared.mqtt.identity import tls_context
 from nena_shared.settings import ConfigurationError, MqttTlsSettings
 from support.certificates import Authority
 

@@ -1,10 +1,13 @@
 from __future__ import annotations
 
-from nena_shared.plant.errors import ObjectKind, PlantModelError, Problem, UnknownObjectError
+from nena_shared.plant.errors import ObjectKind, PlantModelError, PlantProblem, UnknownObjectError
 
 
 def test_an_error_tells_all_findings_with_their_objects() -> None:
-    problems = [Problem("A", ObjectKind.POINT, "P1", "no"), Problem("B", ObjectKind.PATH, "P2", "not")]
+    problems = [
+        PlantProblem("A", ObjectKind.POINT, "P1", "no"),
+        PlantProblem("B", ObjectKind.PATH, "P2", "not"),
+    ]
 
     error = PlantModelError(iter(problems))
 
@@ -15,7 +18,7 @@ def test_an_error_tells_all_findings_with_their_objects() -> None:
 
 
 def test_a_finding_about_something_without_a_name_leaves_the_name_out() -> None:
-    assert str(Problem("A", ObjectKind.MODEL, "", "no XML")) == "model: no XML [A]"
+    assert str(PlantProblem("A", ObjectKind.MODEL, "", "no XML")) == "model: no XML [A]"
 
 
 def test_an_unknown_name_suggests_those_most_like_it() -> None:

@@ -11,9 +11,9 @@ from nena_shared.plant import (
     Block,
     BoundingBox,
     ConnectionType,
-    ControlPoint,
     EnergyThresholds,
     Envelope,
+    LayoutPoint,
     Link,
     Location,
     LocationLayout,
@@ -22,10 +22,10 @@ from nena_shared.plant import (
     PathLayout,
     PeripheralOperation,
     PlantModel,
+    PlantVertex,
     Point,
     UnknownObjectError,
     Vehicle,
-    Vertex,
 )
 from nena_shared.plant.checks import find_errors, find_warnings
 from nena_shared.plant.geometry import MapTransform, parse_transform
@@ -44,10 +44,11 @@ FULL = PlantModel(
             1521,
             max_reverse_velocity_mm_s=300,
             locked=True,
-            envelopes=(Envelope(key="e", vertices=(Vertex(x_mm=1, y_mm=2),)),),
+            envelopes=(Envelope(key="e", vertices=(PlantVertex(x_mm=1, y_mm=2),)),),
             peripheral_operations=(PeripheralOperation(name="open", location="Door"),),
             layout=PathLayout(
-                connection_type=ConnectionType.POLYPATH, control_points=(ControlPoint(x_mm=1.25, y_mm=-0.1),)
+                connection_type=ConnectionType.POLYPATH,
+                control_points=(LayoutPoint(x_mm=1.25, y_mm=-0.1),),
             ),
         ),
     ),
@@ -57,7 +58,7 @@ FULL = PlantModel(
             name="L ",
             type="T",
             links=(Link(point="A", allowed_operations=("Load", "Paint")), Link(point="B")),
-            layout=LocationLayout(representation="NONE", position=Vertex(x_mm=5, y_mm=6)),
+            layout=LocationLayout(representation="NONE", position=PlantVertex(x_mm=5, y_mm=6)),
         ),
         Location(name="Door", type="T"),
     ),

@@ -11,7 +11,7 @@ from nena_shared.plant import BACKWARD_SUFFIX, Orientation
 from nena_shared.plant.track import (
     BoundingBox,
     LoadRestriction,
-    OrientationType,
+    PathOrientationType,
     Point,
     VehicleTypeAtPoint,
     VehicleTypeOnPath,
@@ -113,15 +113,15 @@ def test_the_map_is_a_property() -> None:
 @pytest.mark.parametrize(
     ("orientation", "kind", "backward"),
     [
-        (None, OrientationType.TANGENTIAL, False),
-        (0.0, OrientationType.TANGENTIAL, False),
-        (pi, OrientationType.TANGENTIAL, True),
-        (pi / 4, OrientationType.TANGENTIAL, False),
-        (pi, OrientationType.GLOBAL, False),
+        (None, PathOrientationType.TANGENTIAL, False),
+        (0.0, PathOrientationType.TANGENTIAL, False),
+        (pi, PathOrientationType.TANGENTIAL, True),
+        (pi / 4, PathOrientationType.TANGENTIAL, False),
+        (pi, PathOrientationType.GLOBAL, False),
     ],
 )
 def test_who_looks_against_the_direction_of_the_path_drives_backward(
-    orientation: float | None, kind: OrientationType, *, backward: bool
+    orientation: float | None, kind: PathOrientationType, *, backward: bool
 ) -> None:
     use = VehicleTypeOnPath(
         vehicle_type_id="t", rotation_allowed=True, vehicle_orientation=orientation, orientation_type=kind

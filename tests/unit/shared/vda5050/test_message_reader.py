@@ -7,9 +7,8 @@ from typing import Any
 import pytest
 
 from nena_shared.vda5050 import message_reader as reader
-from nena_shared.vda5050.commands import read_command
 from nena_shared.vda5050.malformed import MalformedMessageError
-from nena_shared.vda5050.message_reader import MessageReader
+from nena_shared.vda5050.message_reader import MessageReader, read_command
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.repair import Repair, RepairKind
 from nena_shared.vda5050.state import State

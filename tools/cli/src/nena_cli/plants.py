@@ -20,7 +20,7 @@ from rich.text import Text
 from nena_cli.output import echo, fail, print_json
 from nena_cli.service import Service, of_service
 from nena_shared.fleet_api.operations import CHANGE_PLANT
-from nena_shared.plant import PlantModel, PlantModelError, Problem, files, lif, opentcs_xml
+from nena_shared.plant import PlantModel, PlantModelError, PlantProblem, files, lif, opentcs_xml
 from nena_shared.plant.exchange import JSON_LIMITS
 from nena_shared.plant.files import PlantFormat
 
@@ -31,7 +31,7 @@ STANDARD_STREAM = "-"
 class Finding:
     """A problem of a plant model file, as an error or a warning."""
 
-    problem: Problem
+    problem: PlantProblem
     is_error: bool
 
 
@@ -118,7 +118,7 @@ def read_bytes(name: str) -> bytes:
         return file.read(most)
 
 
-def _findings(problems: Iterable[Problem], *, are_errors: bool) -> tuple[Finding, ...]:
+def _findings(problems: Iterable[PlantProblem], *, are_errors: bool) -> tuple[Finding, ...]:
     return tuple(Finding(problem, are_errors) for problem in problems)
 
 

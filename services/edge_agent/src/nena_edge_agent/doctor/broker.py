@@ -21,7 +21,7 @@ from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import SystemClock
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.mqtt import Inbound, MqttLink
-from nena_shared.mqtt.tls import tls_context
+from nena_shared.mqtt.identity import tls_context
 from nena_shared.settings import MqttSettings
 from nena_shared.tasks import end
 from nena_shared.vda5050.topics import RobotKey, Topic

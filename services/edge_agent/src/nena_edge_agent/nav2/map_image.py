@@ -12,7 +12,7 @@ from math import atan2
 from typing import TYPE_CHECKING, Any, Final, Self
 
 from nena_edge_agent.driver.plant_frame import PlantFrame
-from nena_shared.fleet_api.plant import PNG_LIMIT, SIDE_LIMIT, RobotMap
+from nena_shared.fleet_api.plant import PNG_LIMIT, SIDE_LIMIT, MapImage
 from nena_shared.log import get_logger
 from nena_shared.plant.geometry import MapPose, MapTransform
 
@@ -100,7 +100,7 @@ class MapWatch:
         self._map_id = map_id
         self._transform = transform
         self._digest = ""
-        self.tell: Callable[[RobotMap], None] = lambda _: None
+        self.tell: Callable[[MapImage], None] = lambda _: None
 
     @classmethod
     def of(cls, settings: EdgeAgentSettings) -> Self:
@@ -116,7 +116,7 @@ class MapWatch:
 
         session.subscribe(node, OccupancyGrid, self._topic, LATCHED, read=self.read, handle=self._heard)
 
-    def read(self, grid: Any) -> RobotMap | None:  # noqa: ANN401
+    def read(self, grid: Any) -> MapImage | None:  # noqa: ANN401
         """Build the map of a nav_msgs/OccupancyGrid; None: it is the same as before.
 
         Raises:
@@ -145,7 +145,7 @@ class MapWatch:
         self._digest = digest
         return found
 
-    def _drawn(self, info: Any, cells: bytes, digest: str) -> RobotMap:  # noqa: ANN401
+    def _drawn(self, info: Any, cells: bytes, digest: str) -> MapImage:  # noqa: ANN401
         image = occupancy_image(cells, int(info.width), int(info.height), side_limit=SIDE_LIMIT)
         if len(image.png) > PNG_LIMIT:
             message = f"the picture of the map has {len(image.png)} bytes, which is too much to be sent"
@@ -153,7 +153,7 @@ class MapWatch:
         corner, turn = info.origin.position, info.origin.orientation
         heading = 2 * atan2(float(turn.z), float(turn.w))
         place = self._transform.pose_to_plant(MapPose(float(corner.x), float(corner.y), heading))
-        return RobotMap(
+        return MapImage(
             map_id=self._map_id,
             digest=digest,
             resolution=self._transform.length_to_plant(float(info.resolution) * image.cells_per_pixel),
@@ -163,7 +163,7 @@ class MapWatch:
             png=base64.b64encode(image.png),
         )
 
-    def _heard(self, found: RobotMap | None) -> None:
+    def _heard(self, found: MapImage | None) -> None:
         if found is not None:
             log.info("robot's map", map_id=found.map_id, size=found.size, bytes=len(found.png))
             self.tell(found)

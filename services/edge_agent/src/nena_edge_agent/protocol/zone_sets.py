@@ -10,7 +10,7 @@ from typing import Final
 from nena_edge_agent.protocol.geometry import Box, Polygon, box, boxes_meet, is_simple, overlap
 from nena_shared.vda5050.request import RequestStatus, ZoneRequest, ZoneRequestType
 from nena_shared.vda5050.responses import GrantType, Response
-from nena_shared.vda5050.state import ZoneSetState, ZoneSetStatus
+from nena_shared.vda5050.state import RobotZoneSetStatus, ZoneSetState
 from nena_shared.vda5050.zone_set import Zone, ZoneSet, ZoneType
 
 CLOSED = (ZoneType.BLOCKED, ZoneType.LINE_GUIDED)
@@ -159,7 +159,7 @@ class ZoneSets:
             ZoneSetState(
                 zone_set_id=each.zone_set_id,
                 map_id=each.map_id,
-                zone_set_status=ZoneSetStatus.ENABLED if enabled else ZoneSetStatus.DISABLED,
+                zone_set_status=RobotZoneSetStatus.ENABLED if enabled else RobotZoneSetStatus.DISABLED,
             )
             for each, enabled in self.held
         )

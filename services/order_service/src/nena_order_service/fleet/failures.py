@@ -9,7 +9,7 @@ from typing import Final
 from nena_order_service.fleet.vda_order import VdaOrder
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType
 from nena_shared.vda5050.topics import RobotKey, Topic
-from nena_shared.vda5050.v2_1.error_type import REJECTIONS, WRITTEN
+from nena_shared.vda5050.v2_1.state import REJECTIONS, WRITTEN
 
 
 class FailureKind(StrEnum):

@@ -19,9 +19,8 @@ from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.plant import ZoneSetAtVehicle, ZoneSetPhase, ZoneSetStatus
 from nena_shared.log import get_logger
 from nena_shared.tasks import forever
-from nena_shared.vda5050 import state as vda_state
 from nena_shared.vda5050.action import Action, ActionParameter, ActionStatus, BlockingType
-from nena_shared.vda5050.state import ZoneSetState
+from nena_shared.vda5050.state import RobotZoneSetStatus, ZoneSetState
 from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.versions import nearest_codec
 from nena_shared.vda5050.zone_set import ZoneSet
@@ -109,12 +108,12 @@ class ZoneDistribution:
         return True
 
 
-def _step(wanted: Wanted, status: vda_state.ZoneSetStatus | None) -> ZoneStep | None:
+def _step(wanted: Wanted, status: RobotZoneSetStatus | None) -> ZoneStep | None:
     if wanted.deleted:
         return None if status is None else ZoneStep.DELETE
     if status is None:
         return ZoneStep.SEND
-    return ZoneStep.ENABLE if wanted.enabled and status is vda_state.ZoneSetStatus.DISABLED else None
+    return ZoneStep.ENABLE if wanted.enabled and status is RobotZoneSetStatus.DISABLED else None
 
 
 log = get_logger(__name__)

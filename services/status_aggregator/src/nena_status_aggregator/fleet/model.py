@@ -8,7 +8,7 @@ from math import inf
 from weakref import WeakValueDictionary
 
 from nena_shared.clock import iso
-from nena_shared.fleet_api.plant import RobotMap
+from nena_shared.fleet_api.plant import MapImage
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.plant.model import PlantModel
@@ -78,9 +78,9 @@ class MapCache:
     """Keeps equal maps of several robots once; a map without a robot is freed."""
 
     def __init__(self) -> None:
-        self._known: WeakValueDictionary[str, RobotMap] = WeakValueDictionary()
+        self._known: WeakValueDictionary[str, MapImage] = WeakValueDictionary()
 
-    def shared(self, found: RobotMap) -> RobotMap | None:
+    def shared(self, found: MapImage) -> MapImage | None:
         """Return the kept map that equals ``found``, else ``found``; None if there is no room."""
         known = self._known.get(found.digest)
         if known == found:
@@ -162,7 +162,7 @@ class FleetModel:
         if robot is not None and self._is_new(robot, MessageKind.FACTSHEET, message):
             robot.factsheet = message
 
-    def on_robot_map(self, key: RobotKey, found: RobotMap | None, at: Timestamp) -> None:
+    def on_robot_map(self, key: RobotKey, found: MapImage | None, at: Timestamp) -> None:
         """Apply a robot's grid map, or its removal."""
         robot = self._count_and_find(key, MessageKind.ROBOT_MAP, at)
         if robot is not None:

@@ -9,7 +9,7 @@ from math import hypot, inf
 from typing import NamedTuple
 
 from nena_shared.clock import Clock
-from nena_shared.fleet_api.plant import RobotMap
+from nena_shared.fleet_api.plant import MapImage
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.log import get_logger
 from nena_shared.plant import MapPlace, MapPose, MapTransform, PlantModel
@@ -182,7 +182,7 @@ class Robot:
         self.velocity: Velocity | None = None
         self.factsheet: Factsheet | None = None
         self.vehicle: VehicleStatus | None = None
-        self.map: RobotMap | None = None
+        self.map: MapImage | None = None
         """The robot's grid map."""
         self.progress = OrderProgress()
         self.odometer = Odometer()

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.error import ErrorType
-from nena_shared.vda5050.v2_1.error_type import WRITTEN
+from nena_shared.vda5050.v2_1.state import WRITTEN
 from nena_status_aggregator.fleet.events import Code, Outcome, Values
 from nena_status_aggregator.fleet.messages import MessageKind
 

@@ -10,27 +10,27 @@ from pydantic import ValidationError
 
 from nena_shared.misfits import path_of, words_of
 from nena_shared.plant.checks import disconnected_points
-from nena_shared.plant.errors import ObjectKind, Problem
+from nena_shared.plant.errors import ObjectKind, PlantProblem
 from nena_shared.plant.lif import curve
 from nena_shared.plant.lif.document import (
-    Edge,
     Layout,
+    LifEdge,
     LifFile,
+    LifNode,
     MetaInformation,
-    Node,
     Station,
     StationPosition,
 )
 from nena_shared.plant.model import PlantModel
 from nena_shared.plant.track import (
-    ActionParameter,
     LoadRestriction,
+    PathTrajectory,
     PlantRecord,
     RequirementType,
     RotationAllowed,
-    Trajectory,
     TrajectoryPoint,
     TypeAction,
+    TypeActionParameter,
     VehicleTypeAtPoint,
     VehicleTypeOnPath,
 )
@@ -39,23 +39,23 @@ _RECORDS: Final[tuple[type[PlantRecord], ...]] = (
     LifFile,
     MetaInformation,
     Layout,
-    Node,
-    Edge,
+    LifNode,
+    LifEdge,
     Station,
     StationPosition,
     VehicleTypeAtPoint,
     VehicleTypeOnPath,
     TypeAction,
-    ActionParameter,
+    TypeActionParameter,
     LoadRestriction,
-    Trajectory,
+    PathTrajectory,
     TrajectoryPoint,
 )
 _KNOWN: Final = frozenset(field.alias for record in _RECORDS for field in record.model_fields.values())
 _HEADINGS: Final = ("theta", "vehicleOrientation")
 
 
-def format_problems(error: ValidationError) -> tuple[Problem, ...]:
+def format_problems(error: ValidationError) -> tuple[PlantProblem, ...]:
     """Return deviations from the format; equal ones are counted in one problem."""
     found: dict[tuple[str, str], list[str]] = {}
     for detail in error.errors(include_url=False, include_context=False, include_input=False):
@@ -67,7 +67,7 @@ def format_problems(error: ValidationError) -> tuple[Problem, ...]:
     )
 
 
-def repair(raw: Any) -> tuple[Problem, ...]:  # noqa: ANN401 - whatever the JSON holds
+def repair(raw: Any) -> tuple[PlantProblem, ...]:  # noqa: ANN401 - whatever the JSON holds
     """Repair known deviations in place, and return those that validation would not report.
 
     Adds missing stations, converts `required` of actions to requirementType, and converts all headings from
@@ -98,9 +98,9 @@ def _repair_each(objects: Iterable[dict[str, Any]]) -> Iterator[tuple[str, str]]
             yield "IGNORED", f"unknown field {key!r}"
 
 
-def warning(code: str, text: str) -> Problem:
+def warning(code: str, text: str) -> PlantProblem:
     """Return a problem of the whole file."""
-    return Problem(code, ObjectKind.MODEL, "", text)
+    return PlantProblem(code, ObjectKind.MODEL, "", text)
 
 
 def _objects(raw: Any) -> Iterator[dict[str, Any]]:  # noqa: ANN401 - whatever the JSON holds
@@ -127,7 +127,7 @@ _DRAFT_VERSION: Final = "0.11.0"
 """Version of the guideline's own examples; their content is that of 1.0.0."""
 
 
-def errors(file: LifFile) -> Iterator[Problem]:
+def errors(file: LifFile) -> Iterator[PlantProblem]:
     """Yield errors that make the file unusable even for a lenient reader."""
     version = file.meta_information.lif_version
     if version != _DRAFT_VERSION and not version.startswith("1."):
@@ -145,7 +145,7 @@ def errors(file: LifFile) -> Iterator[Problem]:
     yield from _without_vehicle_type(nodes, edges)
 
 
-def deviations(file: LifFile) -> Iterator[Problem]:
+def deviations(file: LifFile) -> Iterator[PlantProblem]:
     """Yield deviations that a strict reader rejects and a lenient one accepts."""
     if file.meta_information.lif_version == _DRAFT_VERSION:
         yield warning("NOT_LIF", f"lifVersion {_DRAFT_VERSION} was never published; read as 1.0.0")
@@ -158,10 +158,10 @@ def deviations(file: LifFile) -> Iterator[Problem]:
         for station in layout.stations:
             if not station.interaction_node_ids:
                 text = "the station has no interaction node"
-                yield Problem("NOT_LIF", ObjectKind.LOCATION, station.station_id, text)
+                yield PlantProblem("NOT_LIF", ObjectKind.LOCATION, station.station_id, text)
 
 
-def unsupported_features(file: LifFile) -> Iterator[Problem]:
+def unsupported_features(file: LifFile) -> Iterator[PlantProblem]:
     """Yield one warning for each kind of valid content that is kept but has no effect."""
     nodes = [
         use for layout in file.layouts for node in layout.nodes for use in node.vehicle_type_node_properties
@@ -199,13 +199,15 @@ def _unsupported_on_edge(uses: list[VehicleTypeOnPath]) -> Iterator[str]:
         yield from (what for what, there in unsupported.items() if there)
 
 
-def _duplicates(kind: ObjectKind, ids: Iterable[str]) -> Iterator[Problem]:
+def _duplicates(kind: ObjectKind, ids: Iterable[str]) -> Iterator[PlantProblem]:
     for name, times in Counter(ids).items():
         if times > 1:
-            yield Problem("DUPLICATE_NAME", kind, name, f"{times} objects have this id")
+            yield PlantProblem("DUPLICATE_NAME", kind, name, f"{times} objects have this id")
 
 
-def _dangling_references(known: set[str], edges: list[Edge], stations: list[Station]) -> Iterator[Problem]:
+def _dangling_references(
+    known: set[str], edges: list[LifEdge], stations: list[Station]
+) -> Iterator[PlantProblem]:
     for edge in edges:
         for end in (edge.start_node_id, edge.end_node_id):
             if end not in known:
@@ -216,21 +218,21 @@ def _dangling_references(known: set[str], edges: list[Edge], stations: list[Stat
                 yield _dangling(ObjectKind.LOCATION, station.station_id, node)
 
 
-def _dangling(kind: ObjectKind, name: str, node: str) -> Problem:
-    return Problem("UNKNOWN_REFERENCE", kind, name, f"refers to unknown node {node!r}")
+def _dangling(kind: ObjectKind, name: str, node: str) -> PlantProblem:
+    return PlantProblem("UNKNOWN_REFERENCE", kind, name, f"refers to unknown node {node!r}")
 
 
-def _without_vehicle_type(nodes: list[Node], edges: list[Edge]) -> Iterator[Problem]:
+def _without_vehicle_type(nodes: list[LifNode], edges: list[LifEdge]) -> Iterator[PlantProblem]:
     text = "no vehicle type may use it; add at least one"
     for node in nodes:
         if not node.vehicle_type_node_properties:
-            yield Problem("NO_VEHICLE_TYPE", ObjectKind.POINT, node.node_id, text)
+            yield PlantProblem("NO_VEHICLE_TYPE", ObjectKind.POINT, node.node_id, text)
     for edge in edges:
         if not edge.vehicle_type_edge_properties:
-            yield Problem("NO_VEHICLE_TYPE", ObjectKind.PATH, edge.edge_id, text)
+            yield PlantProblem("NO_VEHICLE_TYPE", ObjectKind.PATH, edge.edge_id, text)
 
 
-def _of_nodes(layout: Layout) -> Iterator[Problem]:
+def _of_nodes(layout: Layout) -> Iterator[PlantProblem]:
     for node in layout.nodes:
         uses = node.vehicle_type_node_properties
         texts = [
@@ -239,10 +241,10 @@ def _of_nodes(layout: Layout) -> Iterator[Problem]:
             *(text for use in uses for text in _actions(use.actions)),
             *([] if node.map_id else ["the node names no map"]),
         ]
-        yield from (Problem("NOT_LIF", ObjectKind.POINT, node.node_id, text) for text in texts)
+        yield from (PlantProblem("NOT_LIF", ObjectKind.POINT, node.node_id, text) for text in texts)
 
 
-def _of_edge(edge: Edge, own_nodes: set[str], nodes: dict[str, Node]) -> Iterator[Problem]:
+def _of_edge(edge: LifEdge, own_nodes: set[str], nodes: dict[str, LifNode]) -> Iterator[PlantProblem]:
     uses = edge.vehicle_type_edge_properties
     ends = (nodes[edge.start_node_id], nodes[edge.end_node_id])
     texts = [
@@ -255,7 +257,7 @@ def _of_edge(edge: Edge, own_nodes: set[str], nodes: dict[str, Node]) -> Iterato
     ]
     if edge.start_node_id not in own_nodes:
         texts.append(f"start node {edge.start_node_id!r} is in another layout")
-    yield from (Problem("NOT_LIF", ObjectKind.PATH, edge.edge_id, text) for text in texts)
+    yield from (PlantProblem("NOT_LIF", ObjectKind.PATH, edge.edge_id, text) for text in texts)
 
 
 def _repeated(types: Iterable[str]) -> Iterator[str]:
@@ -264,7 +266,7 @@ def _repeated(types: Iterable[str]) -> Iterator[str]:
             yield f"vehicle type {name!r} occurs {times} times; the first one is used"
 
 
-def _closed_ends(edge: Edge, ends: tuple[Node, Node]) -> Iterator[str]:
+def _closed_ends(edge: LifEdge, ends: tuple[LifNode, LifNode]) -> Iterator[str]:
     for node in ends:
         open_to = {use.vehicle_type_id for use in node.vehicle_type_node_properties}
         for use in edge.vehicle_type_edge_properties:
@@ -288,7 +290,7 @@ def _load(restriction: LoadRestriction | None) -> Iterator[str]:
         yield "it names load sets and forbids loads"
 
 
-def _trajectory(trajectory: Trajectory, ends: tuple[Node, Node]) -> Iterator[str]:
+def _trajectory(trajectory: PathTrajectory, ends: tuple[LifNode, LifNode]) -> Iterator[str]:
     if fault := curve.fault(trajectory):
         yield f"the trajectory {fault}; it is dropped"
         return
@@ -302,7 +304,7 @@ def _trajectory(trajectory: Trajectory, ends: tuple[Node, Node]) -> Iterator[str
 _NAMES_SHOWN = 10
 
 
-def reachability_warnings(model: PlantModel) -> Iterator[Problem]:
+def reachability_warnings(model: PlantModel) -> Iterator[PlantProblem]:
     """Yield a warning for points that a vehicle type may use but cannot reach, if there are several types.
 
     With one type this is the warning that every plant gets.
@@ -313,7 +315,7 @@ def reachability_warnings(model: PlantModel) -> Iterator[Problem]:
             names = ", ".join(map(repr, cut_off[:_NAMES_SHOWN]))
             more = " ..." if len(cut_off) > _NAMES_SHOWN else ""
             text = f"vehicles of type {name!r} cannot reach every point and return: {names}{more}"
-            yield Problem("NOT_STRONGLY_CONNECTED", ObjectKind.MODEL, model.name, text)
+            yield PlantProblem("NOT_STRONGLY_CONNECTED", ObjectKind.MODEL, model.name, text)
 
 
 def _part_of(model: PlantModel, vehicle_type: str) -> PlantModel:

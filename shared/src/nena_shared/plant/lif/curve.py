@@ -5,7 +5,7 @@ from itertools import pairwise
 from math import hypot
 from typing import Final
 
-from nena_shared.plant.track import Trajectory
+from nena_shared.plant.track import PathTrajectory
 
 Place = tuple[float, float]
 _SAMPLES: Final = 64
@@ -13,7 +13,7 @@ _SAMPLES: Final = 64
 CUBIC_BEZIER_KNOTS: Final = (0.0,) * 4 + (1.0,) * 4
 
 
-def fault(trajectory: Trajectory) -> str:
+def fault(trajectory: PathTrajectory) -> str:
     """Return why this is no curve that can be followed, as a predicate; empty if it is one."""
     knots, points = trajectory.knot_vector, trajectory.control_points
     wanted = len(points) + trajectory.degree + 1
@@ -28,19 +28,19 @@ def fault(trajectory: Trajectory) -> str:
     return ""
 
 
-def places(trajectory: Trajectory, samples: int = _SAMPLES) -> tuple[Place, ...]:
+def places(trajectory: PathTrajectory, samples: int = _SAMPLES) -> tuple[Place, ...]:
     """Return this many places and one more along a curve without fault, with both ends."""
     knots, degree = trajectory.knot_vector, trajectory.degree
     first, last = knots[degree], knots[-degree - 1]
     return tuple(_place(trajectory, first + (last - first) * i / samples) for i in range(samples + 1))
 
 
-def length(trajectory: Trajectory) -> float:
+def length(trajectory: PathTrajectory) -> float:
     """Return the length of a curve without fault, in metres."""
     return sum(hypot(bx - ax, by - ay) for (ax, ay), (bx, by) in pairwise(places(trajectory)))
 
 
-def scaled(trajectory: Trajectory) -> Trajectory:
+def scaled(trajectory: PathTrajectory) -> PathTrajectory:
     """Return the same curve with knots from 0 to 1; the curve is without fault."""
     knots = trajectory.knot_vector
     if knots[0] >= 0 and knots[-1] <= 1:
@@ -49,13 +49,13 @@ def scaled(trajectory: Trajectory) -> Trajectory:
     return trajectory.model_copy(update={"knot_vector": tuple((knot - knots[0]) / span for knot in knots)})
 
 
-def is_cubic_bezier(trajectory: Trajectory) -> bool:
+def is_cubic_bezier(trajectory: PathTrajectory) -> bool:
     """Whether this is one cubic Bezier curve, without weights."""
     weights = {point.weight for point in trajectory.control_points}
     return (trajectory.degree, trajectory.knot_vector) == (3, CUBIC_BEZIER_KNOTS) and len(weights) == 1
 
 
-def _place(trajectory: Trajectory, at: float) -> Place:
+def _place(trajectory: PathTrajectory, at: float) -> Place:
     """Return the place at a parameter by de Boor's algorithm, weights included."""
     knots, degree = trajectory.knot_vector, trajectory.degree
     last = bisect_left(knots, knots[-degree - 1]) - 1

@@ -33,7 +33,7 @@ class StationPosition(Position):
     theta: float | None = None
 
 
-class Node(LifRecord):
+class LifNode(LifRecord):
     """A node: position where vehicles can be."""
 
     node_id: str = Field(min_length=1)
@@ -44,7 +44,7 @@ class Node(LifRecord):
     vehicle_type_node_properties: tuple[VehicleTypeAtPoint, ...]
 
 
-class Edge(LifRecord):
+class LifEdge(LifRecord):
     """A directed connection of two nodes; the end may be in another layout."""
 
     edge_id: str = Field(min_length=1)
@@ -74,8 +74,8 @@ class Layout(LifRecord):
     layout_version: str
     layout_level_id: str | None = None
     layout_description: str | None = None
-    nodes: tuple[Node, ...]
-    edges: tuple[Edge, ...]
+    nodes: tuple[LifNode, ...]
+    edges: tuple[LifEdge, ...]
     stations: tuple[Station, ...]
 
 

@@ -9,11 +9,11 @@ from pydantic import ValidationError
 
 from nena_shared.plant import property_keys as keys
 from nena_shared.plant.checks import find_errors, find_warnings
-from nena_shared.plant.errors import ObjectKind, PlantModelError, Problem
+from nena_shared.plant.errors import ObjectKind, PlantModelError, PlantProblem
 from nena_shared.plant.exchange import JSON_LIMITS, ImportReport, JsonLimits, parse_json, paused_collector
 from nena_shared.plant.lif import checks, curve
 from nena_shared.plant.lif.checks import format_problems, reachability_warnings, repair
-from nena_shared.plant.lif.document import Edge, Layout, LifFile, Node, Station, StationPosition
+from nena_shared.plant.lif.document import Layout, LifEdge, LifFile, LifNode, Station, StationPosition
 from nena_shared.plant.model import (
     NO_OPERATION,
     Layer,
@@ -30,12 +30,12 @@ from nena_shared.plant.track import (
     MM_PER_M,
     BoundingBox,
     ConnectionType,
-    ControlPoint,
     LabelLayout,
+    LayoutPoint,
     Path,
     PathLayout,
+    PathTrajectory,
     Point,
-    Trajectory,
     VehicleTypeAtPoint,
     VehicleTypeOnPath,
 )
@@ -67,13 +67,13 @@ def _read(data: bytes, *, strict: bool, limits: JsonLimits) -> ImportReport:
     model = to_plant(file, names)
     if problems := find_errors(model):
         raise PlantModelError(problems)
-    others: chain[Problem] = chain(
+    others: chain[PlantProblem] = chain(
         names.renamed, checks.unsupported_features(file), reachability_warnings(model), find_warnings(model)
     )
     return ImportReport(model, (*findings, *others))
 
 
-def _format_deviations(data: bytes) -> tuple[Problem, ...]:
+def _format_deviations(data: bytes) -> tuple[PlantProblem, ...]:
     """Return where types and fields deviate from the schema."""
     try:
         LifFile.model_validate_json(data, strict=True)
@@ -87,7 +87,7 @@ class Names:
 
     def __init__(self, taken: Iterable[str]) -> None:
         self._taken = set(taken)
-        self.renamed: list[Problem] = []
+        self.renamed: list[PlantProblem] = []
 
     def allocate(self, kind: ObjectKind, wanted: str, prefix: str) -> str:
         """Return and reserve the wanted name if it is free, else one with the prefix."""
@@ -96,7 +96,7 @@ class Names:
             tries = (f"{prefix}{'' if number == 1 else number}:{wanted}" for number in count(1))
             name = next(each for each in tries if each not in self._taken)
             text = f"another object has this id; it is renamed to {name!r}"
-            self.renamed.append(Problem("RENAMED", kind, wanted, text))
+            self.renamed.append(PlantProblem("RENAMED", kind, wanted, text))
         self._taken.add(name)
         return name
 
@@ -212,7 +212,7 @@ def to_plant(file: LifFile, names: Names) -> PlantModel:
     )
 
 
-def _point(node: Node, layer: int) -> Point:
+def _point(node: LifNode, layer: int) -> Point:
     types = _first_of_each(node.vehicle_type_node_properties)
     headings = {use.theta for use in types}
     theta = headings.pop() if len(headings) == 1 else None
@@ -234,7 +234,7 @@ def _point(node: Node, layer: int) -> Point:
     )
 
 
-def _path(edge: Edge, layer: int, points: dict[str, Point], names: Names) -> Path:
+def _path(edge: LifEdge, layer: int, points: dict[str, Point], names: Names) -> Path:
     types = tuple(map(_with_usable_trajectory, _first_of_each(edge.vehicle_type_edge_properties)))
     trajectory = next((use.trajectory for use in types if use.trajectory), None)
     a, b = points[edge.start_node_id], points[edge.end_node_id]
@@ -280,7 +280,7 @@ def _speed_mm_s(uses: Sequence[VehicleTypeOnPath]) -> int:
     return round(max(speeds))
 
 
-def _path_layout(trajectory: Trajectory | None, layer: int) -> PathLayout:
+def _path_layout(trajectory: PathTrajectory | None, layer: int) -> PathLayout:
     if trajectory is None:
         return PathLayout(layer_id=layer)
     if curve.is_cubic_bezier(trajectory):
@@ -289,7 +289,7 @@ def _path_layout(trajectory: Trajectory | None, layer: int) -> PathLayout:
         kind, places = ConnectionType.POLYPATH, list(curve.places(trajectory, _PIECES))
     return PathLayout(
         connection_type=kind,
-        control_points=tuple(ControlPoint(x_mm=x * MM_PER_M, y_mm=y * MM_PER_M) for x, y in places[1:-1]),
+        control_points=tuple(LayoutPoint(x_mm=x * MM_PER_M, y_mm=y * MM_PER_M) for x, y in places[1:-1]),
         layer_id=layer,
     )
 

@@ -10,14 +10,14 @@ from typing import Annotated, Final
 from pydantic import Field, TypeAdapter, ValidationError
 
 from nena_shared.plant import property_keys as keys
-from nena_shared.plant.errors import ObjectKind, Problem
+from nena_shared.plant.errors import ObjectKind, PlantProblem
 from nena_shared.plant.exchange import ExportReport
 from nena_shared.plant.lif.document import (
-    Edge,
     Layout,
+    LifEdge,
     LifFile,
+    LifNode,
     MetaInformation,
-    Node,
     Position,
     Station,
     StationPosition,
@@ -25,11 +25,11 @@ from nena_shared.plant.lif.document import (
 from nena_shared.plant.lif.reader import UNLIMITED_SIZE, UNLIMITED_SPEED_MM_S
 from nena_shared.plant.model import Location, PlantModel, action_of
 from nena_shared.plant.track import (
-    BlockingType,
     BoundingBox,
     ConnectionType,
     DirectedEdge,
     Path,
+    PlantBlockingType,
     Point,
     PointType,
     RequirementType,
@@ -131,7 +131,7 @@ def _among(numbers: Sequence[int], number: int) -> int:
 
 
 def _layout(
-    model: PlantModel, number: int, nodes: list[Node], edges: list[Edge], stations: list[Station]
+    model: PlantModel, number: int, nodes: list[LifNode], edges: list[LifEdge], stations: list[Station]
 ) -> Layout:
     def kept(what: str) -> str | None:
         return model.visual_layout.properties.get(f"{keys.LIF_LAYOUT}.{number}.{what}")
@@ -162,17 +162,17 @@ def _actions(model: PlantModel) -> defaultdict[str, tuple[TypeAction, ...]]:
 def _action(action_type: str) -> TypeAction:
     return TypeAction(
         action_type=action_type,
-        blocking_type=BlockingType.HARD,
+        blocking_type=PlantBlockingType.HARD,
         requirement_type=RequirementType.OPTIONAL,
     )
 
 
-def _node(point: Point, actions: tuple[TypeAction, ...], options: ExportOptions) -> Node:
+def _node(point: Point, actions: tuple[TypeAction, ...], options: ExportOptions) -> LifNode:
     made = (
         VehicleTypeAtPoint(vehicle_type_id=each, theta=point.heading_rad, actions=actions)
         for each in options.vehicle_types
     )
-    return Node(
+    return LifNode(
         node_id=point.name,
         node_name=point.properties.get(keys.LIF_NAME),
         node_description=point.properties.get(keys.LIF_DESCRIPTION),
@@ -186,9 +186,9 @@ def _kept_id(edge: DirectedEdge) -> str | None:
     return edge.path.properties.get(keys.LIF_ID) if edge.is_forward else None
 
 
-def _edge(edge: DirectedEdge, edge_id: str, options: ExportOptions) -> Edge:
+def _edge(edge: DirectedEdge, edge_id: str, options: ExportOptions) -> LifEdge:
     own = edge.path.properties
-    return Edge(
+    return LifEdge(
         edge_id=edge_id,
         edge_name=own.get(keys.LIF_NAME),
         edge_description=own.get(keys.LIF_DESCRIPTION),
@@ -247,12 +247,12 @@ _SAME_LENGTH_MM: Final = 1.0
 _KEPT: Final = ("lif:", keys.VDA5050_MAP_ID)
 
 
-def export_warnings(model: PlantModel) -> Iterator[Problem]:
+def export_warnings(model: PlantModel) -> Iterator[PlantProblem]:
     """Yield a warning for each kind of content that LIF cannot represent."""
     for what, times in (*_of_points(model), *_of_paths(model), *_of_the_rest(model)):
         if times:
             text = f"{what} ({times} times): not representable in LIF"
-            yield Problem("NOT_EXPORTED", ObjectKind.MODEL, model.name, text)
+            yield PlantProblem("NOT_EXPORTED", ObjectKind.MODEL, model.name, text)
 
 
 def _of_points(model: PlantModel) -> Iterator[tuple[str, int]]:

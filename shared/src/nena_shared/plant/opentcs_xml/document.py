@@ -13,7 +13,7 @@ from xml.etree.ElementTree import Element, ParseError, TreeBuilder
 from defusedxml.common import DefusedXmlException
 from defusedxml.ElementTree import DefusedXMLParser
 
-from nena_shared.plant.errors import ObjectKind, PlantModelError, Problem
+from nena_shared.plant.errors import ObjectKind, PlantModelError, PlantProblem
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +77,7 @@ def parse(data: bytes, limits: Limits) -> Element:
 
 
 def _refusal(code: str, text: str) -> PlantModelError:
-    return PlantModelError([Problem(code, ObjectKind.MODEL, "", text)])
+    return PlantModelError([PlantProblem(code, ObjectKind.MODEL, "", text)])
 
 
 _READABLE = "0.0.2, 0.0.3, 0.0.4, 0.0.5, 6.0.x and 7.0.x"
@@ -115,7 +115,7 @@ class FormatVersion(IntEnum):
                 return known
         raise PlantModelError(
             [
-                Problem(
+                PlantProblem(
                     "UNSUPPORTED_VERSION",
                     ObjectKind.MODEL,
                     model_name,
@@ -141,8 +141,8 @@ class Findings:
     """Errors and warnings in order of their occurrence in a file of `version`."""
 
     version: FormatVersion
-    errors: list[Problem] = field(default_factory=list)
-    warnings: list[Problem] = field(default_factory=list)
+    errors: list[PlantProblem] = field(default_factory=list)
+    warnings: list[PlantProblem] = field(default_factory=list)
     is_old: bool = field(init=False)
     """Whether the format is older than 6.0.0, in which many attributes are optional."""
     _ignored: Counter[tuple[ObjectKind, str]] = field(default_factory=Counter)
@@ -152,20 +152,20 @@ class Findings:
 
     def error(self, code: str, kind: ObjectKind, name: str, text: str) -> None:
         """Add an error: the model will be rejected after reading all of it."""
-        self.errors.append(Problem(code, kind, name, text))
+        self.errors.append(PlantProblem(code, kind, name, text))
 
     def warn(self, code: str, kind: ObjectKind, name: str, text: str) -> None:
         """Add a warning: the model stays usable."""
-        self.warnings.append(Problem(code, kind, name, text))
+        self.warnings.append(PlantProblem(code, kind, name, text))
 
     def ignore(self, kind: ObjectKind, what: str, times: int = 1) -> None:
         """Count ignored content: thousands of paths with an old attribute give one warning."""
         self._ignored[kind, what] += times
 
-    def ignored(self) -> Iterator[Problem]:
+    def ignored(self) -> Iterator[PlantProblem]:
         """Yield one warning for each kind of ignored content."""
         for (kind, what), times in sorted(self._ignored.items()):
-            yield Problem("IGNORED", kind, "", f"{what} is ignored (found {times} times)")
+            yield PlantProblem("IGNORED", kind, "", f"{what} is ignored (found {times} times)")
 
 
 T = TypeVar("T")

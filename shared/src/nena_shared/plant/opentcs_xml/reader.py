@@ -37,16 +37,16 @@ from nena_shared.plant.opentcs_xml.document import (
 from nena_shared.plant.track import (
     BoundingBox,
     ConnectionType,
-    ControlPoint,
     Envelope,
     ExecutionTrigger,
     LabelLayout,
+    LayoutPoint,
     Path,
     PathLayout,
     PeripheralOperation,
+    PlantVertex,
     Point,
     PointType,
-    Vertex,
 )
 
 
@@ -276,7 +276,7 @@ def path_layout(path: XmlObject, drawn: Drawn, layout: VisualLayout, *, same_fra
         connection_type=drawn.connection_type,
         control_points=tuple(
             # The layout's y grows downwards.
-            ControlPoint(x_mm=x * layout.scale_x_mm_per_px, y_mm=-y * layout.scale_y_mm_per_px)
+            LayoutPoint(x_mm=x * layout.scale_x_mm_per_px, y_mm=-y * layout.scale_y_mm_per_px)
             for x, y in drawn.control_points_px
         ),
         layer_id=drawn.label.layer_id,
@@ -415,7 +415,7 @@ def _envelopes(obj: XmlObject) -> tuple[Envelope, ...]:
         Envelope(
             key=child.text("key"),
             vertices=tuple(
-                Vertex(x_mm=vertex.integer("x"), y_mm=vertex.integer("y"))
+                PlantVertex(x_mm=vertex.integer("x"), y_mm=vertex.integer("y"))
                 for vertex in child.children("vertex")
             ),
         )
@@ -488,7 +488,7 @@ def _names(obj: XmlObject, tag: str) -> tuple[str, ...]:
 
 def _drawn_elsewhere(
     obj: XmlObject, model_mm: tuple[int, int], drawn: Drawn, *, same_frame: bool
-) -> Vertex | None:
+) -> PlantVertex | None:
     """Return the drawn position of a location, if it differs from the model in the same frame."""
     if drawn.position_mm is None or same_place(model_mm, drawn.position_mm) or not same_frame:
         return None
@@ -496,7 +496,7 @@ def _drawn_elsewhere(
         "DRAWN_ELSEWHERE",
         f"the model has it at {model_mm} mm, the drawing at {drawn.position_mm} mm; it is drawn there",
     )
-    return Vertex(x_mm=drawn.position_mm[0], y_mm=drawn.position_mm[1])
+    return PlantVertex(x_mm=drawn.position_mm[0], y_mm=drawn.position_mm[1])
 
 
 def read_vehicle(obj: XmlObject, drawing: Drawing) -> Vehicle:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Final
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from nena_shared.plant.errors import ObjectKind, PlantModelError, Problem
+from nena_shared.plant.errors import ObjectKind, PlantModelError, PlantProblem
 from nena_shared.plant.exchange import ExportReport
 from nena_shared.plant.model import (
     Block,
@@ -276,20 +276,20 @@ def _layer_groups(model: PlantModel, layers: tuple[Layer, ...]) -> Iterator[Laye
         yield LayerGroup(id=number, name=f"Group {number}")
 
 
-def _export_warnings(model: PlantModel) -> Iterator[Problem]:
+def _export_warnings(model: PlantModel) -> Iterator[PlantProblem]:
     if any(point.vehicle_types for point in model.points) or any(path.vehicle_types for path in model.paths):
         text = "rules for vehicle types (LIF) are lost: what is closed for some types will be open to all"
-        yield Problem("NOT_EXPORTED", ObjectKind.MODEL, model.name, text)
+        yield PlantProblem("NOT_EXPORTED", ObjectKind.MODEL, model.name, text)
     for location in model.locations:
         if location.layout.position is not None:
             text = "its separate drawing position is lost"
-            yield Problem("NOT_EXPORTED", ObjectKind.LOCATION, location.name, text)
+            yield PlantProblem("NOT_EXPORTED", ObjectKind.LOCATION, location.name, text)
 
 
-def _unwritable(root: Element) -> Iterator[Problem]:
+def _unwritable(root: Element) -> Iterator[PlantProblem]:
     """Yield a problem for each attribute that XML cannot represent."""
     for element in root.iter():
         for attribute, value in element.items():
             if _NOT_XML.search(value):
                 text = f"{attribute} of element {element.tag!r} has a character that XML cannot represent"
-                yield Problem("UNWRITABLE_TEXT", ObjectKind.MODEL, value, text)
+                yield PlantProblem("UNWRITABLE_TEXT", ObjectKind.MODEL, value, text)

@@ -8,13 +8,10 @@ from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.state import State
-from nena_shared.vda5050.v2_0.factsheet import FactsheetV20
-from nena_shared.vda5050.v2_0.order import OrderV20
-from nena_shared.vda5050.v2_0.state import StateV20
-from nena_shared.vda5050.v2_1.connection import ConnectionV21
-from nena_shared.vda5050.v2_1.instant_actions import InstantActionsV21
-from nena_shared.vda5050.v2_1.rules import RULES
-from nena_shared.vda5050.v2_1.visualization import VisualizationV21
+from nena_shared.vda5050.v2_0.messages import FactsheetV20, OrderV20, StateV20
+from nena_shared.vda5050.v2_1 import RULES
+from nena_shared.vda5050.v2_1.order import InstantActionsV21
+from nena_shared.vda5050.v2_1.state import ConnectionV21, VisualizationV21
 from nena_shared.vda5050.visualization import Visualization
 
 CODEC = Codec(

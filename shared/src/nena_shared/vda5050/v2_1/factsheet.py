@@ -29,15 +29,18 @@ from nena_shared.vda5050.factsheet import (
     TypeSpecification,
     ValueDataType,
 )
-from nena_shared.vda5050.v2_1.action import (
+from nena_shared.vda5050.v2_1.base import TimestampOrNow
+from nena_shared.vda5050.v2_1.order import (
     CANCELLED_ORDER,
     TRIGGER,
     ActionTypeV21,
     ActionV21,
     BlockingTypeV21,
+    CorridorV21,
+    EdgeV21,
+    NodeV21,
+    OrderV21,
 )
-from nena_shared.vda5050.v2_1.base import TimestampOrNow
-from nena_shared.vda5050.v2_1.order import CorridorV21, EdgeV21, NodeV21, OrderV21
 from nena_shared.vda5050.v2_1.parameter import missing_names, neutral_path, speaks_of, written_path
 from nena_shared.vda5050.wire_names import Absent, always, reads, writes
 

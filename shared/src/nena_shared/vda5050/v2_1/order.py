@@ -1,12 +1,30 @@
-"""The order message of 2.1 (section 6.6.6)."""
+"""Actions, orders and instant actions of VDA 5050 2.1 (sections 6.6 to 6.9)."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import pairwise
-from typing import Annotated, Self
+from typing import Annotated, Any, Final, Self
 
-from pydantic import BeforeValidator, Field, PlainSerializer, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    JsonValue,
+    PlainSerializer,
+    ValidationInfo,
+    field_serializer,
+    model_validator,
+)
 
+from nena_shared.vda5050.action import (
+    Action,
+    ActionParameter,
+    ActionState,
+    ActionStatus,
+    BlockingType,
+    InstantActions,
+)
 from nena_shared.vda5050.base import Identifier, NotNegative, WireObject
 from nena_shared.vda5050.order import (
     AllowedDeviationXY,
@@ -16,11 +34,109 @@ from nena_shared.vda5050.order import (
     Node,
     NodePosition,
     Order,
+    Trajectory,
 )
-from nena_shared.vda5050.v2_1.action import ActionV21
 from nena_shared.vda5050.v2_1.base import Negated, TimestampV2
-from nena_shared.vda5050.v2_1.trajectory import TrajectoryV21
 from nena_shared.vda5050.wire_names import Absent, reads, writes
+
+ActionTypeV21 = Annotated[
+    Identifier,
+    reads({"initPosition": "initializePosition"}),
+    writes({"initializePosition": "initPosition"}),
+]
+
+BlockingTypeV21 = Annotated[BlockingType, writes({"SINGLE": "HARD"}, BlockingType)]
+"""2.1 lacks SINGLE: HARD also keeps other actions away, and never allows more."""
+
+
+TRIGGER: Final = ("waitForTrigger", "triggerType")
+"""3.0 gives a list of triggers, 2.x a single one."""
+
+CANCELLED_ORDER: Final = ("cancelOrder", "orderId")
+"""In 2.x it is always the order that the robot has."""
+
+
+class ActionV21(Action):
+    """An action; 2.1 knows no retry, and some parameters otherwise."""
+
+    action_type: ActionTypeV21
+    action_descriptor: Annotated[str | None, Field(alias="actionDescription")] = None
+    blocking_type: BlockingTypeV21
+    retriable: Absent = None
+
+    @model_validator(mode="after")
+    def _read_trigger(self, info: ValidationInfo) -> Self:
+        action_type, key = TRIGGER
+        if self.action_type != action_type or info.mode != "json":
+            return self
+        parameters = tuple(
+            each.model_copy(update={"value": [each.value]})
+            if each.key == key and isinstance(each.value, str)
+            else each
+            for each in self.action_parameters
+        )
+        return self.model_copy(update={"action_parameters": parameters})
+
+    @field_serializer("action_parameters", when_used="json")
+    def _written_parameters(self, parameters: tuple[ActionParameter, ...]) -> tuple[ActionParameter, ...]:
+        if self.action_type not in (TRIGGER[0], CANCELLED_ORDER[0]):
+            return parameters
+        return tuple(
+            each.model_copy(update={"value": _first(each.value)})
+            if (self.action_type, each.key) == TRIGGER
+            else each
+            for each in parameters
+            if (self.action_type, each.key) != CANCELLED_ORDER
+        )
+
+
+def _first(value: JsonValue) -> JsonValue:
+    return value[0] if isinstance(value, list) and value else value
+
+
+class ActionStateV21(ActionState):
+    """Where an action stands; one that waits for a retry is still running for a 2.1 fleet control."""
+
+    action_type: ActionTypeV21 | None = None
+    action_descriptor: Annotated[str | None, Field(alias="actionDescription")] = None
+    action_status: Annotated[ActionStatus, writes({"RETRIABLE": "RUNNING"}, ActionStatus)]
+    action_result: Annotated[str | None, Field(alias="resultDescription")] = None
+
+
+DEFAULT_DEGREE = 1
+
+
+class TrajectoryV21(Trajectory):
+    """A NURBS from the start to the end of an edge; what is left out is filled in with 3.0's defaults.
+
+    Too few control points for the degree make no curve, so they get no knots.
+    """
+
+    degree: Annotated[
+        Annotated[int, Field(ge=1)] | None, AfterValidator(lambda degree: degree or DEFAULT_DEGREE)
+    ] = DEFAULT_DEGREE
+
+    @staticmethod
+    def finish_record(record: Any) -> Mapping[str, object]:  # noqa: ANN401 - it has the fields of the form
+        """Leave to the codec what has to be filled in."""
+        if record.degree is None or record.knot_vector is None:
+            message = "degree and knots are filled in by the codec"
+            raise ValueError(message)
+        return {}
+
+    @model_validator(mode="after")
+    def _with_knots(self) -> Self:
+        points, degree = len(self.control_points), self.degree or DEFAULT_DEGREE
+        if self.knot_vector is not None or points <= degree:
+            return self
+        return self.model_copy(update={"knot_vector": uniform_knots(points, degree)})
+
+
+def uniform_knots(control_points: int, degree: int) -> tuple[float, ...]:
+    """Return clamped knots, evenly spread over 0 to 1; there are more control points than ``degree``."""
+    spans = control_points - degree
+    inner = tuple(index / spans for index in range(1, spans))
+    return (0.0,) * (degree + 1) + inner + (1.0,) * (degree + 1)
 
 
 def _ellipse(radius: object) -> object:
@@ -122,3 +238,10 @@ class OrderV21(Order):
                 )
                 raise ValueError(message)
         return self
+
+
+class InstantActionsV21(InstantActions):
+    """Actions to run at once."""
+
+    timestamp: TimestampV2
+    actions: tuple[ActionV21, ...]

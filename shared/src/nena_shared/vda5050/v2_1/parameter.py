@@ -13,8 +13,7 @@ from typing import Final
 from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.base import WireObject
 from nena_shared.vda5050.order import Corridor, Edge, Node
-from nena_shared.vda5050.v2_1.action import ActionV21
-from nena_shared.vda5050.v2_1.order import CorridorV21, EdgeV21, NodeV21
+from nena_shared.vda5050.v2_1.order import ActionV21, CorridorV21, EdgeV21, NodeV21
 
 SEGMENT: Final = re.compile(r"\w+")
 

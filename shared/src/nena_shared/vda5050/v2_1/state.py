@@ -1,12 +1,15 @@
-"""The state message of 2.1 (section 6.10)."""
+"""State, errors, visualization and connection of VDA 5050 2.1 (sections 6.10, 6.13 and 6.14)."""
 
 from __future__ import annotations
 
-from typing import Annotated, Self
+from collections.abc import Mapping
+from typing import Annotated, Any, Final, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, field_serializer, model_validator
 
-from nena_shared.vda5050.base import NotNegative, Percent, WireObject
+from nena_shared.vda5050.base import Identifier, NotNegative, Percent, UInt32, Version, WireObject
+from nena_shared.vda5050.connection import Connection, ConnectionState
+from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference, ErrorType
 from nena_shared.vda5050.order import NodePosition
 from nena_shared.vda5050.state import (
     EdgeState,
@@ -20,11 +23,113 @@ from nena_shared.vda5050.state import (
     SafetyState,
     State,
 )
-from nena_shared.vda5050.v2_1.action import ActionStateV21
-from nena_shared.vda5050.v2_1.base import TimestampV2
-from nena_shared.vda5050.v2_1.error import ErrorEntryV21
-from nena_shared.vda5050.v2_1.trajectory import TrajectoryV21
+from nena_shared.vda5050.v2_1.base import TimestampOrNow, TimestampV2
+from nena_shared.vda5050.v2_1.order import ActionStateV21, TrajectoryV21
+from nena_shared.vda5050.v2_1.parameter import neutral_path, written_path
+from nena_shared.vda5050.visualization import Visualization
 from nena_shared.vda5050.wire_names import Absent, always, reads, writes
+
+WRITTEN: dict[str, str] = {
+    ErrorType.VALIDATION_FAILURE: "validationError",
+    ErrorType.MOBILE_ROBOT_NOT_AVAILABLE: "orderError",
+    ErrorType.INSUFFICIENT_MEMORY: "orderError",
+    ErrorType.UNSUPPORTED_PARAMETER: "orderError",
+    ErrorType.INVALID_ORDER_ACTION: "orderError",
+    ErrorType.UNKNOWN_MAP_ID: "orderError",
+    ErrorType.OTHER_ORDER_ACTIVE: "orderUpdateError",
+    ErrorType.OUTDATED_ORDER_UPDATE: "orderUpdateError",
+    ErrorType.ORDER_UPDATE_FOLLOWING_CANCEL: "orderUpdateError",
+    ErrorType.SAME_ORDER_UPDATE_ID: "orderUpdateError",
+    ErrorType.START_NODE_OUT_OF_RANGE: "noRouteError",
+    ErrorType.NO_ROUTE_TO_TARGET: "noRouteError",
+    ErrorType.NO_ORDER_TO_CANCEL: "noOrderToCancel",
+    ErrorType.INVALID_INSTANT_ACTION: "instantActionError",
+    ErrorType.NODE_UNREACHABLE: "nodeUnreachable",
+    ErrorType.LOCALIZATION_ERROR: "localizationError",
+    ErrorType.OUTSIDE_OF_CORRIDOR: "outsideOfCorridor",
+    ErrorType.DUPLICATE_MAP: "duplicateMap",
+    ErrorType.DUPLICATE_ZONE_SET: "duplicateZoneSet",
+    ErrorType.BLOCKED_ZONE_VIOLATION: "blockedZoneViolation",
+    ErrorType.RELEASE_LOST: "releaseLost",
+    ErrorType.ZONE_ACTION_CONFLICT: "zoneActionConflict",
+    ErrorType.INSTANT_ACTION_STATES_FULL: "instantActionStatesFull",
+    ErrorType.ZONE_ACTION_STATES_FULL: "zoneActionStatesFull",
+    ErrorType.ACTION_FAILED: "actionFailed",
+    ErrorType.NAVIGATION_NOT_AVAILABLE: "navigationNotAvailable",
+}
+"""What a neutral error type is called in a 2.x state."""
+
+REJECTIONS: frozenset[str] = frozenset(
+    {
+        ErrorType.VALIDATION_FAILURE,
+        ErrorType.MOBILE_ROBOT_NOT_AVAILABLE,
+        ErrorType.INSUFFICIENT_MEMORY,
+        ErrorType.UNSUPPORTED_PARAMETER,
+        ErrorType.INVALID_ORDER_ACTION,
+        ErrorType.UNKNOWN_MAP_ID,
+        ErrorType.OTHER_ORDER_ACTIVE,
+        ErrorType.OUTDATED_ORDER_UPDATE,
+        ErrorType.ORDER_UPDATE_FOLLOWING_CANCEL,
+        ErrorType.SAME_ORDER_UPDATE_ID,
+        ErrorType.START_NODE_OUT_OF_RANGE,
+        ErrorType.NO_ROUTE_TO_TARGET,
+        ErrorType.NO_ORDER_TO_CANCEL,
+        ErrorType.INVALID_INSTANT_ACTION,
+    }
+)
+"""Errors that refuse a message and leave the robot as it was: in 2.x always of level WARNING."""
+
+
+PARAMETER: Final = "parameter"
+"""The key under which the value names a parameter."""
+
+
+class ErrorReferenceV21(ErrorReference):
+    """What an error is about; parameters of the order have their 2.x names, as key or as value."""
+
+    @staticmethod
+    def finish_record(record: Any) -> Mapping[str, object]:  # noqa: ANN401 - it has the fields of the form
+        """Return the neutral names."""
+        key, value = neutral_path(record.reference_key), record.reference_value
+        return {"reference_key": key, "reference_value": neutral_path(value) if key == PARAMETER else value}
+
+    @model_validator(mode="after")
+    def _read(self, info: ValidationInfo) -> Self:
+        return self.model_copy(update=self.finish_record(self)) if info.mode == "json" else self
+
+    @field_serializer("reference_key", when_used="json")
+    def _written_key(self, key: str) -> str:
+        return written_path(key)
+
+    @field_serializer("reference_value", when_used="json")
+    def _written_value(self, value: str) -> str:
+        return written_path(value) if self.reference_key == PARAMETER else value
+
+
+class ErrorEntryV21(ErrorEntry):
+    """An error; 2.1 knows the levels WARNING and FATAL, and names of its own."""
+
+    error_level: Annotated[ErrorLevel, writes({"URGENT": "WARNING", "CRITICAL": "FATAL"}, ErrorLevel)]
+    error_references: tuple[ErrorReferenceV21, ...] = ()
+    error_description_translations: Absent = None
+    error_hint_translations: Absent = None
+
+    @classmethod
+    def from_neutral(cls, neutral: WireObject) -> Self:
+        """Make the 2.1 form: a rejection is always a warning, what stops the robot is fatal."""
+        error = ErrorEntry.model_validate(neutral, by_name=True, by_alias=False)
+        mild = error.error_level in (ErrorLevel.WARNING, ErrorLevel.URGENT) or error.error_type in REJECTIONS
+        return cls.model_validate(
+            error.model_copy(
+                update={
+                    "error_type": WRITTEN.get(error.error_type, error.error_type),
+                    "error_level": ErrorLevel.WARNING if mild else ErrorLevel.FATAL,
+                }
+            ),
+            by_name=True,
+            by_alias=False,
+        )
+
 
 OperatingModeV21 = Annotated[
     OperatingMode,
@@ -130,3 +235,31 @@ class StateV21(State):
             by_name=True,
             by_alias=False,
         )
+
+
+class VisualizationV21(Visualization):
+    """Position and speed; it does not say which state it belongs to, and not always who sends it."""
+
+    header_id: UInt32 = 0
+    timestamp: TimestampOrNow
+    version: Version = "2.0.0"
+    manufacturer: Identifier = ""
+    serial_number: Identifier = ""
+    reference_state_header_id: Annotated[UInt32, always(0), Field(exclude=True)] = 0
+    mobile_robot_position: Annotated[MobileRobotPositionV21 | None, Field(alias="agvPosition")] = None
+    planned_path: Absent = None
+    intermediate_path: Absent = None
+
+
+ConnectionStateV21 = Annotated[
+    ConnectionState,
+    reads({"CONNECTIONBROKEN": "CONNECTION_BROKEN"}),
+    writes({"CONNECTION_BROKEN": "CONNECTIONBROKEN", "HIBERNATING": "ONLINE"}, ConnectionState),
+]
+
+
+class ConnectionV21(Connection):
+    """CONNECTION_BROKEN without the underscore; a hibernating robot is still connected."""
+
+    timestamp: TimestampV2
+    connection_state: ConnectionStateV21

@@ -1,23 +1,53 @@
 """VDA 5050 3.0.0: the neutral messages, but for spellings that are read besides the right ones."""
 
-from nena_shared.vda5050.action import InstantActions
+from __future__ import annotations
+
+from types import MappingProxyType
+from typing import Final
+
+from nena_shared.vda5050.action import ActionStatus, BlockingType, InstantActions
 from nena_shared.vda5050.codec import Codec
-from nena_shared.vda5050.connection import Connection
+from nena_shared.vda5050.connection import Connection, ConnectionState
+from nena_shared.vda5050.error import ErrorLevel, ErrorType
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.responses import Responses
-from nena_shared.vda5050.state import State
-from nena_shared.vda5050.v3_0.connection import ConnectionV30
-from nena_shared.vda5050.v3_0.factsheet import FactsheetV30
-from nena_shared.vda5050.v3_0.instant_actions import InstantActionsV30
-from nena_shared.vda5050.v3_0.order import OrderV30
-from nena_shared.vda5050.v3_0.responses import ResponsesV30
-from nena_shared.vda5050.v3_0.rules import RULES
-from nena_shared.vda5050.v3_0.state import StateV30
-from nena_shared.vda5050.v3_0.visualization import VisualizationV30
-from nena_shared.vda5050.v3_0.zone_set import ZoneSetTransferV30
+from nena_shared.vda5050.rules import Rules
+from nena_shared.vda5050.state import OperatingMode, State
+from nena_shared.vda5050.v3_0.messages import (
+    ConnectionV30,
+    FactsheetV30,
+    InstantActionsV30,
+    OrderV30,
+    ResponsesV30,
+    StateV30,
+    VisualizationV30,
+    ZoneSetTransferV30,
+)
 from nena_shared.vda5050.visualization import Visualization
 from nena_shared.vda5050.zone_set import ZoneSetTransfer
+
+RULES: Final = Rules(
+    blocking_types=frozenset(BlockingType),
+    action_statuses=frozenset(ActionStatus),
+    error_levels=frozenset(ErrorLevel),
+    operating_modes=frozenset(OperatingMode),
+    connection_states=frozenset(ConnectionState),
+    error_names=MappingProxyType({kind: kind.value for kind in ErrorType}),
+    instant_states_apart=True,
+    instant_states_until_cleared=True,
+    first_update_id_is_zero=True,
+    equal_update_id_compared=True,
+    stitching_node_repeated=True,
+    cancel_names_order=True,
+    trigger_by_action=True,
+    maps=True,
+    zones=True,
+    wrong_stitching_node=ErrorType.VALIDATION_FAILURE,
+    node_forgotten_in=frozenset({OperatingMode.STARTUP, OperatingMode.SERVICE, OperatingMode.TEACH_IN}),
+    node_left_in=frozenset({OperatingMode.MANUAL}),
+)
+"""What this version can say, and what it means by it."""
 
 CODEC = Codec(
     version="3.0.0",

@@ -20,7 +20,7 @@ from nena_shared.log import get_logger
 from nena_shared.misfits import in_words, shortened
 from nena_shared.settings import ConfigurationError
 from nena_shared.web.access import RateLimit
-from nena_shared.web.oidc.tokens import Header, header_of, verified
+from nena_shared.web.oidc.tokens import TokenHeader, header_of, verified
 from nena_shared.web.oidc.users import IssuerAwayError, OidcUser, TokenRefusedError, user_of
 from nena_shared.web.settings import OidcSettings, ProtectedUrl
 
@@ -219,14 +219,14 @@ LOOKS_AT_ONCE = 3
 
 
 @dataclass(frozen=True, slots=True)
-class _Known:
+class _KnownKeys:
     metadata: Metadata
     keys: KeySet
     at: float
     """Seconds of the monotonic clock."""
 
 
-_Serves = Callable[[_Known], bool]
+_Serves = Callable[[_KnownKeys], bool]
 """Tells whether what is known is enough for a request."""
 
 
@@ -250,7 +250,7 @@ class Issuer:
         self._clock = clock or SystemClock()
         self._looks = RateLimit(LOOKS_PER_SECOND, LOOKS_AT_ONCE)
         self._lock = asyncio.Lock()
-        self._known: _Known | None = None
+        self._known: _KnownKeys | None = None
         self._renewing: asyncio.Task[None] | None = None
 
     async def metadata(self) -> Metadata:
@@ -262,7 +262,7 @@ class Issuer:
         """
         return (await self._current(lambda _: True)).metadata
 
-    async def key(self, header: Header) -> PyJWK:
+    async def key(self, header: TokenHeader) -> PyJWK:
         """Return the key that a token says it is signed with.
 
         Raises:
@@ -279,7 +279,7 @@ class Issuer:
             raise TokenRefusedError(message)
         return key
 
-    async def _current(self, serves: _Serves) -> _Known:
+    async def _current(self, serves: _Serves) -> _KnownKeys:
         """Return what is known at once where it serves, else what the issuer says now."""
         known = self._known
         if known and serves(known) and self._is_younger(known, KEPT):
@@ -327,7 +327,7 @@ class Issuer:
         if self.problem or self._known is None:
             log.info("the OIDC issuer is known", issuer=self.settings.issuer)
         self.problem = ""
-        self._known = _Known(metadata, keys, self._clock.monotonic())
+        self._known = _KnownKeys(metadata, keys, self._clock.monotonic())
 
     async def _keys(self, url: str) -> KeySet:
         try:
@@ -336,7 +336,7 @@ class Issuer:
             message = f"{url}: {error}"
             raise IssuerAwayError(message) from error
 
-    def _is_younger(self, known: _Known, seconds: float) -> bool:
+    def _is_younger(self, known: _KnownKeys, seconds: float) -> bool:
         return self._clock.monotonic() - known.at < seconds
 
 

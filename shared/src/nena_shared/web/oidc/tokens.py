@@ -35,14 +35,14 @@ REASONS: dict[type[Exception], str] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Header:
+class TokenHeader:
     """What a token says of how it is signed; nothing of it is proved yet."""
 
     kid: str | None
     algorithm: str
 
 
-def header_of(token: str, algorithms: Sequence[str]) -> Header:
+def header_of(token: str, algorithms: Sequence[str]) -> TokenHeader:
     """Read how a token is signed.
 
     Raises:
@@ -64,11 +64,11 @@ def header_of(token: str, algorithms: Sequence[str]) -> Header:
     if "crit" in header or str(header.get("typ") or "").lower() not in TYPES:
         message = "it is of a kind that does not count here (typ, crit)"
         raise TokenRefusedError(message)
-    return Header(header.get("kid"), str(algorithm))
+    return TokenHeader(header.get("kid"), str(algorithm))
 
 
 def verified(
-    token: str, key: PyJWK, header: Header, *, issuer: str, audience: str, leeway: float
+    token: str, key: PyJWK, header: TokenHeader, *, issuer: str, audience: str, leeway: float
 ) -> dict[str, Any]:
     """Return the claims of a token that counts.
 

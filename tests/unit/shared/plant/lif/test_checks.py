@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from nena_shared.plant import Path, PlantModel, Point
-from nena_shared.plant.errors import Problem
+from nena_shared.plant.errors import PlantProblem
 from nena_shared.plant.lif.checks import (
     deviations,
     errors,
@@ -37,7 +37,7 @@ def of(*parts: dict[str, Any]) -> LifFile:
     return file(layout(*parts))
 
 
-def told(problems: Iterable[Problem]) -> list[tuple[str, str]]:
+def told(problems: Iterable[PlantProblem]) -> list[tuple[str, str]]:
     return [(each.code, each.name) for each in problems]
 
 

@@ -8,18 +8,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nena_shared.plant.lif import curve
-from nena_shared.plant.track import Trajectory, TrajectoryPoint
+from nena_shared.plant.track import PathTrajectory, TrajectoryPoint
 
 NUMBERS = st.floats(-1000, 1000)
 
 
-def trajectory(degree: int, knots: list[float], *places: tuple[float, float]) -> Trajectory:
+def trajectory(degree: int, knots: list[float], *places: tuple[float, float]) -> PathTrajectory:
     points = tuple(TrajectoryPoint(x=x, y=y) for x, y in places)
-    return Trajectory(degree=degree, knot_vector=tuple(knots), control_points=points)
+    return PathTrajectory(degree=degree, knot_vector=tuple(knots), control_points=points)
 
 
 @st.composite
-def curves(draw: st.DrawFn) -> Trajectory:
+def curves(draw: st.DrawFn) -> PathTrajectory:
     """Draw curves of degree 1 to 4, also with knots that fall together, clamped at both ends."""
     degree = draw(st.integers(1, 4))
     between = sorted(draw(st.lists(st.sampled_from([0.25, 0.5, 0.75]), max_size=4)))
@@ -29,11 +29,11 @@ def curves(draw: st.DrawFn) -> Trajectory:
         for _ in range(count)
     ]
     knots = (*[0.0] * (degree + 1), *between, *[1.0] * (degree + 1))
-    return Trajectory(degree=degree, knot_vector=knots, control_points=tuple(points))
+    return PathTrajectory(degree=degree, knot_vector=knots, control_points=tuple(points))
 
 
 @given(curves())
-def test_a_clamped_curve_runs_from_its_first_to_its_last_control_point(drawn: Trajectory) -> None:
+def test_a_clamped_curve_runs_from_its_first_to_its_last_control_point(drawn: PathTrajectory) -> None:
     assert curve.fault(drawn) == ""
     places = curve.places(drawn)
     for place, point in ((places[0], drawn.control_points[0]), (places[-1], drawn.control_points[-1])):
@@ -41,7 +41,7 @@ def test_a_clamped_curve_runs_from_its_first_to_its_last_control_point(drawn: Tr
 
 
 @given(curves())
-def test_a_curve_stays_among_its_control_points_and_is_no_longer_than_they_are(drawn: Trajectory) -> None:
+def test_a_curve_stays_among_its_control_points_and_is_no_longer_than_they_are(drawn: PathTrajectory) -> None:
     points = drawn.control_points
     for x, y in curve.places(drawn):
         assert min(each.x for each in points) - 1e-6 <= x <= max(each.x for each in points) + 1e-6

@@ -17,7 +17,7 @@ from nena_shared.plant.lif import read, write
 from nena_shared.plant.lif.document import Station, StationPosition
 from nena_shared.plant.lif.reader import Names, StationMaker
 from nena_shared.plant.model import NO_OPERATION
-from nena_shared.plant.track import BlockingType, Point, TypeAction, VehicleTypeAtPoint
+from nena_shared.plant.track import PlantBlockingType, Point, TypeAction, VehicleTypeAtPoint
 from support.cpu import least_cpu
 from support.lif_files import action, edge, layout, lif, lif_of, node, use
 from support.plants import grid_plant, point
@@ -315,7 +315,7 @@ def doing(name: str, x_mm: int, *actions_by_type: str) -> Point:
         VehicleTypeAtPoint(
             vehicle_type_id=f"t{number}",
             actions=tuple(
-                TypeAction(action_type=each, blocking_type=BlockingType.HARD) for each in actions.split()
+                TypeAction(action_type=each, blocking_type=PlantBlockingType.HARD) for each in actions.split()
             ),
         )
         for number, actions in enumerate(actions_by_type)

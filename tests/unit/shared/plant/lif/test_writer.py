@@ -32,7 +32,7 @@ from nena_shared.plant.lif import read, write
 from nena_shared.plant.lif.reader import UNLIMITED_SIZE
 from nena_shared.plant.lif.writer import distinct_ids, export_warnings
 from nena_shared.plant.opentcs_xml import read as read_opentcs
-from nena_shared.plant.track import Trajectory, TrajectoryPoint, VehicleTypeOnPath
+from nena_shared.plant.track import PathTrajectory, TrajectoryPoint, VehicleTypeOnPath
 from support.lif_files import action, edge, layout, lif, lif_of, node, use
 from support.plants import path, plant, point
 from support.reference import reference_dir
@@ -267,7 +267,7 @@ BENT = PathLayout(connection_type=ConnectionType.POLYPATH)
 DRAWN = VehicleTypeOnPath(
     vehicle_type_id="t",
     rotation_allowed=False,
-    trajectory=Trajectory(
+    trajectory=PathTrajectory(
         knot_vector=(0, 0, 1, 1), control_points=(TrajectoryPoint(x=0, y=0), TrajectoryPoint(x=1, y=0))
     ),
 )

@@ -7,13 +7,13 @@ import pytest
 from nena_shared.plant import (
     BlockType,
     ConnectionType,
-    ControlPoint,
     EnergyThresholds,
     ExecutionTrigger,
+    LayoutPoint,
     PlantModel,
     PlantModelError,
+    PlantVertex,
     PointType,
-    Vertex,
 )
 from nena_shared.plant.opentcs_xml import read
 from support.plants import opentcs_xml
@@ -92,12 +92,12 @@ def test_the_layout_element_holds_the_drawing(version: str) -> None:
     assert model.point("A").layout.label_offset_x_px == 30
     assert model.path("AB").layout.connection_type is ConnectionType.BEZIER
     assert model.path("AB").layout.control_points == (
-        ControlPoint(x_mm=1000, y_mm=200),
-        ControlPoint(x_mm=2000, y_mm=200),
+        LayoutPoint(x_mm=1000, y_mm=200),
+        LayoutPoint(x_mm=2000, y_mm=200),
     )
     assert model.vehicle("V").color == "#FF0000"
     assert model.blocks_by_name["X"].color == "#00FF00"
-    assert model.location("L").layout.position == Vertex(x_mm=500, y_mm=600)
+    assert model.location("L").layout.position == PlantVertex(x_mm=500, y_mm=600)
     assert model.location("L").layout.layer_id == 2
     assert PlantModel.from_json(model.to_json()) == model
 
@@ -173,7 +173,7 @@ def test_objects_say_themselves_how_they_are_drawn(version: str) -> None:
     model = report.model
     assert (model.point("B").x_mm, model.location("L").y_mm) == (3000, 2)
     assert (model.point("A").layout.label_offset_x_px, model.point("A").layout.layer_id) == (5, 1)
-    assert model.path("AB").layout.control_points == (ControlPoint(x_mm=1500, y_mm=500),)
+    assert model.path("AB").layout.control_points == (LayoutPoint(x_mm=1500, y_mm=500),)
     assert [problem.code for problem in report.warnings] == ["NO_PARK_POSITION"]
 
 

@@ -11,12 +11,12 @@ from nena_shared.plant import (
     BlockType,
     BoundingBox,
     ConnectionType,
-    ControlPoint,
     EnergyThresholds,
     ExecutionTrigger,
     LabelLayout,
     Layer,
     LayerGroup,
+    LayoutPoint,
     Link,
     LocationLayout,
     LocationType,
@@ -24,10 +24,10 @@ from nena_shared.plant import (
     PathLayout,
     PlantModel,
     PlantModelError,
+    PlantProblem,
+    PlantVertex,
     PointType,
-    Problem,
     Vehicle,
-    Vertex,
     VisualLayout,
 )
 from nena_shared.plant.opentcs_xml import read, write
@@ -94,7 +94,7 @@ def model(body: str = POINTS + PATHS + REST) -> PlantModel:
     return read(opentcs_xml(body)).model
 
 
-def problems(body: str, version: str = "7.0.0") -> list[Problem]:
+def problems(body: str, version: str = "7.0.0") -> list[PlantProblem]:
     with pytest.raises(PlantModelError) as caught:
         read(opentcs_xml(body, version))
     return list(caught.value.problems)
@@ -116,7 +116,7 @@ def test_points() -> None:
         length_mm=1, width_mm=2, height_mm=3, reference_offset_x_mm=-4, reference_offset_y_mm=5
     )
     assert a.envelopes[0].key == "e"
-    assert a.envelopes[0].vertices == (Vertex(x_mm=1, y_mm=2), Vertex(x_mm=1, y_mm=2))
+    assert a.envelopes[0].vertices == (PlantVertex(x_mm=1, y_mm=2), PlantVertex(x_mm=1, y_mm=2))
     assert a.properties == {"k": "v"}
     assert (a.layout.label_offset_x_px, a.layout.label_offset_y_px, a.layout.layer_id) == (3, 4, 1)
     assert b.orientation_deg is None
@@ -135,7 +135,10 @@ def test_paths() -> None:
 def test_control_points_are_pixels_with_y_downwards() -> None:
     (path,) = model().paths
     assert path.layout.connection_type is ConnectionType.BEZIER
-    assert path.layout.control_points == (ControlPoint(x_mm=60, y_mm=40), ControlPoint(x_mm=100, y_mm=-60))
+    assert path.layout.control_points == (
+        LayoutPoint(x_mm=60, y_mm=40),
+        LayoutPoint(x_mm=100, y_mm=-60),
+    )
 
 
 def test_everything_else() -> None:

@@ -13,19 +13,19 @@ from nena_shared.plant import (
     Block,
     BoundingBox,
     ConnectionType,
-    ControlPoint,
     Envelope,
     Layer,
     LayerGroup,
+    LayoutPoint,
     Location,
     LocationLayout,
     LocationType,
     PathLayout,
     PlantModel,
     PlantModelError,
+    PlantVertex,
     PointType,
     Vehicle,
-    Vertex,
     VisualLayout,
 )
 from nena_shared.plant.opentcs_xml import read, write
@@ -74,10 +74,10 @@ def test_the_sample_plant_loses_nothing() -> None:
 
 
 def test_all_that_a_model_can_hold_comes_back() -> None:
-    square = Envelope(key="k", vertices=(Vertex(x_mm=0, y_mm=-5), Vertex(x_mm=7, y_mm=0)))
+    square = Envelope(key="k", vertices=(PlantVertex(x_mm=0, y_mm=-5), PlantVertex(x_mm=7, y_mm=0)))
     curve = PathLayout(
         connection_type=ConnectionType.BEZIER,
-        control_points=(ControlPoint(x_mm=100, y_mm=-250), ControlPoint(x_mm=0, y_mm=50)),
+        control_points=(LayoutPoint(x_mm=100, y_mm=-250), LayoutPoint(x_mm=0, y_mm=50)),
     )
     model = PlantModel(
         name='hall "3" <north> & ',

@@ -23,8 +23,8 @@ from nena_shared.vda5050.order import (
 )
 from nena_shared.vda5050.state import EmergencyStop, OperatingMode, State
 from nena_shared.vda5050.v2_1 import CODEC
-from nena_shared.vda5050.v2_1.error_type import REJECTIONS, WRITTEN
-from nena_shared.vda5050.v2_1.trajectory import uniform_knots
+from nena_shared.vda5050.v2_1.order import uniform_knots
+from nena_shared.vda5050.v2_1.state import REJECTIONS, WRITTEN
 from nena_shared.vda5050.visualization import Visualization
 from support.reference import reference_dir
 

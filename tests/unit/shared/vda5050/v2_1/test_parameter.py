@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_shared.vda5050.v2_1.action import ActionV21
+from nena_shared.vda5050.v2_1.order import ActionV21
 from nena_shared.vda5050.v2_1.parameter import (
     WRITTEN,
     missing_names,

@@ -26,7 +26,7 @@ from nena_shared.web.oidc.issuer import (
     metadata_of,
     place_of,
 )
-from nena_shared.web.oidc.tokens import Header
+from nena_shared.web.oidc.tokens import TokenHeader
 from nena_shared.web.oidc.users import IssuerAwayError, NoRoleError, TokenRefusedError
 from nena_shared.web.settings import OidcSettings
 from nena_shared.web.users import Role
@@ -34,8 +34,8 @@ from support.broker import free_port
 from support.oidc_issuer import DISCOVERY, KEYS, OidcIssuer, ec_key, rsa_key
 from support.waiting import PATIENCE, awaited, until
 
-KNOWN = Header("rsa-1", "RS256")
-NEW = Header("ec-2", "ES256")
+KNOWN = TokenHeader("rsa-1", "RS256")
+NEW = TokenHeader("ec-2", "ES256")
 
 
 class Watched:
@@ -79,10 +79,10 @@ async def test_made_up_keys_make_nobody_ask_without_end(watched: Watched, issuer
     await watched.issuer.key(KNOWN)
     for number in range(LOOKS_AT_ONCE - 1):
         with pytest.raises(TokenRefusedError, match="no such key"):
-            await watched.issuer.key(Header(f"made-up-{number}", "RS256"))
+            await watched.issuer.key(TokenHeader(f"made-up-{number}", "RS256"))
     for number in range(50):
         with pytest.raises(IssuerAwayError, match="too often"):
-            await watched.issuer.key(Header(f"made-up-more-{number}", "RS256"))
+            await watched.issuer.key(TokenHeader(f"made-up-more-{number}", "RS256"))
 
     assert issuer.asked[KEYS] == LOOKS_AT_ONCE
     assert (await watched.issuer.key(KNOWN)).key_id == "rsa-1"
@@ -116,7 +116,7 @@ async def test_keys_without_ids_are_not_asked_for_again_and_again(
     ]
     issuer.broken[KEYS] = json.dumps({"keys": keys}).encode()
     for algorithm in 3 * ("RS256", "ES256"):
-        assert (await watched.issuer.key(Header(None, algorithm))).algorithm_name == algorithm
+        assert (await watched.issuer.key(TokenHeader(None, algorithm))).algorithm_name == algorithm
 
     assert issuer.asked[KEYS] == 1
 

@@ -1,10 +1,12 @@
-"""TLS to the broker: which certificates the client accepts, and its own."""
+"""How a program identifies itself to the broker: TLS, and client IDs that cannot be guessed."""
 
 from __future__ import annotations
 
 import ssl
+from functools import lru_cache
+from hashlib import scrypt, sha256
 
-from nena_shared.settings import ConfigurationError, MqttTlsSettings
+from nena_shared.settings import ConfigurationError, MqttSettings, MqttTlsSettings
 
 
 def tls_context(settings: MqttTlsSettings) -> ssl.SSLContext | None:
@@ -37,3 +39,37 @@ def _reason(error: Exception) -> str:
     if isinstance(error, ssl.SSLError):
         return f"not a PEM file that fits ({error.reason or error})"
     return str(getattr(error, "strerror", None) or error)
+
+
+DIGITS = 16
+"""Hexadecimal digits of the digest: 64 bits."""
+
+
+def private_client_id(name: str, settings: MqttSettings) -> str:
+    """Return ``name`` with a digest of the key or the password in ``settings``.
+
+    It is the same after a restart. Without key and password it is ``name`` alone: clients have no identity.
+
+    Raises:
+        ConfigurationError: a file with the secret cannot be read.
+
+    """
+    secret = _secret(settings)
+    if not secret:
+        return name
+    return f"{name}-{sha256(_hardened(secret) + name.encode()).hexdigest()[:DIGITS]}"
+
+
+def _secret(settings: MqttSettings) -> bytes:
+    if settings.tls.key is None:
+        return (settings.secret() or "").encode()
+    try:
+        return settings.tls.key.read_bytes()
+    except OSError as error:
+        raise ConfigurationError([f"mqtt.tls.key: {error}"]) from error
+
+
+@lru_cache(maxsize=1)
+def _hardened(secret: bytes) -> bytes:
+    """Return a slow hash, so that passwords cannot be tried against an ID from a broker's log."""
+    return scrypt(secret, salt=b"NeNa client id", n=2**14, r=8, p=1, dklen=32)

@@ -1,14 +1,12 @@
-"""The factsheet message of 2.0 (section 7)."""
+"""The messages of VDA 5050 2.0 where they differ from 2.1."""
 
 from __future__ import annotations
 
 from typing import Annotated, ClassVar
 
-from pydantic import AliasChoices, Field
+from pydantic import AliasChoices, Field, PlainSerializer
 
-from nena_shared.vda5050.base import UInt32
-from nena_shared.vda5050.v2_0.order import EdgeV20, OrderV20
-from nena_shared.vda5050.v2_1.action import ActionV21
+from nena_shared.vda5050.base import Percent, UInt32
 from nena_shared.vda5050.v2_1.factsheet import (
     FactsheetV21,
     MaximumArrayLengthsV21,
@@ -17,9 +15,45 @@ from nena_shared.vda5050.v2_1.factsheet import (
     ProtocolFeaturesV21,
     ProtocolLimitsV21,
 )
-from nena_shared.vda5050.v2_1.order import CorridorV21, NodeV21
+from nena_shared.vda5050.v2_1.order import ActionV21, CorridorV21, EdgeV21, NodeV21, OrderV21
 from nena_shared.vda5050.v2_1.parameter import missing_names
+from nena_shared.vda5050.v2_1.state import ErrorEntryV21, PowerSupplyV21, StateV21
 from nena_shared.vda5050.wire_names import Absent
+
+
+class EdgeV20(EdgeV21):
+    """The way between two nodes; 2.0 knows no corridors."""
+
+    corridor: Absent = None
+
+
+class OrderV20(OrderV21):
+    """A graph of nodes and edges to drive."""
+
+    edges: tuple[EdgeV20, ...]
+
+
+WholePercent = Annotated[Percent, PlainSerializer(round, return_type=int, when_used="json")]
+
+
+class ErrorEntryV20(ErrorEntryV21):
+    """An error; 2.0 has no hints."""
+
+    error_hint: Absent = None
+
+
+class PowerSupplyV20(PowerSupplyV21):
+    """The battery; its health is a whole number."""
+
+    battery_health: WholePercent | None = None
+
+
+class StateV20(StateV21):
+    """Everything about the robot; 2.0 knows no maps."""
+
+    maps: Absent = None
+    errors: tuple[ErrorEntryV20, ...]
+    power_supply: Annotated[PowerSupplyV20, Field(alias="batteryState")]
 
 
 class PhysicalParametersV20(PhysicalParametersV21):

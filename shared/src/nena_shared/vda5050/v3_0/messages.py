@@ -1,0 +1,361 @@
+"""The messages of VDA 5050 3.0: the neutral ones, and misspelt or older names that are read, too."""
+
+from __future__ import annotations
+
+from math import pi
+from typing import Annotated, Self
+
+from pydantic import (
+    AfterValidator,
+    AliasChoices,
+    BeforeValidator,
+    Field,
+    PlainSerializer,
+    ValidationInfo,
+    model_validator,
+)
+
+from nena_shared.vda5050.action import Action, ActionState, BlockingType, InstantActions
+from nena_shared.vda5050.base import Angle, Identifier, NotNegative
+from nena_shared.vda5050.connection import Connection, ConnectionState
+from nena_shared.vda5050.error import ErrorEntry
+from nena_shared.vda5050.factsheet import (
+    ActionParameterDescription,
+    BatteryCharging,
+    Factsheet,
+    MobileRobotAction,
+    MobileRobotConfiguration,
+    OptionalParameter,
+    ProtocolFeatures,
+    TypeSpecification,
+    ValueDataType,
+)
+from nena_shared.vda5050.order import (
+    AllowedDeviationXY,
+    ControlPoint,
+    Corridor,
+    CorridorReferencePoint,
+    Edge,
+    Node,
+    NodePosition,
+    Order,
+    Trajectory,
+)
+from nena_shared.vda5050.request import EdgeRequest, RequestStatus, ZoneRequest
+from nena_shared.vda5050.responses import GrantType, Response, Responses
+from nena_shared.vda5050.state import EdgeState, NodeState, OperatingMode, PlannedPath, State
+from nena_shared.vda5050.visualization import Visualization
+from nena_shared.vda5050.wire_names import Absent, reads, writes
+from nena_shared.vda5050.zone_set import (
+    BidirectedLimitation,
+    DirectedLimitation,
+    Factor,
+    Zone,
+    ZoneAction,
+    ZoneReleaseLossBehavior,
+    ZoneSet,
+    ZoneSetTransfer,
+    ZoneType,
+)
+
+ActionTypeV30 = Annotated[Identifier, reads({"initPosition": "initializePosition"})]
+
+
+class ActionV30(Action):
+    """An action."""
+
+    action_type: ActionTypeV30
+
+
+def _half_turn(theta: float) -> float:
+    """Return the same turn of an ellipse, which looks alike after half a turn, within -π/2 to π/2."""
+    if abs(theta) <= pi / 2:
+        return theta
+    return theta - pi if theta > 0 else theta + pi
+
+
+class AllowedDeviationXYV30(AllowedDeviationXY):
+    """An ellipse around a node; its turn is sent within the bounds of the schema."""
+
+    theta: Annotated[Angle, PlainSerializer(_half_turn, return_type=float, when_used="json")] = 0.0
+
+
+class NodePositionV30(NodePosition):
+    """Where a node is."""
+
+    allowed_deviation_xy: Annotated[AllowedDeviationXYV30 | None, Field(alias="allowedDeviationXY")] = None
+
+
+class NodeV30(Node):
+    """A place that the order passes."""
+
+    node_position: NodePositionV30 | None = None
+    actions: tuple[ActionV30, ...]
+
+
+class ControlPointV30(ControlPoint):
+    """A point that shapes a trajectory; one without weight would not."""
+
+    weight: Annotated[float, Field(gt=0)] | None = None
+
+
+class TrajectoryV30(Trajectory):
+    """A NURBS from the start to the end of an edge."""
+
+    control_points: tuple[ControlPointV30, ...]
+
+
+class CorridorV30(Corridor):
+    """How far a robot may leave a trajectory."""
+
+    corridor_reference_point: (
+        Annotated[CorridorReferencePoint, reads({"KINEMATICCENTER": "KINEMATIC_CENTER"})] | None
+    ) = None
+
+
+class EdgeV30(Edge):
+    """The way between two nodes; the schema has another name for the speed of rotation."""
+
+    maximum_rotation_speed: Annotated[
+        NotNegative | None, Field(validation_alias=AliasChoices("maximumRotationSpeed", "maxRotationSpeed"))
+    ] = None
+    trajectory: TrajectoryV30 | None = None
+    corridor: CorridorV30 | None = None
+    actions: tuple[ActionV30, ...]
+
+
+class OrderV30(Order):
+    """A graph of nodes and edges to drive."""
+
+    zone_set_id: Absent = None
+    nodes: tuple[NodeV30, ...]
+    edges: tuple[EdgeV30, ...]
+
+
+class InstantActionV30(ActionV30):
+    """An action to run at once: it blocks nothing, whatever is said."""
+
+    blocking_type: Annotated[
+        BlockingType,
+        AfterValidator(lambda _: BlockingType.NONE),
+        writes(dict.fromkeys(BlockingType, BlockingType.NONE), BlockingType),
+    ]
+
+
+class InstantActionsV30(InstantActions):
+    """Actions to run at once."""
+
+    actions: tuple[InstantActionV30, ...]
+
+
+RequestStatusV30 = Annotated[RequestStatus, writes({"QUEUED": "REQUESTED"}, RequestStatus)]
+"""Section 6.9 has QUEUED, table and schema do not: read, but not sent to a fleet control of 3.0.0."""
+
+
+class PositionOfNodeStateV30(NodePosition):
+    """Where a node is; how near the robot must come stands in the order alone."""
+
+    allowed_deviation_xy: Absent = None
+    allowed_deviation_theta: Absent = None
+
+
+class NodeStateV30(NodeState):
+    """A node that is still to be traversed."""
+
+    node_position: PositionOfNodeStateV30 | None = None
+
+
+class EdgeStateV30(EdgeState):
+    """An edge that is still to be driven to its end."""
+
+    trajectory: TrajectoryV30 | None = None
+
+
+class PlannedPathV30(PlannedPath):
+    """The way that the robot means to drive at least to the end of its base."""
+
+    trajectory: TrajectoryV30
+
+
+class ActionStateV30(ActionState):
+    """Where one action stands."""
+
+    action_type: ActionTypeV30 | None = None
+
+
+class ZoneRequestV30(ZoneRequest):
+    """A request about a zone."""
+
+    request_status: RequestStatusV30
+    trajectory: TrajectoryV30 | None = None
+
+
+class EdgeRequestV30(EdgeRequest):
+    """A request about an edge of the order."""
+
+    request_status: RequestStatusV30
+
+
+class ErrorEntryV30(ErrorEntry):
+    """One active error; section 7.8 has an older name for one type."""
+
+    error_type: Annotated[str, reads({"INVALID_ORDER": "INVALID_ORDER_ACTION"})]
+
+
+class StateV30(State):
+    """Everything about the robot."""
+
+    zone_set_id: Absent = None
+    node_states: tuple[NodeStateV30, ...]
+    edge_states: tuple[EdgeStateV30, ...]
+    planned_path: PlannedPathV30 | None = None
+    zone_requests: tuple[ZoneRequestV30, ...] | None = None
+    edge_requests: tuple[EdgeRequestV30, ...] | None = None
+    action_states: tuple[ActionStateV30, ...]
+    instant_action_states: tuple[ActionStateV30, ...]
+    zone_action_states: tuple[ActionStateV30, ...] | None = None
+    operating_mode: Annotated[OperatingMode, reads({"TEACHIN": "TEACH_IN"})]
+    errors: tuple[ErrorEntryV30, ...]
+
+
+class VisualizationV30(Visualization):
+    """Position and way at a higher rate than the state."""
+
+    planned_path: PlannedPathV30 | None = None
+
+
+class ConnectionV30(Connection):
+    """What is known of a robot's MQTT link; the schema's description still has the name of 2.x."""
+
+    connection_state: Annotated[ConnectionState, reads({"CONNECTIONBROKEN": "CONNECTION_BROKEN"})]
+
+
+KINEMATICS = {"DIFF": "DIFFERENTIAL", "OMNI": "OMNIDIRECTIONAL", "THREEWHEEL": "THREE_WHEEL"}
+
+
+class TypeSpecificationV30(TypeSpecification):
+    """The robot's class and how it finds its way; the schema of 3.0.0 demands a misspelt name."""
+
+    mobile_robot_kinematics: Annotated[
+        str,
+        reads(KINEMATICS),
+        Field(validation_alias=AliasChoices("mobileRobotKinematics", "mobileRobotKinematic")),
+    ]
+    navigation_types: tuple[Annotated[str, reads({"AUTONOMOUS": "FREELY_NAVIGATING"})], ...]
+
+
+class ActionParameterDescriptionV30(ActionParameterDescription):
+    """A parameter that an action takes."""
+
+    value_data_type: Annotated[ValueDataType, reads({"FLOAT": "NUMBER"})]
+
+
+class MobileRobotActionV30(MobileRobotAction):
+    """An action that the robot can do."""
+
+    action_type: ActionTypeV30
+    action_parameters: tuple[ActionParameterDescriptionV30, ...] | None = None
+
+
+def _right_name(path: str) -> str:
+    """Return the name of the text for the one that the order's schema has."""
+    return path.replace("maxRotationSpeed", "maximumRotationSpeed")
+
+
+class OptionalParameterV30(OptionalParameter):
+    """An optional field of the order."""
+
+    parameter: Annotated[str, AfterValidator(_right_name)]
+
+
+class ProtocolFeaturesV30(ProtocolFeatures):
+    """Optional fields and actions."""
+
+    optional_parameters: tuple[OptionalParameterV30, ...]
+    mobile_robot_actions: tuple[MobileRobotActionV30, ...]
+
+
+class MobileRobotConfigurationV30(MobileRobotConfiguration):
+    """How this very robot is set up; the schema of 3.0.0 has a blank behind one name."""
+
+    battery_charging: Annotated[
+        BatteryCharging | None, Field(validation_alias=AliasChoices("batteryCharging", "batteryCharging "))
+    ] = None
+
+
+class FactsheetV30(Factsheet):
+    """What a robot is and can do."""
+
+    type_specification: TypeSpecificationV30
+    protocol_features: ProtocolFeaturesV30
+    mobile_robot_configuration: MobileRobotConfigurationV30 | None = None
+
+
+def _of_zone_type(zone_type: ZoneType) -> BeforeValidator:
+    """Take a value only in a zone of that type, since ``limitation`` may mean either of two fields."""
+
+    def read(value: object, info: ValidationInfo) -> object:
+        return value if info.data.get("zone_type") is zone_type else None
+
+    return BeforeValidator(read)
+
+
+class ZoneActionV30(ZoneAction):
+    """An action that a zone triggers."""
+
+    action_type: ActionTypeV30
+
+
+class ZoneV30(Zone):
+    """An area of a map; a RELEASE zone always says what a lost release means."""
+
+    entry_actions: tuple[ZoneActionV30, ...] | None = None
+    during_actions: tuple[ZoneActionV30, ...] | None = None
+    exit_actions: tuple[ZoneActionV30, ...] | None = None
+    priority_factor: Annotated[
+        Factor | None, Field(validation_alias=AliasChoices("priorityFactor", "priorityFactor "))
+    ] = None
+    penalty_factor: Annotated[
+        Factor | None, Field(validation_alias=AliasChoices("penaltyFactor", "penaltyFactor "))
+    ] = None
+
+    directed_limitation: Annotated[
+        DirectedLimitation | None,
+        _of_zone_type(ZoneType.DIRECTED),
+        Field(validation_alias=AliasChoices("directedLimitation", "limitation")),
+    ] = None
+    bidirected_limitation: Annotated[
+        BidirectedLimitation | None,
+        _of_zone_type(ZoneType.BIDIRECTED),
+        Field(validation_alias=AliasChoices("bidirectedLimitation", "limitation")),
+    ] = None
+
+    @model_validator(mode="after")
+    def _stops_without_release(self) -> Self:
+        if self.zone_type is not ZoneType.RELEASE or self.release_loss_behavior:
+            return self
+        return self.model_copy(update={"release_loss_behavior": ZoneReleaseLossBehavior.STOP})
+
+
+class ZoneSetV30(ZoneSet):
+    """Zones of one map."""
+
+    zones: tuple[ZoneV30, ...]
+
+
+class ZoneSetTransferV30(ZoneSetTransfer):
+    """Brings a zone set to a robot."""
+
+    zone_set: ZoneSetV30
+
+
+class ResponseV30(Response):
+    """The answer to one request; section 6.4.3 calls its field by another name."""
+
+    grant_type: Annotated[GrantType, Field(validation_alias=AliasChoices("grantType", "responseType"))]
+
+
+class ResponsesV30(Responses):
+    """Answers to the requests in a robot's state."""
+
+    responses: tuple[ResponseV30, ...]
