@@ -1,11 +1,14 @@
-"""Server-sent events: headers, heartbeats, wake-ups, and an end when the client loses its rights."""
+"""Server-sent events: a ring of events, heartbeats, and an end when a client loses its rights."""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Mapping
+from collections import deque
+from collections.abc import AsyncGenerator, Awaitable, Callable, Iterator, Mapping
+from contextlib import contextmanager
+from itertools import islice
 from types import MappingProxyType
-from typing import Final
+from typing import Final, Generic, TypeVar
 
 from starlette.types import Message, Receive, Send
 
@@ -20,35 +23,76 @@ HEARTBEAT: Final = 5.0
 HEARTBEAT_FRAME: Final = b"event: heartbeat\ndata: {}\n\n"
 
 
-class News:
-    """Wakes all at once who wait for something new, however many they are."""
-
-    def __init__(self) -> None:
-        self._next = asyncio.Event()
-
-    @property
-    def next(self) -> asyncio.Event:
-        """Set once something newer comes; to be taken before one looks at what there is."""
-        return self._next
-
-    def came(self) -> None:
-        """Wake all who wait; who takes :attr:`next` from now on waits for what comes after this."""
-        self._next.set()
-        self._next = asyncio.Event()
+E = TypeVar("E")
 
 
-async def nothing_within(news: asyncio.Event, seconds: float) -> bool:
-    """Wait for news; tell whether there was none for so long."""
+class EventRing(Generic[E]):
+    """The last events of a stream, kept once for all clients: a client is only a position among them.
+
+    So a client costs no more than its connection, and none slows the others. A client that is further behind
+    than the ring reaches has to be brought up to date from elsewhere.
+    """
+
+    def __init__(self, size: int) -> None:
+        """Keep at most ``size`` events."""
+        self.clients = 0
+        self.count = 0
+        """Events added so far."""
+        self.closed = False
+        self._ring: deque[E] = deque(maxlen=size)
+        self._added = asyncio.Event()
+
+    def add(self, event: E) -> None:
+        """Add an event and wake all clients."""
+        self._ring.append(event)
+        self.count += 1
+        self._wake()
+
+    def close(self) -> None:
+        """End the streams of all clients."""
+        self.closed = True
+        self._wake()
+
+    def last(self, number: int) -> tuple[E, ...] | None:
+        """Return the last ``number`` events; None: fewer are kept."""
+        if number > len(self._ring):
+            return None
+        return tuple(islice(self._ring, len(self._ring) - number, None))
+
+    @contextmanager
+    def client(self) -> Iterator[None]:
+        """Count a client for as long as it follows the stream."""
+        self.clients += 1
+        try:
+            yield
+        finally:
+            self.clients -= 1
+
+    async def frames(self, read: Callable[[], Awaitable[bytes]]) -> AsyncGenerator[bytes, None]:
+        """Yield what ``read`` returns, and again after each event, until the stream is closed."""
+        while not self.closed:
+            added = self._added
+            if found := await read():
+                yield found
+            elif await _nothing_within(added, HEARTBEAT):
+                yield HEARTBEAT_FRAME
+
+    def _wake(self) -> None:
+        self._added.set()
+        self._added = asyncio.Event()
+
+
+async def _nothing_within(added: asyncio.Event, seconds: float) -> bool:
     try:
         async with asyncio.timeout(seconds):
-            await news.wait()
+            await added.wait()
     except TimeoutError:
         return True
     return False
 
 
 LOOK_AFTER = 1.0
-"""Seconds after which the next part of an answer is held until it is known that it may be told."""
+"""Seconds after which the next part of an answer waits for a check of the client's rights."""
 
 _END: Message = {"type": "http.response.body", "body": b"", "more_body": False}
 
@@ -57,7 +101,7 @@ class LastingAnswer:
     """Stands between an application and the server for one request.
 
     Each part of the answer that comes a second or more after the last look is sent only where ``allowed``
-    says so; otherwise the answer ends before it, and the application is told that the client has gone.
+    says so; otherwise the answer ends before it, and the application sees that the client has gone.
     """
 
     def __init__(self, receive: Receive, send: Send, *, allowed: Callable[[], bool], clock: Clock) -> None:
@@ -69,7 +113,7 @@ class LastingAnswer:
         self._over = asyncio.Event()
 
     async def send(self, message: Message) -> None:
-        """Pass on a part of the answer, or end it; what comes after its end is nobody's."""
+        """Pass on a part of the answer, or end it; what comes after its end is dropped."""
         if self._over.is_set():
             return
         now = self._clock.monotonic()

@@ -11,12 +11,12 @@ from typing import Any
 
 import pytest
 
-from nena_order_service.api import events
 from nena_order_service.api.events import EventKind, EventStream, Interest
 from nena_order_service.errors import StoreNotReadyError, TooManyClientsError
 from nena_order_service.service import OrderService
 from nena_order_service.settings import EventSettings
 from nena_shared.fleet_api.transport_order import OrderSequenceRequest, TransportOrderRequest
+from nena_shared.web import server_sent_events
 from support.waiting import PATIENCE
 
 ORDERS = Interest(frozenset({EventKind.TRANSPORT_ORDER}))
@@ -202,7 +202,7 @@ async def test_who_missed_too_much_is_told_so(service: OrderService) -> None:
 
 
 async def test_silence_is_broken_by_heartbeats(stream: EventStream, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(events, "HEARTBEAT", 0.01)
+    monkeypatch.setattr(server_sent_events, "HEARTBEAT", 0.01)
     async with aclosing(stream.follow(None, ORDERS)) as frames:
         client = Client(frames)
         await client.hear()

@@ -5,28 +5,63 @@ import asyncio
 from starlette.types import Message
 
 from nena_shared.clock import ManualClock
-from nena_shared.web.server_sent_events import LOOK_AFTER, LastingAnswer, News, nothing_within
+from nena_shared.web.server_sent_events import LOOK_AFTER, EventRing, LastingAnswer
 from support.pausing import turn_passes
 from support.waiting import PATIENCE
 
 
-async def test_news_wake_everybody_who_waits() -> None:
-    news = News()
-    waiting = [asyncio.create_task(nothing_within(news.next, PATIENCE)) for _ in range(3)]
+async def test_an_event_wakes_all_clients() -> None:
+    ring = EventRing[bytes](2)
+    position = ring.count
+
+    async def read() -> bytes:
+        return b"".join(ring.last(ring.count - position) or ())
+
+    clients = [ring.frames(read) for _ in range(3)]
+    waiting = [asyncio.create_task(anext(each)) for each in clients]
     await turn_passes()
 
-    news.came()
+    ring.add(b"new")
 
-    assert await asyncio.gather(*waiting) == [False] * 3
+    assert await asyncio.gather(*waiting) == [b"new"] * 3
 
 
-async def test_who_took_its_place_before_misses_nothing_and_who_comes_behind_waits_anew() -> None:
-    news = News()
-    before = news.next
-    news.came()
+async def test_an_event_that_comes_while_a_client_reads_is_not_missed() -> None:
+    ring = EventRing[bytes](2)
+    looks: list[int] = []
 
-    assert not await nothing_within(before, PATIENCE)
-    assert await nothing_within(news.next, 0.01)
+    async def read() -> bytes:
+        looks.append(ring.count)
+        if len(looks) == 1:
+            ring.add(b"meanwhile")
+            return b""
+        return b"found"
+
+    async with asyncio.timeout(PATIENCE):
+        assert await anext(ring.frames(read)) == b"found"
+    assert looks == [0, 1]
+
+
+async def test_closing_ends_a_stream_and_wakes_its_client() -> None:
+    ring = EventRing[bytes](2)
+
+    async def read() -> bytes:
+        return b""
+
+    waiting = asyncio.create_task(anext(ring.frames(read), b"end"))
+    await turn_passes()
+    ring.close()
+
+    assert await waiting == b"end"
+
+
+def test_last_events_are_returned_while_they_are_kept() -> None:
+    ring = EventRing[int](2)
+    for each in range(3):
+        ring.add(each)
+
+    assert [ring.last(each) for each in range(4)] == [(), (2,), (1, 2), None]
+    assert ring.count == 3
 
 
 class Line:

@@ -7,8 +7,8 @@ from contextlib import aclosing
 import httpx
 import pytest
 
+from nena_shared.web import server_sent_events
 from nena_status_aggregator.aggregator import Aggregator
-from nena_status_aggregator.api import events
 from nena_status_aggregator.api.events import EventStream
 from nena_status_aggregator.settings import EventSettings
 
@@ -98,7 +98,7 @@ async def test_a_client_that_falls_behind_gets_a_new_snapshot() -> None:
 
 
 async def test_silence_is_broken_by_heartbeats(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(events, "HEARTBEAT", 0.01)
+    monkeypatch.setattr(server_sent_events, "HEARTBEAT", 0.01)
     published = Published()
     async with follower(published) as frames:
         await anext(frames)

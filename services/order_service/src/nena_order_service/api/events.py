@@ -1,29 +1,26 @@
-"""The stream of changes that hosts follow by server-sent events; it can be taken up again where it broke off.
+"""The stream of changes that hosts follow by server-sent events, and can resume where it was interrupted.
 
-Each change of an order has a number in the store, which is its event's id. So ids stand over restarts, and
-over the takeover by another order service. A client that comes back is told from the store which orders have
-changed since its last id, each once and as it is (its history holds what was between), and how all vehicles
-stand; vehicles have no ids, for of them only the present counts.
+Each change of an order has a number in the store, which is the id of its event. So ids outlive restarts, and
+a takeover by another order service. A client that resumes receives from the store each order that has changed
+since its last id, once and as it is now (its history holds what was between), and the status of all vehicles;
+vehicles have no ids, since only their present status counts.
 
-Events are made once for all clients and kept in a ring; a client is a place in it. Whoever falls behind by
-more than the ring holds has lost its place, and is brought up to date as if it had come back. So no client
-costs more than its connection, and none slows the others.
+A client that falls behind by more than the ring holds is brought up to date as if it had resumed.
 """
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import AsyncGenerator, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
-from itertools import islice
 
 from nena_order_service.engine import Engine
 from nena_order_service.errors import StoreNotReadyError, TooManyClientsError
 from nena_order_service.settings import EventSettings
 from nena_shared.fleet_api.transport_order import OrderSequenceStatus, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
-from nena_shared.web.server_sent_events import HEARTBEAT, HEARTBEAT_FRAME, News, nothing_within
+from nena_shared.web.server_sent_events import EventRing
 
 PAGE = 200
 """Orders that are read from the store at a time."""
@@ -35,7 +32,7 @@ _GAP_FRAME = b"event: gap\ndata: {}\n\n"
 
 
 class EventKind(StrEnum):
-    """What an event tells of."""
+    """What an event is about."""
 
     TRANSPORT_ORDER = "transportOrder"
     ORDER_SEQUENCE = "orderSequence"
@@ -44,7 +41,7 @@ class EventKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Interest:
-    """What a client wants to hear of."""
+    """The events that a client wants."""
 
     kinds: frozenset[EventKind] = frozenset(EventKind)
     transport_order: str | None = None
@@ -82,7 +79,7 @@ class _Event:
     is_last: bool = False
     """Whether it is the last version of its change: only that has an id."""
 
-    def is_news(self, known: int) -> bool:
+    def is_new(self, known: int) -> bool:
         return not self.number or self.number > known
 
     def is_for(self, interest: Interest) -> bool:
@@ -93,47 +90,38 @@ class _Event:
         return interest.wants_order(self.body)
 
 
-class EventStream:
+class EventStream(EventRing[_Event]):
     """Listens to the engine; every method is for the event loop's thread."""
 
     def __init__(self, engine: Engine, settings: EventSettings) -> None:
+        super().__init__(settings.backlog)
         self._engine = engine
         self._numbers = engine.store.numbers
         self._settings = settings
-        self._ring: deque[_Event] = deque(maxlen=settings.backlog)
-        self._made = 0
-        self._news = News()
-        self._closed = False
-        self.clients = 0
         self.overflows = 0
-        """How often a client had lost its place."""
+        """How often a client was further behind than the ring holds."""
 
     def order_changed(self, status: TransportOrderStatus) -> None:
         """Send an order's new version."""
         number, is_last = self._numbers.of(status.name, status.version)
         if self.clients:
             frame = _order_frame(status, number if is_last else 0)
-            self._add(_Event(status, frame, number, is_last))
+            self.add(_Event(status, frame, number, is_last))
 
     def sequence_changed(self, status: OrderSequenceStatus) -> None:
         """Send an order sequence's new version."""
         if self.clients:
-            self._add(_Event(status, _sequence_frame(status)))
+            self.add(_Event(status, _sequence_frame(status)))
 
     def vehicle_changed(self, status: VehicleStatus) -> None:
         """Send a vehicle's status."""
         if self.clients:
-            self._add(_Event(status, _vehicle_frame(status)))
-
-    def close(self) -> None:
-        """End the streams of all clients."""
-        self._closed = True
-        self._news.came()
+            self.add(_Event(status, _vehicle_frame(status)))
 
     async def follow(self, last_id: str | None, interest: Interest) -> AsyncGenerator[bytes, None]:
-        """Yield what a client is told that knows everything up to ``last_id``; None: that knows nothing.
+        """Yield the events for a client that knows everything up to ``last_id``; None: that knows nothing.
 
-        Behind an id that says nothing here, as after the store was restored from a backup, a gap is told.
+        An id that is unknown here, as after the store was restored from a backup, is answered with a gap.
 
         Raises:
             TooManyClientsError: there is no room for another client.
@@ -142,39 +130,27 @@ class EventStream:
         """
         if self.clients >= self._settings.clients:
             raise TooManyClientsError(self._settings.clients)
-        self.clients += 1
-        try:
-            known = self._number_of(last_id)
-            lost = _GAP_FRAME if last_id and known is None else b""
-            place = self._made
-            frames, known = await self._catch_up(known, interest)
+        with self.client():
+            resumed = self._number_of(last_id)
+            lost = _GAP_FRAME if last_id and resumed is None else b""
+            position = self.count
+            frames, known = await self._catch_up(resumed, interest)
             yield b"retry: 1000\n\n" + lost + frames
-            async for frames in self._live(place, known, interest):
-                yield frames
-        finally:
-            self.clients -= 1
 
-    async def _live(self, place: int, known: int, interest: Interest) -> AsyncGenerator[bytes, None]:
-        """Yield the events behind ``place``, but for changes that are ``known``."""
-        while not self._closed:
-            news = self._news.next
-            if self._made - place > len(self._ring):
-                self.overflows += 1
-                place = self._made
-                try:
+            async def following() -> bytes:
+                nonlocal position, known
+                events, position = self.last(self.count - position), self.count
+                if events is None:
+                    self.overflows += 1
                     frames, known = await self._catch_up(known, interest)
-                except StoreNotReadyError:
-                    return  # it comes back with its last id
-                yield frames
-                continue
-            events = tuple(islice(self._ring, len(self._ring) - (self._made - place), None))
-            place += len(events)
-            frames = b"".join(each.frame for each in events if each.is_news(known) and each.is_for(interest))
-            known = max((each.number for each in events if each.is_last), default=known)
-            if frames:
-                yield frames
-            elif not events and await nothing_within(news, HEARTBEAT):
-                yield HEARTBEAT_FRAME
+                    return frames
+                new = b"".join(each.frame for each in events if each.is_new(known) and each.is_for(interest))
+                known = max((each.number for each in events if each.is_last), default=known)
+                return new
+
+            with suppress(StoreNotReadyError):  # the client resumes with its last id
+                async for frames in self.frames(following):
+                    yield frames
 
     async def _catch_up(self, known: int | None, interest: Interest) -> tuple[bytes, int]:
         """Return what brings a client up to date, and the number of the last change that it then knows."""
@@ -211,11 +187,6 @@ class EventStream:
             return None
         number = int(last_id)
         return number if number <= self._numbers.last else None
-
-    def _add(self, event: _Event) -> None:
-        self._ring.append(event)
-        self._made += 1
-        self._news.came()
 
 
 def _order_frame(status: TransportOrderStatus, number: int) -> bytes:

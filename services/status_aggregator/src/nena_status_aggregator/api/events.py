@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import AsyncGenerator, Callable
 from http import HTTPStatus
-from itertools import islice
 from typing import Annotated
 
 from fastapi import APIRouter, Header, Query
 from starlette.responses import StreamingResponse
 
-from nena_shared.web.server_sent_events import HEADERS, HEARTBEAT, HEARTBEAT_FRAME, News, nothing_within
+from nena_shared.web.server_sent_events import HEADERS, EventRing
 from nena_status_aggregator.api.problems import ProblemError
 from nena_status_aggregator.settings import EventSettings
 
 
-class EventStream:
-    """Events are encoded once and shared by all clients.
+class EventStream(EventRing[bytes]):
+    """Encodes each event once for all clients.
 
-    The last events are kept in a ring; a client is only a position in it. A client that is more than
-    ``backlog`` events behind, or resumes after an event that is no longer kept, receives a snapshot. No
-    client can slow down others. IDs are ``<epoch>-<number>``; the epoch changes with each start of the
-    program.
+    A client that is more than ``backlog`` events behind, or resumes after an event that is no longer kept,
+    receives a snapshot. IDs are ``<epoch>-<number>``; the epoch changes with each start of the program.
     """
 
     def __init__(
@@ -36,14 +32,11 @@ class EventStream:
             snapshot: returns the number of the last event, and the fleet as of it as JSON.
 
         """
+        super().__init__(settings.history)
         self._settings = settings
         self._epoch = epoch
         self._snapshot = snapshot
-        self._ring: deque[bytes] = deque(maxlen=settings.history)
         self._last = 0
-        self._news = News()
-        self._closed = False
-        self.clients = 0
         self.snapshots = 0
 
     @property
@@ -58,14 +51,8 @@ class EventStream:
 
     def publish(self, number: int, data: bytes) -> None:
         """Publish an event to all clients; numbers increase by one."""
-        self._ring.append(self._frame("delta", number, data))
         self._last = number
-        self._news.came()
-
-    def close(self) -> None:
-        """End the streams of all clients."""
-        self._closed = True
-        self._news.came()
+        self.add(self._frame("delta", number, data))
 
     async def follow(self, last_id: str | None) -> AsyncGenerator[bytes, None]:
         """Yield the events after ``last_id``; None: start with a snapshot.
@@ -74,27 +61,26 @@ class EventStream:
         """
         if self.full:
             return
-        self.clients += 1
-        try:
-            position = self._position_of(last_id)
-            while not self._closed:
-                news = self._news.next
-                frames, position = self._next(position)
-                if frames:
-                    yield frames
-                elif await nothing_within(news, HEARTBEAT):
-                    yield HEARTBEAT_FRAME
-        finally:
-            self.clients -= 1
+        position = self._position_of(last_id)
+
+        async def following() -> bytes:
+            nonlocal position
+            frames, position = self._next(position)
+            return frames
+
+        with self.client():
+            async for frames in self.frames(following):
+                yield frames
 
     def _next(self, position: int | None) -> tuple[bytes, int]:
         """Return the next frames for a client at ``position``, and its new position."""
         behind = None if position is None else self._last - position
-        if behind is None or behind > min(self._settings.backlog, len(self._ring)):
+        events = self.last(behind) if behind is not None and behind <= self._settings.backlog else None
+        if events is None:
             number, data = self._snapshot()
             self.snapshots += 1
             return self._frame("snapshot", number, data), number
-        return b"".join(islice(self._ring, len(self._ring) - behind, None)), self._last
+        return b"".join(events), self._last
 
     def _position_of(self, last_id: str | None) -> int | None:
         epoch, _, number = (last_id or "").partition("-")
