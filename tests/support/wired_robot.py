@@ -9,7 +9,7 @@ from contextlib import asynccontextmanager
 
 from nena_order_service.fleet import FleetLink, FleetOutput, FleetSettings, RobotAddresses, RobotChanged
 from nena_shared.clock import SystemClock
-from nena_shared.mqtt import Inbound, MqttLink, Outbound
+from nena_shared.mqtt import Inbound, LinkHooks, MqttLink, Outbound
 from nena_shared.plant import Vehicle
 from nena_shared.vda5050.action import InstantActions
 from nena_shared.vda5050.connection import ConnectionState
@@ -46,8 +46,10 @@ class WiredRobot:
         self.link = MqttLink(
             broker.settings,
             client_id=f"robot-{interface_name}-{self.robot.key.serial_number}",
-            will=lambda: self._connection(ConnectionState.CONNECTION_BROKEN),
-            on_connected=lambda: [self._connection(ConnectionState.ONLINE), *self._factsheet()],
+            hooks=LinkHooks(
+                will=lambda: self._connection(ConnectionState.CONNECTION_BROKEN),
+                on_connected=lambda: [self._connection(ConnectionState.ONLINE), *self._factsheet()],
+            ),
         )
         self.link.subscribe(self.scheme.of(self.robot.key, Topic.ORDER), self._take_order)
         self.link.subscribe(self.scheme.of(self.robot.key, Topic.INSTANT_ACTIONS), self._take_actions)

@@ -50,11 +50,11 @@ class WiredLink(MqttLink):
 
     async def run(self) -> None:
         """Connect, and stay."""
-        will = self._will() if self._will else None
+        will = self._hooks.will()
         await time_passes(0.01)
         self.state.connected = True
-        self._publish_all(self._on_connected())
-        self._on_subscribed()
+        self._publish_all(self._hooks.on_connected())
+        self._hooks.on_subscribed()
         self._wire.link = self
         self._publish_all([self._outbox.pop() for _ in range(len(self._outbox))])
         try:

@@ -50,7 +50,7 @@ from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import Clock
 from nena_shared.fleet_api.plant import MapImage
 from nena_shared.log import get_logger
-from nena_shared.mqtt import MqttLink, Outbound
+from nena_shared.mqtt import LinkHooks, MqttLink, Outbound
 from nena_shared.tasks import Supervisor, TaskFailedError
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.error import ErrorEntry
@@ -323,10 +323,12 @@ class RobotAgent:
         link = make_link(
             self._settings.mqtt,
             client_id=client_id_of(self.robot, self._settings.mqtt),
-            will=lambda: self._messages.connection(ConnectionState.CONNECTION_BROKEN),
-            on_connected=self._greet,
-            on_subscribed=self._on_subscribed,
-            on_lost=lambda: self._mailbox.put(LinkReport(connected=False)),
+            hooks=LinkHooks(
+                will=lambda: self._messages.connection(ConnectionState.CONNECTION_BROKEN),
+                on_connected=self._greet,
+                on_subscribed=self._on_subscribed,
+                on_lost=lambda: self._mailbox.put(LinkReport(connected=False)),
+            ),
         )
         for topic, handler in self._inbox.handlers(zones=bool(self._capabilities.zones)).items():
             link.subscribe(self._messages.topic(topic), handler, qos=self._settings.qos)

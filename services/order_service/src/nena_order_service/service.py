@@ -34,7 +34,7 @@ from nena_order_service.vehicles.zone_sets import ZoneSets
 from nena_shared.clock import Clock, SystemClock
 from nena_shared.fleet_api.requests import Readiness
 from nena_shared.fleet_api.topics import FleetTopics
-from nena_shared.mqtt import MqttLink, Term, always
+from nena_shared.mqtt import LinkHooks, MqttLink, Term, always
 from nena_shared.plant import PlantModel
 from nena_shared.vda5050.topics import TopicScheme
 
@@ -92,7 +92,7 @@ def build(
     mqtt = MqttLink(
         settings.mqtt,
         client_id=client_id,
-        on_connected=lambda: publisher.greeting(),  # noqa: PLW0108 - made below, of this link
+        hooks=LinkHooks(on_connected=lambda: publisher.greeting()),  # noqa: PLW0108 - made below, of this link
         term=term,
     )
     fleet = _make_fleet(settings, mqtt, engine, clock)

@@ -16,7 +16,7 @@ from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.log import get_logger
-from nena_shared.mqtt import Inbound, MqttLink
+from nena_shared.mqtt import Inbound, LinkHooks, MqttLink
 from nena_shared.plant import Vehicle
 from nena_shared.plant.model import PlantModel
 from nena_shared.settings import TopicPrefix
@@ -75,7 +75,7 @@ class FleetSubscriber:
             settings.mqtt,
             # several aggregators may use one broker; client IDs must be unique
             client_id=f"nena-status-aggregator-{token_hex(4)}",
-            on_lost=self._lost,
+            hooks=LinkHooks(on_lost=self._lost),
         )
         self._subscribe_robots(schemes(settings))
         self._subscribe_orders()

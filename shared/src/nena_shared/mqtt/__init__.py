@@ -1,6 +1,6 @@
-"""MQTT: one link to the broker per program, which comes back by itself."""
+"""MQTT: one link to the broker per program, which reconnects when it is lost."""
 
-from nena_shared.mqtt.link import Handler, LinkState, MqttLink, Term, always
+from nena_shared.mqtt.link import Handler, LinkHooks, LinkState, MqttLink, Term, always
 from nena_shared.mqtt.message import Inbound, Outbound
 
-__all__ = ["Handler", "Inbound", "LinkState", "MqttLink", "Outbound", "Term", "always"]
+__all__ = ["Handler", "Inbound", "LinkHooks", "LinkState", "MqttLink", "Outbound", "Term", "always"]

@@ -77,6 +77,24 @@ DROPS_LOGGED_EVERY = 60.0
 """Minimum seconds between two log lines about messages that the full queue dropped."""
 
 
+@dataclass(frozen=True, slots=True)
+class LinkHooks:
+    """What a program does at the changes of its connection."""
+
+    will: Callable[[], Outbound | None] = lambda: None
+    """Returns the last will, at each connect; None: there is none."""
+    on_connected: Callable[[], Iterable[Outbound]] = tuple
+    """Returns what is published first, before the subscriptions are made; called at each connect, so its
+    messages are never kept over a break."""
+    on_lost: Callable[[], None] = lambda: None
+    """Called when a connection has ended."""
+    on_subscribed: Callable[[], None] = lambda: None
+    """Called when the broker has answered the subscriptions; ``state.refused`` has those that it refused."""
+
+
+NO_HOOKS = LinkHooks()
+
+
 @dataclass(slots=True)
 class LinkState:
     """The state of a link, for health checks and metrics."""
@@ -141,10 +159,7 @@ class MqttLink:
         settings: MqttSettings,
         *,
         client_id: str,
-        will: Callable[[], Outbound] | None = None,
-        on_connected: Callable[[], Iterable[Outbound]] = tuple,
-        on_lost: Callable[[], None] = lambda: None,
-        on_subscribed: Callable[[], None] = lambda: None,
+        hooks: LinkHooks = NO_HOOKS,
         term: Term = always,
     ) -> None:
         """Prepare the link; nothing is connected before :meth:`run`.
@@ -152,12 +167,7 @@ class MqttLink:
         Args:
             settings: where the broker is, and limits.
             client_id: MQTT client ID unless the settings have one; unique per program at the broker.
-            will: returns the last will, at each connect.
-            on_connected: returns what is published first, before the subscriptions are made; called at
-                each connect, so its messages are never kept over a break.
-            on_lost: called when a connection has ended.
-            on_subscribed: called when the broker has answered the subscriptions; ``state.refused`` has
-                those that it refused.
+            hooks: what the program does at the changes of its connection.
             term: returns the term in which the program may publish at this moment.
 
         Raises:
@@ -168,10 +178,7 @@ class MqttLink:
         tls_context(settings.tls)
         self._settings = settings
         self._client_id = settings.client_id or client_id
-        self._will = will
-        self._on_connected = on_connected
-        self._on_lost = on_lost
-        self._on_subscribed = on_subscribed
+        self._hooks = hooks
         self._term = term
         self._subscriptions: list[_Subscription] = []
         self._outbox = Outbox(settings.outgoing_limit)
@@ -285,13 +292,13 @@ class MqttLink:
             self._settings,
             self._client_id,
             timeout=CONNECT_TIMEOUT,
-            will=self._will() if self._will else None,
+            will=self._hooks.will(),
             may_write=self._may_write,
         )
 
     async def _begin(self, session: _Session) -> None:
         """Publish what comes first, subscribe, then publish what waits."""
-        session.first.extend(replace(first, keep=False) for first in self._on_connected())
+        session.first.extend(replace(first, keep=False) for first in self._hooks.on_connected())
         self._send_waiting(session)
         self.state.refused = ()
         await self._subscribe(session)
@@ -318,7 +325,7 @@ class MqttLink:
             self.state.refused += tuple(refused)
             for topic_filter in refused:
                 log.error("the broker refuses a subscription; check its access list", topic=topic_filter)
-            self._on_subscribed()
+            self._hooks.on_subscribed()
 
     def _subscribe_late(self, session: _Session) -> None:
         if session.subscribing and not session.subscribing.done():
@@ -350,7 +357,7 @@ class MqttLink:
         if self._session is session:
             self._session = None
             self.state.connected = False
-            self._on_lost()
+            self._hooks.on_lost()
 
     def _receive(self, inbound: Inbound) -> None:
         self.state.received += 1

@@ -15,7 +15,7 @@ import pytest
 from pydantic import SecretStr
 from structlog.testing import capture_logs
 
-from nena_shared.mqtt import Inbound, MqttLink, Outbound
+from nena_shared.mqtt import Inbound, LinkHooks, MqttLink, Outbound
 from nena_shared.mqtt import link as link_module
 from nena_shared.settings import ConfigurationError, MqttSettings
 from support.broker import Broker, MqttPeer, free_port
@@ -133,7 +133,9 @@ async def test_message_that_cannot_be_sent_harms_no_other(broker: Broker, interf
 async def test_will_is_sent_when_the_connection_breaks(broker: Broker, interface_name: str) -> None:
     topic = f"{interface_name}/connection"
     link = MqttLink(
-        broker.settings, client_id=interface_name, will=lambda: Outbound(topic, b"broken", retain=True)
+        broker.settings,
+        client_id=interface_name,
+        hooks=LinkHooks(will=lambda: Outbound(topic, b"broken", retain=True)),
     )
     with MqttPeer(broker, topic) as peer:
         async with running(link):
@@ -145,7 +147,9 @@ async def test_a_link_that_is_cut_sends_its_will_and_stays_away_for_its_time(
     broker: Broker, interface_name: str
 ) -> None:
     topic = f"{interface_name}/connection"
-    link = MqttLink(broker.settings, client_id=interface_name, will=lambda: Outbound(topic, b"broken"))
+    link = MqttLink(
+        broker.settings, client_id=interface_name, hooks=LinkHooks(will=lambda: Outbound(topic, b"broken"))
+    )
     with MqttPeer(broker, topic) as peer:
         async with running(link):
             begin = perf_counter()
@@ -159,7 +163,9 @@ async def test_a_link_that_is_cut_sends_its_will_and_stays_away_for_its_time(
 @pytest.mark.clause("4.1/will")
 async def test_will_is_not_sent_after_an_orderly_end(broker: Broker, interface_name: str) -> None:
     topic = f"{interface_name}/connection"
-    link = MqttLink(broker.settings, client_id=interface_name, will=lambda: Outbound(topic, b"broken"))
+    link = MqttLink(
+        broker.settings, client_id=interface_name, hooks=LinkHooks(will=lambda: Outbound(topic, b"broken"))
+    )
     with MqttPeer(broker, f"{interface_name}/#") as peer:
         async with running(link):
             pass
@@ -177,8 +183,10 @@ async def test_comes_back_after_the_broker_was_killed(own_broker: Broker) -> Non
     link = MqttLink(
         own_broker.settings,
         client_id="link",
-        on_connected=lambda: [Outbound("greeting", str(next(greetings)).encode(), retain=True)],
-        on_lost=lambda: lost.append(True),
+        hooks=LinkHooks(
+            on_connected=lambda: [Outbound("greeting", str(next(greetings)).encode(), retain=True)],
+            on_lost=lambda: lost.append(True),
+        ),
     )
     link.subscribe("orders", lambda message: seen.append(message.payload))
     async with running(link):
@@ -197,7 +205,9 @@ async def test_comes_back_after_the_broker_was_killed(own_broker: Broker) -> Non
 
 async def test_greeting_goes_out_before_what_has_waited(own_broker: Broker) -> None:
     link = MqttLink(
-        own_broker.settings, client_id="link", on_connected=lambda: [Outbound("all/greeting", b"")]
+        own_broker.settings,
+        client_id="link",
+        hooks=LinkHooks(on_connected=lambda: [Outbound("all/greeting", b"")]),
     )
     for message in numbered("all/waiting", range(5)):
         link.publish(message)
@@ -214,7 +224,7 @@ async def test_greeting_of_a_broken_connection_is_never_sent_later(own_broker: B
     link = MqttLink(
         own_broker.settings.model_copy(update={"keep_alive": 2}),
         client_id="link",
-        on_connected=lambda: [Outbound("greeting", str(next(greetings)).encode())],
+        hooks=LinkHooks(on_connected=lambda: [Outbound("greeting", str(next(greetings)).encode())]),
     )
     with MqttPeer(own_broker, "greeting") as peer:
         async with running(link):
@@ -409,7 +419,9 @@ async def test_connections_to_a_frozen_broker_do_not_pile_up(
     own_broker: Broker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(link_module, "CONNECT_TIMEOUT", 0.05)
-    link = MqttLink(own_broker.settings, client_id="link", will=lambda: Outbound("will", b"broken"))
+    link = MqttLink(
+        own_broker.settings, client_id="link", hooks=LinkHooks(will=lambda: Outbound("will", b"broken"))
+    )
     own_broker.freeze()
     before = open_files()
     tries = count_calls(link, "_make_client", monkeypatch)
@@ -525,7 +537,7 @@ async def test_who_has_just_said_that_he_is_there_can_say_farewell(
         link.publish(Outbound(topic, b"gone", retain=True))
         greeted.set()
 
-    link = MqttLink(broker.settings, client_id=interface_name, on_connected=greeting)
+    link = MqttLink(broker.settings, client_id=interface_name, hooks=LinkHooks(on_connected=greeting))
     link.subscribe(f"{interface_name}/order", lambda _: None)
     with MqttPeer(broker, topic) as peer:
         async with running(link, connected=False):
@@ -543,7 +555,7 @@ async def test_it_can_be_ended_while_its_subscriptions_are_not_answered(
         greeted.set()
         yield Outbound(f"{interface_name}/connection", b"here")
 
-    link = MqttLink(broker.settings, client_id=interface_name, on_connected=greeting)
+    link = MqttLink(broker.settings, client_id=interface_name, hooks=LinkHooks(on_connected=greeting))
     link.subscribe(f"{interface_name}/order", lambda _: None)
     task = asyncio.create_task(link.run())
     await asyncio.wait_for(greeted.wait(), PATIENCE)

@@ -19,7 +19,7 @@ from nena_shared.fleet_api.transport_order import (
     TransportOrderStatus,
 )
 from nena_shared.fleet_api.vehicle import VehicleStatus
-from nena_shared.mqtt import Inbound, MqttLink, Outbound
+from nena_shared.mqtt import Inbound, LinkHooks, MqttLink, Outbound
 from nena_shared.settings import MqttSettings
 
 HOST_ID = "demo-host"
@@ -45,7 +45,7 @@ class Host:
         self.rest = httpx.AsyncClient(base_url=rest_url, timeout=ANSWER_SECONDS)
         self.orders: dict[str, TransportOrderStatus] = {}
         self.vehicles: dict[str, VehicleStatus] = {}
-        self.link = MqttLink(broker, client_id="nena-demo-host", on_lost=self._epochs.reset)
+        self.link = MqttLink(broker, client_id="nena-demo-host", hooks=LinkHooks(on_lost=self._epochs.reset))
         self.link.subscribe(self._topics.creation_answer(HOST_ID), self._on_answer)
         self.link.subscribe(self._topics.all_order_statuses, self._on_order)
         self.link.subscribe(self._topics.all_vehicle_statuses, self._on_vehicle)

@@ -20,7 +20,7 @@ from nena_edge_agent.messages import HeaderMaker, client_id_of
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import SystemClock
 from nena_shared.fleet_api.topics import FleetTopics
-from nena_shared.mqtt import Inbound, MqttLink
+from nena_shared.mqtt import Inbound, LinkHooks, MqttLink
 from nena_shared.mqtt.identity import tls_context
 from nena_shared.settings import MqttSettings
 from nena_shared.tasks import end
@@ -97,7 +97,7 @@ class _BrokerProbe:
         scheme = topics_for(settings.version, settings.interface_name)
         mqtt = settings.mqtt.model_copy(update={"client_id": client_id(settings)})
         self._answered = asyncio.Event()
-        self._link = MqttLink(mqtt, client_id="", on_subscribed=self._answered.set)
+        self._link = MqttLink(mqtt, client_id="", hooks=LinkHooks(on_subscribed=self._answered.set))
         self._plant: asyncio.Future[bytes] = asyncio.get_running_loop().create_future()
         self._topics = [scheme.of(robot, topic) for topic in _topics_read(settings)]
         for topic in self._topics:

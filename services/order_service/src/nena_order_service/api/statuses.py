@@ -16,7 +16,7 @@ from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import OrderSequenceStatus, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.log import get_logger
-from nena_shared.mqtt import Inbound, MqttLink, Outbound
+from nena_shared.mqtt import Inbound, LinkHooks, MqttLink, Outbound
 from nena_shared.settings import MqttSettings
 from nena_shared.tasks import end
 
@@ -186,7 +186,7 @@ class RetainedSweep:
             connected.set()
             return ()
 
-        link = MqttLink(self._settings, client_id=self._client_id, on_connected=greet)
+        link = MqttLink(self._settings, client_id=self._client_id, hooks=LinkHooks(on_connected=greet))
         link.subscribe(self._topics.all_order_statuses, self._note)
         link.subscribe(self._topics.all_sequence_statuses, self._note_sequence)
         link.subscribe(self._topics.all_vehicle_statuses, self._note_vehicle)
