@@ -34,6 +34,7 @@ from nena_shared.vda5050.error import ErrorEntry, ErrorReference, ErrorType, err
 from nena_shared.vda5050.malformed import MalformedMessageError
 from nena_shared.vda5050.message_reader import read_command
 from nena_shared.vda5050.order import Order
+from nena_shared.vda5050.repair import RepairKind
 from nena_shared.vda5050.responses import Responses
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey, Topic
@@ -202,6 +203,8 @@ class Inbox:
         self._strict = strict
         self._deviations = Deviations(clock)
         self._log = log.bind(robot=str(robot))
+        self._dated = True
+        """Whether the timestamp of the message at hand could be read."""
         self.counts = InboxCounts()
 
     def handlers(self, *, zones: bool) -> dict[Topic, Handler]:
@@ -221,7 +224,7 @@ class Inbox:
         order = self._read(Order, message, Topic.ORDER)
         if order is not None:
             self._log.info("order received", order=order.order_id, update=order.order_update_id)
-            self._put(OrderReceived(order))
+            self._put(OrderReceived(order, self._clock.now(), dated=self._dated))
 
     def take_instant_actions(self, message: Inbound) -> None:
         """Read a message under the instantActions topic."""
@@ -264,11 +267,13 @@ class Inbox:
         return read
 
     def _decode(self, kind: type[M], payload: bytes, topic: Topic) -> M:
+        self._dated = True
         if self._strict:
             return self._codec.decode(kind, payload)
         read, repairs = read_command(kind, self._codec, payload, now=self._clock.now())
         if repairs:
             self.counts.repaired += 1
+            self._dated = not any(each.kind is RepairKind.TIME_OF_ARRIVAL for each in repairs)
             self._deviations.note(self._robot, topic.value, repairs)
         return read
 

@@ -13,6 +13,7 @@ from nena_order_service.service import OrderService, build
 from nena_order_service.settings import OrderServiceSettings
 from nena_order_service.store.instance_lock import InstanceLock
 from nena_order_service.store.lead import Lead
+from nena_order_service.store.leadership import begin_epoch
 from nena_order_service.store.schema import is_shared, open_database
 from nena_order_service.store.store import Store
 from nena_shared.log import get_logger
@@ -82,10 +83,12 @@ async def serve(settings: OrderServiceSettings, stop: asyncio.Event) -> None:
 async def _serve_alone(settings: OrderServiceSettings, plant: PlantFile, stop: asyncio.Event) -> None:
     url = settings.store.location()
     lock = InstanceLock.take(url)
-    store = Store(open_database(url), lock)
+    engine = open_database(url)
+    epoch = begin_epoch(engine)
+    store = Store(engine, lock)
     server = RestServer(make_starting_app(lambda: store.why_not_ready), settings.http)
     async with Supervisor() as supervisor:
-        runner = _runner(settings, plant, store, supervisor)
+        runner = _runner(settings, plant, store, supervisor, epoch=epoch)
         await _begin_and_serve(runner, store, server, supervisor, stop)
     store.close()
 

@@ -95,7 +95,7 @@ def build(
         hooks=LinkHooks(on_connected=lambda: publisher.greeting()),  # noqa: PLW0108 - made below, of this link
         term=term,
     )
-    fleet = _make_fleet(settings, mqtt, engine, clock)
+    fleet = _make_fleet(settings, mqtt, engine, clock, epoch=epoch)
     hosts = _make_host_services(engine, fleet)
     topics = FleetTopics(settings.topic_prefix)
     plant_json, end_kept = plant.to_json().encode(), settings.end_kept
@@ -118,13 +118,16 @@ def build(
     return OrderService(store, engine, fleet, publisher, sweep, mqtt, app, mqtt_api, stream, hosts)
 
 
-def _make_fleet(settings: OrderServiceSettings, mqtt: MqttLink, engine: Engine, clock: Clock) -> FleetLink:
+def _make_fleet(
+    settings: OrderServiceSettings, mqtt: MqttLink, engine: Engine, clock: Clock, *, epoch: int
+) -> FleetLink:
     return FleetLink(
         mqtt,
         addresses=_make_addresses(settings, engine.registry),
         settings=settings.fleet,
         clock=clock,
         on_news=engine.on_events,
+        epoch=epoch,
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from datetime import UTC, datetime
 from functools import partial
 from secrets import token_hex
 from typing import TypeVar
@@ -30,7 +31,8 @@ from nena_shared.vda5050.robot_sources import RobotSources
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.visualization import Visualization
-from nena_status_aggregator.fleet.messages import MessageKind
+from nena_status_aggregator.fleet import messages
+from nena_status_aggregator.fleet.messages import MessageKind, Verdict
 from nena_status_aggregator.fleet.model import FleetModel
 from nena_status_aggregator.fleet.robot import Timestamp
 from nena_status_aggregator.settings import AggregatorSettings, Share
@@ -47,6 +49,10 @@ SCHEMES_LIMIT = 100
 """Maximum number of subscribed pairs of interface name and major version."""
 
 RETAINED = (MessageKind.CONNECTION, MessageKind.FACTSHEET)
+
+NO_TIME = datetime.min.replace(tzinfo=UTC)
+UNDATED_REMEMBERED = 10_000
+"""Topics whose headerIds are remembered because their timestamps cannot be read."""
 
 KEY_LENGTH = 200
 """Maximum length of manufacturer and serial number together, characters."""
@@ -70,6 +76,8 @@ class FleetSubscriber:
         self._sources = RobotSources()
         deviations = Deviations(clock)
         model.statistics.repaired = deviations.totals
+        self._undated: dict[tuple[RobotKey, MessageKind], messages.Sequence] = {}
+        """Of topics with timestamps that cannot be read."""
         self._reader = MessageReader(partial(_note_repairs, deviations), strict=settings.strict)
         self.mqtt = MqttLink(
             settings.mqtt,
@@ -147,10 +155,22 @@ class FleetSubscriber:
             except MalformedMessageError as error:
                 self._malformed(kind, inbound.topic, _summary(error.quoted_problems), at, key)
                 return
+            if self._reader.undated and not self._is_next(key, kind, message.header_id):
+                return
             if self._sources.accepts(key, scheme, message, retained=inbound.retained):
                 take(key, message, at, inbound)
 
         self.mqtt.subscribe(scheme.for_all(Topic(kind)), handle)
+
+    def _is_next(self, key: RobotKey, kind: MessageKind, header_id: int) -> bool:
+        """Return whether a message whose timestamp cannot be read is new by its headerId.
+
+        The time of arrival stands for the timestamp, by which an old message looks new.
+        """
+        if len(self._undated) >= UNDATED_REMEMBERED:
+            self._undated.clear()
+        sequence = self._undated.setdefault((key, kind), messages.Sequence())
+        return kind is MessageKind.CONNECTION or sequence.assess(header_id, NO_TIME) is Verdict.NEW
 
     def _lost(self) -> None:
         self._epochs.reset()

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, JsonValue
 
-from nena_shared.vda5050.base import Header, Identifier, WireObject, finite
+from nena_shared.vda5050.base import CommandHeader, Identifier, WireObject, finite
 
 
 class BlockingType(StrEnum):
@@ -79,7 +79,7 @@ class ActionState(WireObject):
     action_result: str | None = None
 
 
-class InstantActions(Header):
+class InstantActions(CommandHeader):
     """Actions to run at once, beside the order (section 7.4)."""
 
     actions: tuple[Action, ...]

@@ -92,6 +92,9 @@ JsonObject = Annotated[dict[str, JsonValue], AfterValidator(finite)]
 """Any JSON object."""
 
 
+Epoch = Annotated[int, Field(ge=0)]
+
+
 class Header(WireObject):
     """The five fields at the top of each message (section 7.2)."""
 
@@ -106,3 +109,10 @@ class Header(WireObject):
     def finish_record(record: Any) -> Mapping[str, object]:  # noqa: ANN401 - it has the fields of the form
         """Convert the time to UTC."""
         return {} if record.timestamp.tzinfo is UTC else {"timestamp": in_utc(record.timestamp)}
+
+
+class CommandHeader(Header):
+    """The header of a command from fleet control to a robot."""
+
+    nena_epoch: Epoch | None = None
+    """NeNa's addition to the standard: an order service that replaces another one sends a greater number."""

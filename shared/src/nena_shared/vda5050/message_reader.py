@@ -107,6 +107,8 @@ class MessageReader:
         self._strict = strict
         self._known: dict[str, _KnownReader] = {}
         """By topic."""
+        self.undated = False
+        """Whether the timestamp of the last message could not be read; the time of arrival stands for it."""
 
     def read(self, kind: type[M], topic: str, payload: bytes, major_version: str) -> M:
         """Read a message in the version that it names (section 7.2).
@@ -115,6 +117,7 @@ class MessageReader:
             MalformedMessageError: it breaks the standard and cannot be repaired.
 
         """
+        self.undated = False
         known = self._known.get(topic)
         if known is not None and known.deviations:
             message = self._repaired(kind, topic, payload, major_version)
@@ -171,6 +174,7 @@ class MessageReader:
             return None
         if message is not None:
             self._learn(topic, _KnownReader(message.version, codec, frozenset(path for path, _ in found)))
+            self.undated = any(kind is RepairKind.TIME_OF_ARRIVAL for _, kind in found)
             self._report(topic, repairs_of(found))
         return message
 

@@ -9,7 +9,7 @@ from typing import Annotated
 from pydantic import Field
 
 from nena_shared.vda5050.action import Action
-from nena_shared.vda5050.base import Angle, Header, Identifier, NotNegative, UInt32, WireObject
+from nena_shared.vda5050.base import Angle, CommandHeader, Identifier, NotNegative, UInt32, WireObject
 
 
 class OrientationType(StrEnum):
@@ -110,7 +110,7 @@ class Edge(WireObject):
     actions: tuple[Action, ...]
 
 
-class Order(Header):
+class Order(CommandHeader):
     """A graph of nodes and edges to drive: the released base, then the horizon."""
 
     order_id: Identifier

@@ -139,6 +139,8 @@ _NEVER_DROPPED: Final = (NodeState, EdgeState, ActionState, ErrorEntry, Load)
 """List elements without which the list would say something else."""
 
 _PERCENT: Final = 100.0
+_MUCH_BEYOND: Final = 50.0
+"""A percentage farther beyond its limits is none, such as 255 for one that is not known."""
 _ANGLE: Final = pi + 1e-6
 _FULL_TURN: Final = 2 * pi + 1e-3
 _TIME: Final[TypeAdapter[datetime]] = TypeAdapter(Timestamp)
@@ -499,7 +501,8 @@ def _brought_into(number: float, shape: Shape, at: str, scope: Scope) -> tuple[f
         if scope is Scope.COMMAND and abs(number) > _FULL_TURN:
             raise _Beyond  # perhaps degrees
         return remainder(number, 2 * pi), RepairKind.ANGLE_WRAPPED
-    if scope is Scope.REPORT and shape.most == _PERCENT and shape.least == 0:
+    of_percent = shape.most == _PERCENT and shape.least == 0
+    if scope is Scope.REPORT and of_percent and -_MUCH_BEYOND <= number <= _PERCENT + _MUCH_BEYOND:
         return min(max(number, 0.0), _PERCENT), RepairKind.CLAMPED
     if scope is Scope.REPORT and at.endswith("localizationScore") and 1 < number <= _PERCENT:
         return number / _PERCENT, RepairKind.SCALED

@@ -96,3 +96,37 @@ async def test_a_robot_that_cannot_be_understood_is_not_called_silent(
             what="the time after which a robot that sends nothing is silent",
         )
         assert "silent" not in reason()
+
+
+async def test_without_readable_times_an_old_state_is_told_by_its_header(
+    broker: Broker, interface_name: str
+) -> None:
+    def lose_time(state: dict[str, Any]) -> None:
+        state["timestamp"] = "yesterday"
+
+    async with (
+        WiredFleet(broker, interface_name).connected() as fleet,
+        DeviatingRobot(broker, interface_name, lose_time).connected() as robot,
+    ):
+        topic = robot.scheme.of(robot.robot.key, Topic.STATE)
+
+        def last_id() -> int:
+            state = fleet.fleet.view(ROBOT).state
+            return state.header_id if state else -1
+
+        await until(lambda: last_id() >= 0, what="a state")
+        content = json.loads(robot.codec.encode(robot.robot.state(asyncio.get_running_loop().time())))
+        lose_time(content)
+
+        def send(header_id: int) -> None:
+            payload = json.dumps(content | {"headerId": header_id}).encode()
+            robot.link.publish(Outbound(topic, payload, keep=False))
+
+        send(1000)
+        await until(lambda: last_id() == 1000, what="the newer state")
+        received = fleet.mqtt.state.received
+        send(999)
+        await until(lambda: fleet.mqtt.state.received > received, what="the older state")
+        assert last_id() == 1000
+        send(1001)
+        await until(lambda: last_id() == 1001, what="the newest state")

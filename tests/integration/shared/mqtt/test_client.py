@@ -333,3 +333,44 @@ def fill(client: Client) -> None:
     """Send more than the sockets take."""
     for _ in range(40):
         client.send(Outbound("a/b", bytes(1_000_000)), lambda: None)
+
+
+@pytest.mark.parametrize("discarded", [False, True])
+async def test_what_the_kernel_has_not_sent_goes_with_a_discarded_connection(*, discarded: bool) -> None:
+    """As at the end of a lease: only the receiver's own buffer may still hold some of it."""
+    with socket.socket() as listening:
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        listening.bind(("127.0.0.1", 0))
+        listening.listen()
+        serving = asyncio.get_running_loop().run_in_executor(None, _accepted, listening)
+        settings = MqttSettings(port=listening.getsockname()[1])
+        async with Client(settings, "sender", timeout=PATIENCE) as client:
+            accepted = await serving
+            client.send(Outbound("filling", bytes(8_000_000)), lambda: None)
+            stream = client._maker.stream
+            assert stream is not None
+            taken = stream.queued - stream.waiting
+            if discarded:
+                client.discard()
+            client._close()
+        received = await asyncio.to_thread(_all_of, accepted)
+
+    assert taken > 100_000
+    assert (received < taken) is discarded
+
+
+def _accepted(listening: socket.socket) -> socket.socket:
+    """Accept one client and its CONNECT."""
+    accepted, _ = listening.accept()
+    accepted.recv(1024)
+    accepted.sendall(CONNACK)
+    return accepted
+
+
+def _all_of(accepted: socket.socket) -> int:
+    """Count what comes until the connection ends, CONNECT included."""
+    count = len(b"\x10\x12\x00\x04MQTT\x04\x02\x00\x3c\x00\x06sender")
+    with accepted, suppress(ConnectionResetError):
+        while part := accepted.recv(65_536):
+            count += len(part)
+    return count

@@ -7,12 +7,13 @@ from datetime import datetime, timedelta
 import pytest
 
 from nena_edge_agent.driver.port import NavigationReport
-from nena_edge_agent.protocol.events import Started
-from nena_edge_agent.protocol.memory import Memory
+from nena_edge_agent.protocol.events import InstantActionsReceived, OrderReceived, Started
+from nena_edge_agent.protocol.memory import Memory, OrderHeaderMemory
 from nena_edge_agent.protocol.order_progress import CLOCK_TOLERANCE, ENDED_ORDERS_KEPT, BasePath, OrderHistory
+from nena_shared.vda5050.action import InstantActions
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.versions import RULES
-from support.robot_core import HEADER, Bench, at, order
+from support.robot_core import HEADER, Bench, action, at, order
 
 TIME: datetime = HEADER["timestamp"]
 MUCH = 2 * CLOCK_TOLERANCE
@@ -140,6 +141,117 @@ def test_a_timestamp_in_the_future_does_not_lock_out_later_orders() -> None:
     bench.send(sent(2, 0, TIME))
 
     assert bench.state.order_id == "o2"
+
+
+@pytest.mark.clause("6.1.4.4")
+def test_an_old_order_whose_header_is_above_a_restarted_counter_is_not_done_again() -> None:
+    bench = Bench()
+    bench.send(sent(0, 5000))
+    for number in range(1, ENDED_ORDERS_KEPT + 5):
+        bench.send(sent(number, number, TIME + number * timedelta(minutes=1)))
+
+    bench.send(sent(0, 5000))
+
+    assert bench.errors == ["OUTDATED_ORDER_UPDATE"]
+    assert bench.state.order_id == f"o{ENDED_ORDERS_KEPT + 4}"
+
+
+def test_the_time_is_that_of_the_arrival_not_of_the_start() -> None:
+    """The robot's clock was a year behind at its start, and was set since."""
+    bench = Bench(ready=False)
+    year = timedelta(days=365)
+    bench.do(Started(TIME - year), at(0.0), NavigationReport(available=True, reason=""))
+    bench.do(OrderReceived(sent(1, 100), utc=TIME))
+    bench.do(OrderReceived(sent(2, 101, TIME + MUCH), utc=TIME + MUCH))
+
+    bench.do(OrderReceived(sent(3, 3), utc=TIME + MUCH))
+
+    assert bench.errors == ["OUTDATED_ORDER_UPDATE"]
+
+
+def test_an_order_without_a_readable_time_is_judged_by_its_header() -> None:
+    bench = Bench()
+    bench.do(OrderReceived(sent(1, 100), utc=TIME, dated=False))
+    bench.do(OrderReceived(sent(2, 101, TIME + MUCH), utc=TIME + MUCH, dated=False))
+
+    bench.do(OrderReceived(sent(3, 99, TIME + 2 * MUCH), utc=TIME + 2 * MUCH, dated=False))
+
+    assert bench.errors == ["OUTDATED_ORDER_UPDATE"]
+    bench.do(OrderReceived(sent(4, 102, TIME + 2 * MUCH), utc=TIME + 2 * MUCH, dated=False))
+    assert (bench.state.order_id, bench.errors) == ("o4", [])
+
+
+def of_epoch(epoch: int | None, message: Order) -> Order:
+    return message.model_copy(update={"nena_epoch": epoch})
+
+
+@pytest.mark.parametrize("killed", [False, True])
+def test_an_order_service_that_was_replaced_is_not_obeyed(*, killed: bool) -> None:
+    bench = Bench()
+    bench.send(of_epoch(7, sent(1, 100)))
+    bench.send(of_epoch(8, sent(2, 0)))
+    bench = restarted(bench) if killed else bench
+
+    bench.send(of_epoch(7, sent(3, 101, TIME + MUCH)))
+
+    assert bench.errors == ["OUTDATED_ORDER_UPDATE"]
+    assert "of epoch 7, and an order service of epoch 8 has taken over" in str(
+        bench.state.errors[0].error_description
+    )
+    assert bench.state.order_id == "o2"
+
+
+def test_an_update_from_an_order_service_that_was_replaced_changes_nothing() -> None:
+    bench = Bench()
+    bench.send(of_epoch(7, order("n0", "n1", "n2", released=2)))
+    bench.send(of_epoch(8, order("n0", "n1", "n2", released=2)))
+    assert not bench.errors
+
+    bench.send(of_epoch(7, order("n1", "n2", update=1, first=2)))
+
+    assert (bench.state.order_update_id, bench.errors) == (0, ["OUTDATED_ORDER_UPDATE"])
+
+
+def test_an_order_service_that_was_replaced_cancels_nothing() -> None:
+    bench = Bench()
+    bench.send(of_epoch(8, order("n0", "n1")))
+    cancel = InstantActions(**HEADER, nena_epoch=7, actions=(action("c", "HARD", "cancelOrder"),))
+
+    bench.do(InstantActionsReceived(cancel))
+
+    assert not bench.idle
+    assert bench.errors == ["VALIDATION_FAILURE"]
+    bench.do(InstantActionsReceived(cancel.model_copy(update={"nena_epoch": 9})))
+    assert bench.core.memory().last_order_header == OrderHeaderMemory(header_id=-1, timestamp=TIME, epoch=9)
+
+
+@pytest.mark.parametrize("epoch", [8, None])
+def test_an_order_service_that_takes_over_with_a_clock_that_is_behind_is_obeyed(epoch: int | None) -> None:
+    """An epoch tells that it is no replay; without one the counter, if it goes on."""
+    bench = Bench()
+    bench.send(of_epoch(epoch and epoch - 1, sent(1, 100)))
+
+    bench.send(of_epoch(epoch, sent(2, 0 if epoch else 101, TIME - timedelta(minutes=3))))
+
+    assert (bench.state.order_id, bench.errors) == ("o2", [])
+
+
+def test_within_an_epoch_the_header_tells_a_replay() -> None:
+    bench = Bench()
+    bench.send(of_epoch(7, sent(1, 5)))
+
+    bench.send(of_epoch(7, sent(2, 4, TIME + MUCH)))
+
+    assert bench.errors == ["OUTDATED_ORDER_UPDATE"]
+
+
+def test_an_order_from_before_there_were_epochs_is_told_by_its_time() -> None:
+    bench = Bench()
+    bench.send(of_epoch(7, sent(1, 5, TIME + 2 * MUCH)))
+
+    bench.send(sent(2, 5000))
+
+    assert bench.errors == ["OUTDATED_ORDER_UPDATE"]
 
 
 def test_what_is_remembered_does_not_grow_with_the_length_of_order_ids() -> None:

@@ -246,6 +246,8 @@ def test_in_a_new_term_of_leadership_a_robot_is_sent_nothing_before_it_has_repor
     bench.cancel()
     bench.wait(20)
     assert (bench.orders_sent(), bench.instants_sent()) == (["m"], [])
+    reason = bench.view().availability.reason
+    assert reason == "has not reported its state since the order service took over"
     bench.report()
     bench.run()
     assert bench.ends() == {"m": 1}

@@ -152,7 +152,7 @@ async def test_the_lead_is_held_while_the_store_is_made_ready(
     monkeypatch.setattr(lead_module, "open_database", slow)
     async with asyncio.timeout(PATIENCE):
         _, fence = await first.raise_fence(postgres.url, "http://first.example")
-    assert fence.epoch == 1
+    assert fence.epoch > 0
     assert held[:3] == [True] * 3
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from sqlalchemy import text
 
 from nena_order_service.store.changes import Changes
 from nena_order_service.store.database import read_order, write
-from nena_order_service.store.leadership import Fence, LeaderLock
+from nena_order_service.store.leadership import Fence, LeaderLock, begin_epoch
 from nena_order_service.store.schema import FencedError, open_database
 from support.order_service import dispatchable_order
 from support.postgres import Postgres
@@ -64,13 +65,46 @@ def test_who_was_replaced_commits_nothing_any_more(postgres: Postgres) -> None:
     old = Fence.raise_for(engine, "http://old.example")
     write(engine, changes((dispatchable_order(number=1), None)), old)
     new = Fence.raise_for(engine, "http://new.example")
-    assert (old.epoch, new.epoch) == (1, 2)
+    assert new.epoch > old.epoch
     assert new.is_up(engine)
     assert not old.is_up(engine)
     with pytest.raises(FencedError, match="Start it again"):
         write(engine, changes((dispatchable_order(number=2), None)), old)
     assert read_order(engine, name="T-1") is not None
     assert read_order(engine, name="T-2") is None
+
+
+def test_an_epoch_is_greater_than_the_last_one_whatever_the_clock_says(
+    postgres: Postgres, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    engine = open_database(postgres.url)
+    epochs = []
+    for seconds in (2_000_000_000, 2_000_000_000, 1_900_000_000, 2_000_000_100):
+        monkeypatch.setattr("time.time", lambda seconds=seconds: seconds)
+        epochs.append(Fence.raise_for(engine, "").epoch)
+
+    assert epochs == [2_000_000_000, 2_000_000_001, 2_000_000_002, 2_000_000_100]
+
+
+def test_an_epoch_rises_over_a_restore_from_a_backup(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file, url = tmp_path / "orders.db", f"sqlite:///{tmp_path}/orders.db"
+    monkeypatch.setattr("time.time", lambda: 2_000_000_000)
+    assert begin_epoch(open_database(url)) == 2_000_000_000
+    copy = file.read_bytes()
+    monkeypatch.setattr("time.time", lambda: 2_000_000_060)
+    last = begin_epoch(open_database(url))
+    file.write_bytes(copy)
+    monkeypatch.setattr("time.time", lambda: 2_000_000_090)
+
+    assert begin_epoch(open_database(url)) > last
+
+
+def test_a_store_that_takes_nothing_does_not_keep_a_service_from_its_epoch(tmp_path: Path) -> None:
+    engine = open_database(f"sqlite:///{tmp_path}/orders.db")
+    with engine.begin() as connection:
+        connection.execute(text("DROP TABLE leadership"))
+
+    assert begin_epoch(engine) > 0
 
 
 def test_a_takeover_waits_for_the_commit_that_is_under_way(postgres: Postgres) -> None:

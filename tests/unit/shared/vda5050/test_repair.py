@@ -87,6 +87,7 @@ REPAIRED: list[tuple[str, Any, str | None, str, Any]] = [
     ("batteryState.batteryCharge", -1, "clamped", "power_supply.state_of_charge", 0.0),
     ("batteryState.batteryCharge", "80", "text_as_number", "power_supply.state_of_charge", 80.0),
     ("batteryState.batteryCharge", None, "replaced", "power_supply.state_of_charge", 0.0),
+    ("batteryState.batteryCharge", 255, "replaced", "power_supply.state_of_charge", 0.0),
     ("batteryState.batteryHealth", 120, "clamped", "power_supply.battery_health", 100.0),
     ("batteryState.batteryVoltage", nan, "left_out", "power_supply.battery_voltage", None),
     ("batteryState.charging", "FALSE", "text_as_boolean", "power_supply.charging", False),

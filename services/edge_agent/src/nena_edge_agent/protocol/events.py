@@ -24,9 +24,14 @@ class Started:
 
 @dataclass(frozen=True, slots=True)
 class OrderReceived:
-    """A well-formed order or order update for this robot."""
+    """A well-formed order or order update for this robot, which came at ``utc``, if that is known.
+
+    ``dated``: its timestamp could be read.
+    """
 
     order: Order
+    utc: datetime | None = None
+    dated: bool = True
 
 
 @dataclass(frozen=True, slots=True)

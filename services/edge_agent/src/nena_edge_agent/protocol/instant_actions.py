@@ -27,7 +27,7 @@ from nena_edge_agent.protocol.declaration import (
 )
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.events import SendFactsheet, SetPosition, StartAction
-from nena_edge_agent.protocol.order_acceptance import map_list
+from nena_edge_agent.protocol.order_acceptance import EPOCH_HINT, map_list
 from nena_edge_agent.protocol.robot_state import INSTANT_ACTIONS_SHOWN, PositionRequest, RobotState
 from nena_shared.vda5050.action import Action, ActionStatus, InstantActions
 from nena_shared.vda5050.error import ErrorType, error
@@ -50,6 +50,17 @@ def receive(robot: RobotState, message: InstantActions) -> None:
     if len(message.actions) > MESSAGE_LIMIT:
         _refuse_message(robot, message)
         return
+    if problem := robot.history.outdated(message.nena_epoch):
+        entry = error(
+            ErrorType.VALIDATION_FAILURE,
+            f"the instant actions are not carried out: {problem}",
+            hint=EPOCH_HINT,
+            topic="instantActions",
+            header_id=message.header_id,
+        )
+        robot.errors.report(entry, Until.INSTANT_ACTION_ACCEPTED)
+        return
+    robot.history.begin_epoch(message.nena_epoch)
     for action in message.actions:
         if action.action_id in robot.known_instant_ids:
             continue

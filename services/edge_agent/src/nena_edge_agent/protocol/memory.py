@@ -72,7 +72,8 @@ class OrderHeaderMemory(BaseModel):
     model_config = ConfigDict(frozen=True, from_attributes=True)
 
     header_id: int
-    timestamp: datetime
+    timestamp: datetime | None
+    epoch: int | None = None
 
 
 class ZoneSetMemory(BaseModel):
@@ -181,7 +182,8 @@ def restored(memory: Memory, capabilities: Capabilities) -> RobotState:
     robot = RobotState(
         capabilities,
         history=OrderHistory(
-            memory.ended_orders, OrderHeader(header.header_id, header.timestamp) if header else None
+            memory.ended_orders,
+            OrderHeader(header.header_id, header.timestamp, header.epoch) if header else None,
         ),
         progress=_progress(memory.progress),
         known_instant_ids=dict.fromkeys(memory.known_instant_ids),

@@ -36,6 +36,7 @@ class Situation:
     ``maps`` are the areas that the robot has a map of, ``closed`` the zones that it must not drive in.
     ``stands_on`` is the node that the robot has reached and not left, or empty. ``loaded``: whether it will
     carry something when all that was released to it is done. ``history`` knows the orders that have ended.
+    ``dated``: the timestamp of the order at hand could be read.
     """
 
     operating_mode: OperatingMode
@@ -57,8 +58,10 @@ class Situation:
     base_action_ids: frozenset[str]
     loaded: bool = False
     history: OrderHistory = field(default_factory=OrderHistory)
+    dated: bool = True
 
 
+EPOCH_HINT = "end the order service that was replaced; if none was, compare the clocks of their machines"
 STRAY = 1.0
 """Maximum distance of a stopped robot from the node that it has reached, metres."""
 
@@ -405,7 +408,11 @@ Verdict = NewOrder | Update | Duplicate | Rejected
 
 def judge(order: Order, situation: Situation, capabilities: Capabilities) -> Verdict:
     """Decide about ``order`` (section 6.1.2, figure 8)."""
-    fault = _identity_fault(order) or general_fault(order, situation, capabilities)
+    fault = (
+        _identity_fault(order)
+        or _epoch_fault(order, situation)
+        or general_fault(order, situation, capabilities)
+    )
     if fault is not None:
         return Rejected(fault)
     if order.order_id != situation.order_id:
@@ -449,7 +456,7 @@ def _new_order_fault(order: Order, situation: Situation, capabilities: Capabilit
 
 def _replay_fault(order: Order, situation: Situation) -> ErrorEntry | None:
     """Check that the message is not an old one that is sent again: what it asks for was done already."""
-    problem = situation.history.replay(order)
+    problem = situation.history.replay(order, dated=situation.dated)
     if problem is None:
         return None
     return refusal(
@@ -458,6 +465,12 @@ def _replay_fault(order: Order, situation: Situation) -> ErrorEntry | None:
         f"{problem}; it is not carried out again",
         hint="send each order under a new orderId, with a higher headerId or the present time as timestamp",
     )
+
+
+def _epoch_fault(order: Order, situation: Situation) -> ErrorEntry | None:
+    """Check that no other order service has replaced the sender."""
+    problem = situation.history.outdated(order.nena_epoch)
+    return refusal(ErrorType.OUTDATED_ORDER_UPDATE, order, problem, hint=EPOCH_HINT) if problem else None
 
 
 def _update_id_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | None:

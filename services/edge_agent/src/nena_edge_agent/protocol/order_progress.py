@@ -10,7 +10,7 @@ from hashlib import sha256
 from math import dist
 from typing import Final, NamedTuple, Protocol
 
-from nena_shared.vda5050.base import Header, WireObject
+from nena_shared.vda5050.base import CommandHeader, WireObject
 from nena_shared.vda5050.order import ControlPoint, Edge, Node, Order, Trajectory
 from nena_shared.vda5050.state import EdgeState, NodeState, PlannedPath
 
@@ -85,7 +85,7 @@ def _knots(points: int) -> tuple[float, ...]:
     return (0.0, *(index / steps for index in range(steps + 1)), 1.0)
 
 
-_HEADER = frozenset(Header.model_fields)
+_HEADER = frozenset(CommandHeader.model_fields)
 
 
 class HeldContent(Protocol):
@@ -130,15 +130,24 @@ CLOCK_TOLERANCE: Final = timedelta(seconds=60)
 """How far the clocks of two fleet controls, or of fleet control and robot, may differ."""
 
 
+NONE_YET: Final = -1
+"""Less than every headerId."""
+
+
 class OrderHeader(NamedTuple):
-    """headerId and timestamp of the order message that was accepted last (section 7.2)."""
+    """What is remembered of the headers of accepted messages (section 7.2).
+
+    ``header_id`` and ``timestamp`` are the greatest so far, of the order messages of the present epoch if the
+    sender names one. ``epoch`` is the greatest so far of all commands.
+    """
 
     header_id: int
-    timestamp: datetime
+    timestamp: datetime | None
+    epoch: int | None = None
 
 
 class OrderHistory:
-    """Ended orders by a digest of their orderId, oldest first, and the header that was accepted last.
+    """Ended orders by a digest of their orderId, oldest first, and the headers of accepted messages.
 
     A digest has one length for every orderId, so the journal stays small.
     """
@@ -166,27 +175,53 @@ class OrderHistory:
         A timestamp in the future is not remembered: once the sender's clock is corrected, every new order
         would look old.
         """
-        if utc is None or order.timestamp <= utc + CLOCK_TOLERANCE:
-            self.last_header = OrderHeader(order.header_id, order.timestamp)
+        self.begin_epoch(order.nena_epoch)
+        last = self.last_header or OrderHeader(NONE_YET, None)
+        credible = utc is None or order.timestamp <= utc + CLOCK_TOLERANCE
+        times = [each for each in (last.timestamp, order.timestamp if credible else None) if each]
+        header_id = max(last.header_id, order.header_id)
+        self.last_header = OrderHeader(header_id, max(times, default=None), last.epoch)
 
-    def replay(self, order: Order) -> str | None:
+    def begin_epoch(self, epoch: int | None) -> None:
+        """Remember a greater epoch, in which headerIds begin again."""
+        last = self.last_header or OrderHeader(NONE_YET, None)
+        if epoch is not None and (last.epoch is None or epoch > last.epoch):
+            self.last_header = OrderHeader(NONE_YET, last.timestamp, epoch)
+
+    def outdated(self, epoch: int | None) -> str | None:
+        """Return why a sender of ``epoch`` must not command the robot any more, None if it may."""
+        last = self.last_header
+        if epoch is None or last is None or last.epoch is None or epoch >= last.epoch:
+            return None
+        return f"it is of epoch {epoch}, and an order service of epoch {last.epoch} has taken over"
+
+    def replay(self, order: Order, *, dated: bool) -> str | None:
         """Return why a new ``order`` is a replay of an old message, None if it is not.
 
-        A sender whose counter starts again sends newer timestamps; one whose clock is set back goes on
-        counting. Only a message that is older by both is a replay.
+        Within an epoch headerIds rise. Without epochs, a sender whose counter starts again sends newer
+        timestamps, and one whose clock is set back goes on counting: only a message that is older by both is
+        a replay. One that is not ``dated``, whose timestamp could not be read, is judged by its headerId.
         """
         if _digest(order.order_id) in self._ended:
             return f"order '{order.order_id}' was received before and has ended"
         last = self.last_header
-        if last is None or order.header_id > last.header_id:
-            return None
-        if order.timestamp >= last.timestamp - CLOCK_TOLERANCE:
+        if last is None or not self._is_older(order, last, dated=dated):
             return None
         return f"the message ({_words(order)}) is older than the last accepted order ({_words(last)})"
 
+    def _is_older(self, order: Order, last: OrderHeader, *, dated: bool) -> bool:
+        if order.nena_epoch is not None:
+            return order.nena_epoch == last.epoch and order.header_id <= last.header_id
+        if not dated:
+            return order.header_id < last.header_id
+        if last.epoch is None and order.header_id > last.header_id:
+            return False
+        return last.timestamp is not None and order.timestamp < last.timestamp - CLOCK_TOLERANCE
+
 
 def _words(header: OrderHeader | Order) -> str:
-    return f"headerId {header.header_id}, {header.timestamp:%Y-%m-%dT%H:%M:%SZ}"
+    time = f"{header.timestamp:%Y-%m-%dT%H:%M:%SZ}" if header.timestamp else "no time"
+    return f"headerId {header.header_id}, {time}"
 
 
 def _digest(order_id: str) -> str:

@@ -36,11 +36,15 @@ _SHOWN_UNTIL: dict[str, Until] = {ErrorType.MOBILE_ROBOT_NOT_AVAILABLE: Until.AV
 # Acceptance (section 6.1.2)
 
 
-def receive(robot: RobotState, order: Order) -> Verdict:
-    """Accept or reject ``order``; a rejected one changes nothing but the errors."""
+def receive(robot: RobotState, order: Order, *, dated: bool = True) -> Verdict:
+    """Accept or reject ``order``; a rejected one changes nothing but the errors.
+
+    ``dated``: its timestamp could be read.
+    """
     if _waits_for_disk(robot, order):
         return Duplicate()
-    verdict = judge(order, _situation(robot), robot.capabilities)
+    verdict = judge(order, _situation(robot, dated=dated), robot.capabilities)
+    robot.history.begin_epoch(order.nena_epoch)
     match verdict:
         case NewOrder():
             _begin(robot, order)
@@ -58,7 +62,7 @@ def _waits_for_disk(robot: RobotState, order: Order) -> bool:
     return held and bool(robot.journal_problem)
 
 
-def _situation(robot: RobotState) -> Situation:
+def _situation(robot: RobotState, *, dated: bool) -> Situation:
     progress = robot.progress
     return Situation(
         operating_mode=robot.next_mode,
@@ -82,6 +86,7 @@ def _situation(robot: RobotState) -> Situation:
         ),
         loaded=_loaded_at_the_end(robot),
         history=robot.history,
+        dated=dated,
     )
 
 

@@ -204,7 +204,9 @@ def _started(robot: RobotState, event: Started) -> None:
 
 
 def _order_received(robot: RobotState, event: OrderReceived) -> None:
-    orders.receive(robot, event.order)
+    if event.utc:
+        robot.utc = (event.utc, robot.now)
+    orders.receive(robot, event.order, dated=event.dated)
 
 
 def _instant_actions_received(robot: RobotState, event: InstantActionsReceived) -> None:

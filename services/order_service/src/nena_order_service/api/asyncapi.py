@@ -30,7 +30,7 @@ PARAMETERS = {
 EPOCH = {
     "type": "integer",
     "minimum": 0,
-    "description": "Counts the takeovers by a standby; readers ignore statuses of an older epoch.",
+    "description": "Rises with each start and takeover; readers ignore statuses of an older epoch.",
 }
 
 

@@ -19,13 +19,14 @@ LINK_REASONS: Final = {
 }
 
 
-def away(link: LinkStatus, unreadable: str = "", *, broker: bool) -> str | None:
+def away(link: LinkStatus, unreadable: str = "", *, broker: bool, unread: bool = False) -> str | None:
     """Return why the robot cannot be reached; None if it can.
 
-    ``unreadable`` says what is wrong with its messages. ``broker`` is also False while the robot has to
-    report before it is sent anything, see
-    :meth:`FleetController.on_broker`.
+    ``unreadable`` says what is wrong with its messages, ``broker`` whether our own link stands. ``unread``:
+    the robot has to report before it is sent anything, see :meth:`FleetController.on_broker`.
     """
+    if unread:
+        return "has not reported its state since the order service took over"
     if not broker:
         return "cannot be reached: the order service has no connection to the MQTT broker"
     if link is LinkStatus.UNREADABLE:

@@ -279,7 +279,7 @@ class RobotControl:
         sent = self._run is not None and self._run.phase is VdaOrderPhase.SENT
         if link in REPORTS_NOTHING and self.robot.reachable and sent:
             link = LinkStatus.ONLINE  # the sendings count, so that an order to a dead robot fails in the end
-        reason = availability.away(link, self.robot.unreadable, broker=self._instant_actions.broker)
+        reason = self._away_by(link)
         state = self.robot.state
         if reason or state is None:
             return reason or self.robot.unreadable or "has not reported its state yet"
@@ -291,9 +291,11 @@ class RobotControl:
 
     def _away(self, now: float) -> str | None:
         """Return why the robot cannot be reached; None if it can."""
-        return availability.away(
-            self.robot.link(now), self.robot.unreadable, broker=self._instant_actions.broker
-        )
+        return self._away_by(self.robot.link(now))
+
+    def _away_by(self, link: LinkStatus) -> str | None:
+        broker = self._instant_actions.broker
+        return availability.away(link, self.robot.unreadable, broker=broker, unread=self._unread)
 
     def _availability(self, now: float) -> Availability:
         state = self.robot.state

@@ -6,6 +6,7 @@ import asyncio
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from functools import partial
 from typing import Any, Final, TypeVar
 
@@ -21,7 +22,7 @@ from nena_order_service.fleet.outputs import (
     PublishResponses,
     PublishZoneSet,
 )
-from nena_order_service.fleet.robot import RobotView
+from nena_order_service.fleet.robot import MessageOrder, RobotView
 from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.fleet.vda_order import VdaOrder
 from nena_shared.clock import Clock
@@ -158,10 +159,14 @@ HEADER_ID_COUNT: Final = 2**32
 
 
 class Outgoing:
-    """Makes the messages; headerIds are counted for each robot and topic (section 7.2)."""
+    """Makes the messages; headerIds are counted for each robot and topic (section 7.2).
 
-    def __init__(self, clock: Clock) -> None:
+    Commands carry the ``epoch`` of the order service, unless it is 0: a robot refuses those of an older one.
+    """
+
+    def __init__(self, clock: Clock, epoch: int = 0) -> None:
         self._clock = clock
+        self._epoch = epoch or None
         self._header_ids: dict[tuple[RobotKey, Topic], int] = defaultdict(int)
 
     def message(self, output: Publish, version: str) -> tuple[Topic, Message]:
@@ -171,6 +176,7 @@ class Outgoing:
                 header = self._header(output.robot, Topic.ORDER, version)
                 return Topic.ORDER, Order(
                     **header,
+                    nena_epoch=self._epoch,
                     order_id=output.vda_order.order_id,
                     order_update_id=output.order_update_id,
                     nodes=output.vda_order.nodes,
@@ -178,7 +184,9 @@ class Outgoing:
                 )
             case PublishInstantActions():
                 header = self._header(output.robot, Topic.INSTANT_ACTIONS, version)
-                return Topic.INSTANT_ACTIONS, InstantActions(**header, actions=output.actions)
+                return Topic.INSTANT_ACTIONS, InstantActions(
+                    **header, nena_epoch=self._epoch, actions=output.actions
+                )
             case PublishResponses():
                 header = self._header(output.robot, Topic.RESPONSES, version)
                 return Topic.RESPONSES, Responses(**header, responses=output.responses)
@@ -207,6 +215,8 @@ MALFORMED_LOGGED_EACH: Final = 100
 _PLURALS: Final = {Topic.STATE.value: "states", Topic.CONNECTION.value: "connection messages"}
 """Messages without which a robot cannot be given orders."""
 
+NO_TIME: Final = datetime.min.replace(tzinfo=UTC)
+
 LOGGED_OF_NAME: Final = 60
 """Characters of a name that is too long."""
 
@@ -227,6 +237,7 @@ class FleetLink:
         settings: FleetSettings,
         clock: Clock,
         on_news: Callable[[*tuple[FleetOutput, ...]], None],
+        epoch: int = 0,
     ) -> None:
         self._mqtt = mqtt
         self._addresses = addresses
@@ -234,9 +245,11 @@ class FleetLink:
         self._clock = clock
         self._on_news = on_news
         self._controller = FleetController(settings, utc_now=clock.now)
-        self._outgoing = Outgoing(clock)
+        self._outgoing = Outgoing(clock, epoch)
         self._connected = False
         self._term = 0
+        self._undated: dict[RobotKey, MessageOrder] = {}
+        """Robots whose timestamps cannot be read: their states are judged by headerId alone."""
         self.malformed = 0
         """How many messages could not be read."""
         self.ignored = 0
@@ -351,7 +364,18 @@ class FleetLink:
         codec = nearest_codec(message.version)
         assert codec, "the reader took one of its major version"  # noqa: S101 - for the type
         now = self._addresses.learn(robot, codec, scheme, message, retained=inbound.retained)
-        return (robot, message) if now else None
+        return (robot, message) if now and self._is_new(kind, robot, message.header_id) else None
+
+    def _is_new(self, kind: type[Connection | Factsheet | State], robot: RobotKey, header_id: int) -> bool:
+        """Return False for an old state of a robot whose timestamps cannot be read.
+
+        Its time of arrival stands for the timestamp, by which an old state looks new.
+        """
+        if kind is Connection:
+            self._undated.pop(robot, None)
+        if kind is not State or not self._reader.undated:
+            return True
+        return self._undated.setdefault(robot, MessageOrder()).is_new(header_id, NO_TIME, self._now())
 
     def _note_long_name(self, robot: RobotKey) -> None:
         """Refuse a robot that cannot be stored."""

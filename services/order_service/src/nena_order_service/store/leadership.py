@@ -2,8 +2,9 @@
 
 A lock of the database, held by a connection of its own, says who may be active: it is free the moment the
 connection ends, however that comes. That alone is no fence, for a program learns late that its connection
-has ended. So each takeover counts up an epoch in the store, and each commit of the active one begins with a
-look at it: whoever is not of this epoch commits nothing any more.
+has ended. So each takeover raises an epoch in the store, and each commit of the active one begins with a
+look at it: whoever is not of this epoch commits nothing any more. The epoch is the time of day in seconds, or
+one more than the last one, whichever is greater: so it also rises over a restore from a backup.
 
 A message to a robot is no commit. So the active one also holds a :class:`Lease`, by its own clock, which ends
 before the database frees the lock of a program that hangs; without it nothing is published.
@@ -15,7 +16,7 @@ import time
 from dataclasses import dataclass
 from math import inf
 
-from sqlalchemy import Connection, Engine, bindparam, select, text, update
+from sqlalchemy import Connection, Engine, bindparam, case, select, text, update
 from sqlalchemy.exc import DBAPIError
 
 from nena_order_service.store import schema
@@ -37,10 +38,13 @@ _SETTINGS = (f"SET idle_session_timeout = '{HANG_SECONDS}s'", "SET statement_tim
 
 _leadership = schema.leadership.c
 _ROW = _leadership.id == schema.LEADERSHIP_ID
+_next_epoch = case(
+    (_leadership.epoch < bindparam("utc"), bindparam("utc")), else_=_leadership.epoch + bindparam("one")
+)
 _TAKE_OVER = (
     update(schema.leadership)
     .where(_ROW)
-    .values(epoch=_leadership.epoch + 1, commits=0, url=bindparam("active_url"))
+    .values(epoch=_next_epoch, commits=0, url=bindparam("active_url"))
     .returning(_leadership.epoch)
 )
 _PASS = (
@@ -179,6 +183,23 @@ class LeaderLock:
         return self._connection
 
 
+def _next(active_url: str) -> dict[str, object]:
+    return {"active_url": active_url, "utc": int(time.time()), "one": 1}
+
+
+def begin_epoch(engine: Engine) -> int:
+    """Begin a new epoch on a store that is not shared, and return it.
+
+    A store that cannot be written is no reason not to start: its commits say so. The time of day alone is the
+    epoch then.
+    """
+    try:
+        with engine.begin() as connection:
+            return int(connection.execute(_TAKE_OVER, _next("")).scalar_one())
+    except DBAPIError:
+        return int(time.time())
+
+
 @dataclass(slots=True)
 class Fence:
     """Lets pass the commits of one epoch, each of them once; for the writer's thread alone."""
@@ -193,7 +214,7 @@ class Fence:
         Waits for a commit that is under way. Raises DBAPIError where the database does not answer.
         """
         with engine.begin() as connection:
-            return cls(connection.execute(_TAKE_OVER, {"active_url": active_url}).scalar_one())
+            return cls(connection.execute(_TAKE_OVER, _next(active_url)).scalar_one())
 
     def lets_pass(self, connection: Connection) -> bool:
         """Look whether a commit may be made; False: it was made already, only the answer was lost.

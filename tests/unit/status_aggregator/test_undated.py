@@ -1,0 +1,32 @@
+"""Robots whose timestamps cannot be read: the time of arrival stands for them, and tells no order."""
+
+from __future__ import annotations
+
+import json
+
+from nena_shared.clock import SystemClock
+from nena_shared.mqtt import Inbound
+from nena_shared.vda5050.versions import codec_for
+from nena_status_aggregator.fleet.model import FleetModel, ModelLimits
+from nena_status_aggregator.mqtt import FleetSubscriber
+from nena_status_aggregator.settings import AggregatorSettings
+from support.fleet_examples import ROBOT
+from support.honest_robot import HonestRobot
+
+
+async def test_an_old_state_changes_nothing() -> None:
+    model = FleetModel(ModelLimits())
+    link = FleetSubscriber(AggregatorSettings(), model, SystemClock())
+    topic = f"uagv/v2/{ROBOT}/state"
+    state = json.loads(codec_for("2.1.0").encode(HonestRobot(key=ROBOT).state(0.0)))
+
+    def publish(header_id: int) -> int:
+        body = json.dumps(state | {"headerId": header_id, "timestamp": "yesterday"}).encode()
+        for handler in link.mqtt._handlers(topic):
+            handler(Inbound(topic, body, retained=False))
+        robot = model.robots.get(ROBOT)
+        assert robot
+        assert robot.state
+        return robot.state.header_id
+
+    assert [publish(each) for each in (10, 9, 11, 11, 12)] == [10, 10, 11, 11, 12]
