@@ -224,6 +224,7 @@ class Engine:
             self.state.sequences.rebind(recovery.present_name)
             self._life_cycle.take_up(found.orders, found.missions, recovery)
             self._rerouting.keep_off_locked_paths()
+            self._dispatching.look()
         await self.unit_of_work.committed()
         log.info("orders taken up", unfinished=len(found.orders), last_number=found.last_number)
 
@@ -263,6 +264,8 @@ class Engine:
             self._life_cycle.check_times()
             for vehicle in self.registry:
                 self._positions.see(vehicle)
+            self._dispatching.look()
+            self._life_cycle.tell_why()
         if self._gate.is_open:
             with self.change():
                 self._idle.attend()

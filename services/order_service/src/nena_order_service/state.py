@@ -7,7 +7,6 @@ in :class:`PendingChanges`, which the engine commits, then publishes and sends.
 from __future__ import annotations
 
 import asyncio
-from bisect import bisect_left
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -17,12 +16,12 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from nena_order_service.fleet import FleetOutput, InstantActionEnded
 from nena_order_service.orders.order_sequence import OrderSequence
-from nena_order_service.orders.transport_order import TransportOrder, Urgency
+from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.vda_orders import SentOrder
+from nena_order_service.orders.waiting import WaitingOrders
 from nena_order_service.store.changes import Changes
 from nena_order_service.traffic.resources import ResourceSet
 from nena_order_service.vehicles.registry import VehicleRegistry
-from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.fleet_api.vehicle import AcceptableOrderType, IntegrationLevel
 from nena_shared.log import get_logger
 from nena_shared.vda5050.malformed import problems_of
@@ -64,14 +63,16 @@ class Orders:
     Only the committed version may be shown to hosts.
     """
 
-    def __init__(self, pending: PendingChanges) -> None:
+    def __init__(self, pending: PendingChanges, touched: set[str]) -> None:
+        """``touched`` receives the names of the vehicles whose orders change."""
         self.last_number = 0
         """The greatest number of an order in the store."""
+        self.waiting = WaitingOrders()
         self._pending = pending
+        self._touched = touched
         self._orders: dict[int, TransportOrder] = {}
         self._by_name: dict[str, int] = {}
         self._by_key: dict[str, int] = {}
-        self._queue: list[Urgency] = []
         self._committed: dict[int, TransportOrder] = {}
         self._recent: OrderedDict[int, None] = OrderedDict()
         self._ended: list[TransportOrder] = []
@@ -153,11 +154,11 @@ class Orders:
     @property
     def any_waiting(self) -> bool:
         """Whether any order waits for a vehicle."""
-        return bool(self._queue)
+        return bool(self.waiting)
 
     def dispatchable(self) -> tuple[TransportOrder, ...]:
         """Return the orders that wait for a vehicle, most urgent first."""
-        return tuple(self._orders[urgency[-1]] for urgency in self._queue)
+        return tuple(map(self.get, self.waiting))
 
     def present(self) -> Iterator[TransportOrder]:
         """Yield the orders that have not ended, as they are."""
@@ -172,17 +173,9 @@ class Orders:
         self._by_name[order.name] = order.number
         if order.idempotency_key is not None:
             self._by_key[order.idempotency_key] = order.number
-        self._queue_or_not(order)
-
-    def _queue_or_not(self, order: TransportOrder) -> None:
-        """Keep an order in the queue exactly while it is dispatchable; its urgency never changes."""
-        place = bisect_left(self._queue, order.urgency)
-        queued = place < len(self._queue) and self._queue[place] == order.urgency
-        waits = order.state is TransportOrderState.DISPATCHABLE
-        if waits and not queued:
-            self._queue.insert(place, order.urgency)
-        elif queued and not waits:
-            del self._queue[place]
+        self.waiting.put(order)
+        if order.vehicle:
+            self._touched.add(order.vehicle)
 
     def _forget(self, number: int) -> None:
         order = self._orders.pop(number)
@@ -470,7 +463,9 @@ class FleetState:
     def __init__(self, registry: VehicleRegistry) -> None:
         self.registry = registry
         self.pending = PendingChanges()
-        self.orders = Orders(self.pending)
+        self.touched: set[str] = set()
+        """Vehicles about which the dispatcher may have to think again, by their names; it empties this."""
+        self.orders = Orders(self.pending, self.touched)
         self.sequences = OrderSequences(self.pending)
         self.vehicles = VehicleRecords(self.pending, registry)
         self.sent_orders = SentOrders(self.pending, self.vehicles)
@@ -490,6 +485,7 @@ class FleetState:
         """Publish a vehicle's status once the changes of this unit of work are committed."""
         if name is not None:
             self.pending.vehicles.add(name)
+            self.touched.add(name)
 
     def order_of(self, robot: RobotKey) -> TransportOrder | None:
         """Return the transport order that a robot works on, as it is."""

@@ -147,6 +147,7 @@ async def test_the_end_of_a_load_starts_a_decision_and_the_setting_switches_all_
 async def test_keys_of_the_settings_decide_who_is_taken() -> None:
     engine, fleet = await make(energy={"critical": 0}, vehicle_candidates=["BY_ENERGY_LEVEL"])
     fleet.fields["V1"] = power(40)
+    fleet.appear("V1", "A")
     engine.create(request("A"), "T")
     assert fleet.sent[0][0] == "V2"
     order = engine.state.orders.named("T")

@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
+from heapq import nsmallest
+from itertools import groupby, takewhile
 from math import inf
 from types import MappingProxyType
 from typing import Final, NamedTuple, Protocol
 
+from nena_order_service.dispatching.assignment import assign
 from nena_order_service.dispatching.settings import (
     CandidateKey,
     Chooser,
@@ -17,6 +20,7 @@ from nena_order_service.dispatching.settings import (
     VehicleKey,
 )
 from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.orders.waiting import Kind, kind_of
 from nena_order_service.routing.order_routes import RouteCost
 from nena_shared.fleet_api.vehicle import ANY_ORDER_TYPE, ANY_TYPE, AcceptableOrderType
 from nena_shared.plant.model import EnergyThresholds
@@ -275,6 +279,18 @@ class DispatchedVehicle:
 
 BUSY: Final = "works on another order"
 
+ROUTING_COSTS: Final = (CandidateKey.BY_COMPLETE_ROUTING_COSTS, CandidateKey.BY_INITIAL_ROUTING_COSTS)
+"""The keys by which pairs have a cost that can be added up."""
+
+SINGLE_OUT: Final = (OrderKey.BY_DEADLINE, OrderKey.BY_AGE, OrderKey.BY_NAME)
+"""The keys in which hardly two orders are alike."""
+
+COST_STEPS: Final = 1000
+"""In whole numbers for each unit of a cost."""
+
+RANKS: Final = 1024
+"""How many vehicles of the same cost are told apart by the further keys."""
+
 URGENCY: Final = (OrderKey.BY_PRIORITY, OrderKey.BY_DEADLINE, OrderKey.BY_AGE)
 """The keys that :attr:`TransportOrder.urgency` stands for."""
 
@@ -290,7 +306,7 @@ class Knowledge(Protocol):
     def misfit(self, order: TransportOrder, vehicle: str) -> str:
         """Return why a vehicle must not do an order, whatever it does now; empty where it may.
 
-        Of two orders of one kind (see :func:`_kind`) it says the same.
+        Of two orders of one :class:`Kind` it says the same.
         """
         ...
 
@@ -338,6 +354,11 @@ class Dispatcher:
 
     settings: DispatchSettings
 
+    @property
+    def by_urgency(self) -> bool:
+        """Whether the first orders are the most urgent ones, and those behind them need no look."""
+        return tuple(self.settings.orders) == URGENCY and self.settings.choosers is not Chooser.SCARCER
+
     def decide(
         self,
         orders: Iterable[TransportOrder],
@@ -358,6 +379,8 @@ class Dispatcher:
         found = _Round(settings, {each.name: each for each in vehicles}, knowledge, moment, kept)
         if settings.choosers is Chooser.SCARCER and found.free < len(waiting):
             found.let_vehicles_choose(waiting)
+        if settings.choosers is Chooser.TOGETHER and settings.vehicle_candidates[0] in ROUTING_COSTS:
+            found.assign_together(waiting)
         found.let_orders_choose(waiting)
         return found.decisions
 
@@ -368,6 +391,27 @@ class Dispatcher:
         by_urgency = tuple(self.settings.orders) == URGENCY
         waiting = [*orders] if by_urgency else sorted(orders, key=rank_orders(self.settings.orders, now))
         return sorted(waiting, key=lambda order: order.number not in kept) if kept else waiting
+
+
+class _Choices:
+    """The vehicles that one order could have."""
+
+    def __init__(self, pairs: Sequence[Candidate], free: int, key: CandidateKey) -> None:
+        """``pairs`` come best first; of the ``free`` vehicles they may be only the nearest."""
+        self.pairs = {each.vehicle.name: each for each in pairs}
+        self.nearest, self.free = pairs[0], free
+        complete = key is CandidateKey.BY_COMPLETE_ROUTING_COSTS
+        own = min(each.cost.complete - each.cost.initial for each in pairs) if complete else 0.0
+        values = (each.cost.complete if complete else each.cost.initial for each in pairs)
+        self.costs = {
+            each.vehicle.name: round((value - own) * COST_STEPS) * RANKS + min(place, RANKS - 1)
+            for place, (each, value) in enumerate(zip(pairs, values, strict=True))
+        }
+        """What each vehicle adds to the way that the order itself asks for, whoever does it."""
+
+    def why(self, best: Candidate) -> str:
+        """Return why a vehicle gets the order that is not the nearest one to it."""
+        return f"least way for all orders ({best.cost.complete:.0f}) of {self.free} vehicles that are free"
 
 
 class _Round:
@@ -407,14 +451,73 @@ class _Round:
             if pairs:
                 self._assign(min(pairs, key=rank), f"first by {keys[0]} of {len(pairs)} orders for it")
 
+    def assign_together(self, orders: Sequence[TransportOrder]) -> None:
+        """Assign orders of the same rank so that they cost least together, those of the first rank first."""
+        keys = self._settings.orders
+        ranked = [*takewhile(lambda key: key not in SINGLE_OUT, keys)]
+        ordered = [*takewhile(lambda key: key is not OrderKey.BY_AGE, keys)]
+
+        def rank(order: TransportOrder) -> Rank:
+            return order.number not in self._kept, *(ORDER_VALUES[key](order, self._now) for key in ranked)
+
+        def level(order: TransportOrder) -> Rank:
+            return tuple(ORDER_VALUES[key](order, self._now) for key in ordered)
+
+        for _, group in groupby(orders, rank):
+            if not self.free:
+                return
+            alike = [*group]
+            pairs = self._cheapest_pairs(alike)
+            levels = [
+                {each.number: pairs[each.number].costs for each in part if each.number in pairs}
+                for _, same in groupby(alike, level)
+                for part in self._within_patience([*same])
+            ]
+            for number, vehicle in assign(levels).items():
+                choices = pairs[number]
+                best = choices.pairs[vehicle]
+                nearest = best is choices.nearest
+                self._assign(best, self._why(best, choices.free) if nearest else choices.why(best))
+
+    def _within_patience(self, orders: Sequence[TransportOrder]) -> Iterator[list[TransportOrder]]:
+        """Part orders, oldest first, so that none overtakes one that is older by more than the patience."""
+        patience, part = timedelta(seconds=self._settings.patience), list[TransportOrder]()
+        for order in orders:
+            if part and order.status.created > part[0].status.created + patience:
+                yield part
+                part = []
+            part.append(order)
+        if part:
+            yield part
+
+    def _cheapest_pairs(self, orders: Sequence[TransportOrder]) -> dict[int, _Choices]:
+        """Return the vehicles that orders could have, for each as many as there are orders: enough."""
+        rank = rank_candidates(self._settings.vehicle_candidates, self._now)
+        known: dict[Kind, dict[str, str]] = {}
+        found = {}
+        for order in orders:
+            kind, is_kept = kind_of(order), order.number in self._kept
+            hindrances = None if is_kept else known.get(kind)
+            if hindrances is None:
+                hindrances = {each.name: self._why_not(order, each) for each in self._meant(order)}
+            if not is_kept:
+                known[kind] = hindrances
+            free = [name for name, hindrance in hindrances.items() if not hindrance]
+            pairs = self._possible((order, self._vehicles[name]) for name in free)
+            if nearest := nsmallest(len(orders), pairs, key=rank):
+                found[order.number] = _Choices(nearest, len(free), self._settings.vehicle_candidates[0])
+            else:
+                self.decisions.reasons[order.name] = self._why_waiting(order, hindrances, free)
+        return found
+
     def let_orders_choose(self, orders: Sequence[TransportOrder]) -> None:
         """Let each order that is left take the vehicle that suits it best; else say why it waits."""
         rank = rank_candidates(self._settings.vehicle_candidates, self._now)
-        nobody: dict[_Kind, str] = {}
+        nobody: dict[Kind, str] = {}
         for order in orders:
-            if order.number in self._assigned:
+            if order.number in self._assigned or order.name in self.decisions.reasons:
                 continue
-            kind = (*_kind(order), self._recharges(order), self._pick(order))
+            kind = kind_of(order)
             if kind in nobody and order.number not in self._kept:
                 self.decisions.reasons[order.name] = nobody[kind]
                 continue
@@ -423,7 +526,7 @@ class _Round:
             if free:
                 self._choose(order, free, rank)
                 continue
-            reason = self.decisions.reasons[order.name] = _nobody_free(self._intended(order), hindrances)
+            reason = self.decisions.reasons[order.name] = self._why_waiting(order, hindrances, free)
             if order.number not in self._kept:
                 nobody[kind] = reason
 
@@ -433,8 +536,14 @@ class _Round:
             best = min(pairs, key=rank)
             self._assign(best, self._why(best, len(free)))
         else:
-            why = self._knowledge.why_no_way(order, free[-1])
-            self.decisions.reasons[order.name] = f"waits, for vehicle {free[-1]!r} has no way: {why}"
+            self.decisions.reasons[order.name] = self._why_waiting(order, {}, free)
+
+    def _why_waiting(self, order: TransportOrder, hindrances: Mapping[str, str], free: Sequence[str]) -> str:
+        """Return why nobody does an order: those that are ``free`` for it have no way, or none is."""
+        if not free:
+            return why_nobody(self._intended(order), hindrances)
+        why = self._knowledge.why_no_way(order, free[-1])
+        return f"waits, for vehicle {free[-1]!r} has no way: {why}"
 
     def _possible(self, pairs: Iterable[tuple[TransportOrder, DispatchedVehicle]]) -> Iterator[Candidate]:
         for order, vehicle in pairs:
@@ -485,17 +594,8 @@ class _Round:
         return f"first by {key} of {choices} vehicles that are free"
 
 
-_Kind = tuple[object, ...]
-"""What an order says about who may do it."""
-
-
-def _kind(order: TransportOrder) -> _Kind:
-    status = order.status
-    who = (status.intended_vehicle, status.wrapping_sequence, status.excluded_vehicles)
-    return *who, status.type, status.dispensable, status.automatic
-
-
-def _nobody_free(intended: str | None, hindrances: Mapping[str, str]) -> str:
+def why_nobody(intended: str | None, hindrances: Mapping[str, str]) -> str:
+    """Return why an order waits, by what hinders each vehicle from it."""
     if intended is not None:
         return f"waits for vehicle {intended!r}, which {hindrances.get(intended, 'takes no orders')}"
     if not hindrances:

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections import OrderedDict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
 from nena_order_service.context import Context
+from nena_order_service.dispatching.candidates import Candidates, LocatedCandidate
 from nena_order_service.dispatching.dispatcher import (
     BUSY,
     Assignment,
     Carried,
+    Decisions,
     DispatchedVehicle,
     Dispatcher,
     Energy,
@@ -19,13 +22,15 @@ from nena_order_service.dispatching.dispatcher import (
     acceptable,
     carried,
     explain,
+    why_nobody,
     why_not_accepted,
 )
 from nena_order_service.fleet import LinkStatus, NotLocatedError, RobotView, Standing
 from nena_order_service.orders.automatic import is_automatic_recharge
 from nena_order_service.orders.sequences import Sequences
-from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.orders.transport_order import TransportOrder, Urgency
 from nena_order_service.orders.vda_orders import OrderPlanner
+from nena_order_service.orders.waiting import Kind
 from nena_order_service.routing import NoRouteError
 from nena_order_service.routing.order_routes import OrderCosts, RouteCost, RouteCosts, RoutePlan
 from nena_order_service.state import VehicleRecords
@@ -64,6 +69,12 @@ class OrderFit:
 REASONS_KEPT = 1000
 """Why there is no way: asked for again and again for each order that waits for one."""
 
+COSTS_KEPT = 4_000
+"""Orders of which is remembered what they cost, for each kind of vehicle."""
+
+ENTRIES_KEPT = 1_000_000
+"""Costs of single points that these may hold on to: fewer orders are remembered in large plants."""
+
 
 class KnownCosts:
     """Costs of ways, and why there is none; remembered until the plant changes."""
@@ -74,10 +85,26 @@ class KnownCosts:
         self.registry = registry
         self.ways = RouteCosts(planner.plant, planner.finder)
         self._why = lru_cache(REASONS_KEPT)(self._find_out_why)
+        self._orders: OrderedDict[tuple[int, int, int], OrderCosts] = OrderedDict()
+        self._limit = min(COSTS_KEPT, 1 + ENTRIES_KEPT // (len(planner.plant.points) + 1))
 
     def forget(self) -> None:
-        """Ask anew why there is no way; the router forgets costs by itself."""
+        """Look again for each way and for why there is none."""
         self._why.cache_clear()
+        self._orders.clear()
+
+    def of(self, order: TransportOrder, vehicle: FleetVehicle, kind: int) -> OrderCosts:
+        """Return the costs of an order that names no coordinates, for vehicles of a kind."""
+        key = order.number, order.index, kind
+        known = self._orders.get(key)
+        if known is None:
+            avoid = order.resources_to_avoid
+            known = self._orders[key] = self.ways.of(_stops(order), vehicle=vehicle.model, avoid=avoid)
+            if len(self._orders) > self._limit:
+                self._orders.popitem(last=False)
+        else:
+            self._orders.move_to_end(key)
+        return known
 
     def why_no_way(self, order: TransportOrder, vehicle: str, start: str) -> str:
         """Return why a vehicle that starts at a point has no way."""
@@ -110,7 +137,6 @@ class OrderKnowledge:
         self._planner = planner
         self._fit = fit
         self._kinds = {name: costs.finder.kind(each.model) for name, (each, _) in places.items()}
-        self._known: dict[tuple[int, int], OrderCosts] = {}
 
     def misfit(self, order: TransportOrder, vehicle: str) -> str:
         """Return, as a predicate, why a vehicle must not do an order at all; empty where it may."""
@@ -131,12 +157,7 @@ class OrderKnowledge:
         stops = _stops(order)
         if any(each.coordinate for each in stops):
             return self._costs.ways.cost(start, stops, vehicle=who.model, avoid=order.resources_to_avoid)
-        key = order.number, self._kinds[vehicle]
-        known = self._known.get(key)
-        if known is None:
-            known = self._costs.ways.of(stops, vehicle=who.model, avoid=order.resources_to_avoid)
-            self._known[key] = known
-        return known.source(start)
+        return self._costs.of(order, who, self._kinds[vehicle]).source(start)
 
     def why_no_way(self, order: TransportOrder, vehicle: str) -> str:
         """Return why there is no way."""
@@ -154,24 +175,24 @@ NO_ORDER_FITS = (
     "or it cannot reach them, or has no room for what is to be picked up"
 )
 GIVES_UP = "gives up a dispensable order first"
+
+TOLD_FIRST = 20
+"""Orders at the head of the queue that are told at once why they wait; the others by and by."""
+LOOKED_AT_ONCE = 500
+"""Orders further back of which each look finds out whether they wait for other reasons than they say."""
+TOLD_AT_ONCE = 100
+"""Those of them that are told so."""
+ORDERS_FOR_ONE = 32
+"""Orders that are compared for one vehicle that has become free."""
+ORDERS_FOR_EACH = 4
+"""How many more they are for each one."""
+ORDERS_AT_ONCE = 64
+"""How many they are at most; where vehicles are left then, the next ones follow."""
+PARTS_AT_ONCE = 8
+"""How many times that is done before others have their turn; the next look goes on from there."""
+
 STANDS_STILL = (VehicleState.UNKNOWN, VehicleState.UNAVAILABLE, VehicleState.ERROR)
 """States in which a robot could not go on with another order than it has."""
-
-
-@dataclass(frozen=True, slots=True)
-class LocatedCandidate:
-    """A vehicle as the dispatcher sees it, and where it stands; None where nobody knows."""
-
-    vehicle: FleetVehicle
-    seen: DispatchedVehicle
-    standing: Standing | None = None
-
-    @property
-    def matters(self) -> tuple[object, ...]:
-        """What makes a difference for who gets which order; energy alone does not."""
-        seen = self.seen
-        where = self.standing and self.standing.point
-        return seen.obstacle, seen.restriction, seen.gives_up, seen.carried, where
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,59 +222,112 @@ class Dispatching:
         self._view = context.view
         self._clock = context.clock
         self._costs = KnownCosts(context.planner, context.registry)
+        self._candidates = Candidates(context.registry, self.consider)
         self._kept: dict[int, str] = {}
         """Vehicles that give up dispensable orders, by the numbers of the orders that they are kept for."""
-        self._looked_at: dict[str, tuple[object, ...]] = {}
-        """What mattered of each vehicle when it was looked at last."""
+        self._part_after: Urgency | None = None
+        """Up to which order those that wait have been offered to the free vehicles; None: from the first."""
+        self._told_to = 0
+        """Up to which place in the queue orders have been told why they wait."""
+
+    def due(self) -> Iterator[Sequence[TransportOrder]]:
+        """Yield the orders that may be assigned now, or for other reasons than before wait, part by part.
+
+        These are the orders that are new to free vehicles, and the most urgent ones for vehicles that have
+        become free; of the others only the first ones of the queue, and those that name a vehicle of which
+        something is new. So the work does not grow with the queue.
+        """
+        touched = self._refresh()
+        self._forget_kept()
+        numbers = self._with_new_reasons(touched)
+        numbers.update(self._fresh_orders())
+        for _ in range(PARTS_AT_ONCE):
+            offered, limit = self._offered(), self._part_limit()
+            numbers.update(dict.fromkeys(offered))
+            if orders := self._waiting_of(numbers):
+                yield orders
+            numbers.clear()
+            self._refresh()
+            if len(offered) < limit:
+                self._candidates.fresh.clear()
+            if not self._candidates.fresh:
+                self._part_after = None
+                return
+            self._part_after = self._orders.get(offered[-1]).urgency
 
     def dispatch(self, orders: Sequence[TransportOrder]) -> tuple[list[Dispatched], dict[str, str]]:
         """Return what is to be assigned of orders, and why the others wait, by name.
 
         Where a vehicle has to give up a dispensable order first, it is kept for its new one from now on.
         """
+        self._refresh()
         self._forget_kept()
+        for order in orders:
+            self._orders.waiting.fresh.pop(order.number, None)
         if not orders:
             return [], {}
-        candidates = self._candidates(orders)
-        decisions = self._dispatcher.decide(
-            orders,
-            (each.seen for each in candidates.values()),
-            self._knowledge(candidates),
-            now=self._clock.now(),
-            kept=self._kept,
-        )
+        decisions, candidates = self._decide(orders)
         for order in orders:
             kept = candidates.get(self._kept.get(order.number, ""))
             if kept and not kept.seen.obstacle and order.name in decisions.reasons:
-                del self._kept[order.number]  # it is free, and still the order cannot be given to it
+                self._keep(order.number, None)  # it is free, and still the order cannot be given to it
         dispatched = []
         for assignment in decisions.assignments:
             candidate = candidates[assignment.vehicle]
             assert candidate.standing, "who is assigned anything stands somewhere"  # noqa: S101 - for the type
             if assignment.gives_up:
-                self._kept[assignment.order.number] = assignment.vehicle
+                self._keep(assignment.order.number, assignment.vehicle)
             way = self._planner.way(assignment.order, candidate.vehicle, candidate.standing)
             dispatched.append(Dispatched(assignment, candidate.vehicle, way))
         return dispatched, decisions.reasons
 
+    def look(self) -> None:
+        """See each vehicle as it is now, and offer the free ones all orders once more."""
+        self._candidates.refresh(each.name for each in self._registry)
+        self._candidates.offer_all()
+
+    def outdated_reasons(self) -> Iterator[tuple[TransportOrder, str]]:
+        """Yield orders further back in the queue that wait for other reasons than they say; a part each time.
+
+        Free vehicles do not count: whoever waits though one is free for it is told that by :meth:`dispatch`.
+        """
+        numbers = self._orders.waiting.part(self._told_to, LOOKED_AT_ONCE)
+        self._told_to = self._told_to + len(numbers) if numbers else 0
+        told = 0
+        reasons: dict[Kind, str | None] = {}
+        for order in self._waiting_of(numbers):
+            kind = self._orders.waiting.kind(order.number)
+            if kind is None or order.number in self._kept:
+                continue
+            if kind not in reasons:
+                reasons[kind] = self._why_nobody(order)
+            reason = reasons[kind]
+            if reason and reason != order.status.reason and told < TOLD_AT_ONCE:
+                told += 1
+                yield order, reason
+
     def explain(self, order: TransportOrder) -> list[VehicleFit]:
         """Say of each vehicle why it does not do this order, or that it could."""
-        candidates = self._candidates()
+        candidates = {each.name: self.consider(each) for each in self._registry if not each.obstacle}
         seen = (each.seen for each in candidates.values())
         return explain(order, seen, self._knowledge(candidates), kept=self._kept)
 
     def forget(self) -> None:
-        """Look anew for each way: the plant has changed."""
+        """Look for each way again: the plant has changed."""
         self._costs.forget()
+        self._candidates.offer_all()
 
     def has_changed(self, vehicle: FleetVehicle) -> bool:
         """Return whether anything that matters here is new about a vehicle since it was looked at.
 
         That it works on an order now is no news: whoever gave it the order has looked at those that wait.
         """
-        before = self._looked_at.get(vehicle.name)
-        now = self._look_at(vehicle)
-        return now.matters != before and now.seen.obstacle != BUSY
+        if vehicle.obstacle:
+            return False
+        self._state.touched.discard(vehicle.name)
+        is_new = self._candidates.look_at(vehicle)
+        now = self._candidates.get(vehicle.name)
+        return is_new and now is not None and now.seen.obstacle != BUSY
 
     def idle_reason(self, vehicle: FleetVehicle, *, orders_wait: bool) -> str:
         """Return why a vehicle that works on no order has none."""
@@ -267,19 +341,19 @@ class Dispatching:
     def consider(self, vehicle: FleetVehicle) -> LocatedCandidate:
         """Return a vehicle as the dispatcher sees it now."""
         if vehicle.obstacle:
-            return _hindered(vehicle, vehicle.obstacle)
+            return self._hindered(vehicle, vehicle.obstacle)
         order = self._state.order_of(vehicle.key)
         if order is not None and not self._would_give_up(order):
-            return _hindered(vehicle, GIVES_UP if self._is_giving_up(vehicle, order) else BUSY)
+            return self._hindered(vehicle, GIVES_UP if self._is_giving_up(vehicle, order) else BUSY)
         view = self._view(vehicle)
         if obstacle := self._obstacle(vehicle, view, order):
-            return _hindered(vehicle, obstacle)
+            return self._hindered(vehicle, obstacle)
         try:
             standing = self._planner.standing(vehicle, view)
         except NotLocatedError as error:
-            return _hindered(vehicle, f"cannot be sent anywhere: {error.reason}")
+            return self._hindered(vehicle, f"cannot be sent anywhere: {error.reason}")
         if obstacle := self._lacks_map(vehicle, view, standing):
-            return _hindered(vehicle, obstacle)
+            return self._hindered(vehicle, obstacle)
         energy = self.energy(vehicle, view)
         seen = DispatchedVehicle(
             vehicle.name,
@@ -291,7 +365,14 @@ class Dispatching:
             order_types=self.fit.order_types(vehicle),
             carried=self._carried(vehicle, view),
         )
-        return LocatedCandidate(vehicle, seen, standing)
+        return LocatedCandidate(
+            vehicle, seen, standing, self.fit.sequences.bound_to(vehicle.name), seen.order_types
+        )
+
+    def _hindered(self, vehicle: FleetVehicle, obstacle: str) -> LocatedCandidate:
+        seen = DispatchedVehicle(vehicle.name, obstacle)
+        bound = self.fit.sequences.bound_to(vehicle.name)
+        return LocatedCandidate(vehicle, seen, None, bound, self.fit.order_types(vehicle))
 
     def energy(self, vehicle: FleetVehicle, view: RobotView) -> Energy | None:
         """Return how much energy a vehicle has; None where that is of no account."""
@@ -335,27 +416,114 @@ class Dispatching:
             return False
         return order.status.dispensable or (is_automatic_recharge(order) and is_operating(order))
 
-    def _candidates(self, orders: Sequence[TransportOrder] = ()) -> dict[str, LocatedCandidate]:
-        """Look at all vehicles, or only at those that are meant where each of the orders means one."""
-        meant = {each.status.intended_vehicle for each in orders}
-        vehicles: Iterable[FleetVehicle] = self._registry
-        if meant and None not in meant:
-            vehicles = filter(None, map(self._registry.named, sorted(map(str, meant))))
-        return {each.name: self._look_at(each) for each in vehicles if not each.obstacle}
+    def _refresh(self) -> list[str]:
+        """Look again at the vehicles of which something has changed; return their names."""
+        touched = [*self._state.touched]
+        self._state.touched.clear()
+        self._candidates.refresh(touched)
+        return touched
 
-    def _look_at(self, vehicle: FleetVehicle) -> LocatedCandidate:
-        """Consider a vehicle, and remember what mattered."""
-        found = self.consider(vehicle)
-        self._looked_at[vehicle.name] = found.matters
+    def _decide(self, orders: Sequence[TransportOrder]) -> tuple[Decisions, Mapping[str, LocatedCandidate]]:
+        """Ask the dispatcher; again where a vehicle is not any more as it was seen."""
+        while True:
+            candidates = self._relevant(orders)
+            decisions = self._dispatcher.decide(
+                orders,
+                (each.seen for each in candidates.values()),
+                self._knowledge(candidates),
+                now=self._clock.now(),
+                kept=self._kept,
+            )
+            chosen = [candidates[each.vehicle].vehicle for each in decisions.assignments]
+            if sum(map(self._candidates.look_at, chosen)) == 0:
+                return decisions, candidates
+
+    def _relevant(self, orders: Sequence[TransportOrder]) -> Mapping[str, LocatedCandidate]:
+        """Return the vehicles that make a difference for orders; only the named ones where each names one."""
+        named: set[str] = set()
+        for order in orders:
+            status = order.status
+            named.update(status.excluded_vehicles)
+            named.update(filter(None, (status.intended_vehicle, self.fit.sequences.meant(order))))
+            named.update(filter(None, (self._kept.get(order.number),)))
+        if all(each.status.intended_vehicle for each in orders):
+            return {name: found for name in sorted(named) if (found := self._candidates.get(name))}
+        return self._candidates.relevant(named)
+
+    def _with_new_reasons(self, touched: Iterable[str]) -> dict[int, None]:
+        """Return orders that may wait for other reasons now."""
+        waiting = self._orders.waiting
+        found = dict.fromkeys((*waiting.part(0, TOLD_FIRST), *self._kept))
+        for name in touched:
+            found.update(dict.fromkeys(waiting.first(waiting.naming(name), TOLD_FIRST)))
         return found
 
-    def _knowledge(self, candidates: dict[str, LocatedCandidate]) -> OrderKnowledge:
+    def _fresh_orders(self) -> dict[int, None]:
+        """Take the orders that may be new to free vehicles."""
+        waiting = self._orders.waiting
+        found = dict.fromkeys([*waiting.fresh][: None if self._candidates.free else TOLD_FIRST])
+        waiting.fresh.clear()
+        return found
+
+    def _part_limit(self) -> int:
+        """Return how many orders are offered at once to the vehicles that are free."""
+        if not self._dispatcher.by_urgency:
+            return len(self._orders.waiting) + 1
+        return min(ORDERS_FOR_ONE + ORDERS_FOR_EACH * len(self._candidates.fresh), ORDERS_AT_ONCE)
+
+    def _offered(self) -> list[int]:
+        """Return the numbers of the next orders that vehicles may take to which they are new."""
+        fresh, waiting = self._candidates.fresh, self._orders.waiting
+        if not fresh:
+            return []
+        seen = {name: self._candidates.free[name] for name in fresh}
+        knowledge = self._knowledge(seen)
+
+        def fits(kind: Kind) -> bool:
+            order = self._orders.get(waiting.example(kind))
+            recharges, pick = knowledge.recharges(order), knowledge.pick(order)
+            return any(
+                kind.intended_vehicle in (None, name)
+                and not knowledge.misfit(order, name)
+                and not each.seen.why_not(order, recharges=recharges, pick=pick)
+                for name, each in seen.items()
+            )
+
+        return waiting.first(filter(fits, waiting.kinds(fresh)), self._part_limit(), self._part_after)
+
+    def _waiting_of(self, numbers: Iterable[int]) -> list[TransportOrder]:
+        """Return those of the orders that may be assigned, most urgent first."""
+        orders = map(self._orders.find, numbers)
+        waiting = TransportOrderState.DISPATCHABLE
+        found = [each for each in orders if each and each.state is waiting and not each.held]
+        return sorted(found, key=lambda order: order.urgency)
+
+    def _why_nobody(self, order: TransportOrder) -> str | None:
+        """Return why no vehicle that is not free does an order; None where one that is free may do it."""
+        candidates = self._relevant((order,))
+        knowledge = self._knowledge({})
+        recharges, pick = knowledge.recharges(order), knowledge.pick(order)
+        hindrances = {
+            name: knowledge.misfit(order, name) or each.seen.why_not(order, recharges=recharges, pick=pick)
+            for name, each in candidates.items()
+        }
+        intended = order.status.intended_vehicle
+        return why_nobody(intended, hindrances) if all(hindrances.values()) else None
+
+    def _knowledge(self, candidates: Mapping[str, LocatedCandidate]) -> OrderKnowledge:
         places = {
             name: (each.vehicle, each.standing.point)
             for name, each in candidates.items()
             if each.standing is not None
         }
         return OrderKnowledge(self._costs, places, self._planner, self.fit)
+
+    def _keep(self, number: int, name: str | None) -> None:
+        """Keep a vehicle for the order of a number, or none any more."""
+        before = self._kept.pop(number, None)
+        if name is not None:
+            self._kept[number] = name
+        self._candidates.refresh(filter(None, (before, name)))
 
     def _forget_kept(self) -> None:
         """Keep vehicles only for orders that wait, and while they are about to be free."""
@@ -365,13 +533,9 @@ class Dispatching:
             waits = order is not None and order.state is TransportOrderState.DISPATCHABLE and not order.held
             obstacle = self.consider(vehicle).seen.obstacle if vehicle else BUSY
             if not waits or obstacle not in ("", GIVES_UP):
-                del self._kept[number]
+                self._keep(number, None)
 
 
 def is_operating(order: TransportOrder) -> bool:
     """Return whether an order's vehicle does what is to be done at its destination."""
     return order.current.state is DriveOrderState.OPERATING
-
-
-def _hindered(vehicle: FleetVehicle, obstacle: str) -> LocatedCandidate:
-    return LocatedCandidate(vehicle, DispatchedVehicle(vehicle.name, obstacle))

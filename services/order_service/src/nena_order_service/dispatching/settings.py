@@ -57,6 +57,8 @@ class CandidateKey(StrEnum):
 class Chooser(StrEnum):
     """Who chooses whom."""
 
+    TOGETHER = "TOGETHER"
+    """Nobody: of equally urgent orders and the free vehicles those are paired that drive the least in all."""
     ORDERS = "ORDERS"
     """Each order in turn chooses a vehicle."""
     SCARCER = "SCARCER"
@@ -139,8 +141,19 @@ class DispatchSettings(SettingsGroup):
     """Which order is given to which vehicle."""
 
     choosers: Chooser = Field(
-        Chooser.ORDERS,
-        description="Who chooses first: ORDERS, or SCARCER (whichever are fewer, as in openTCS).",
+        Chooser.TOGETHER,
+        description=(
+            "Who chooses: TOGETHER (the least way in all for orders of the same urgency and the free "
+            "vehicles), ORDERS (each in turn), or SCARCER (whichever are fewer, as in openTCS)."
+        ),
+    )
+    patience: float = Field(
+        300.0,
+        ge=0,
+        description=(
+            "With TOGETHER: how much younger an order may be that goes first because it is nearer, "
+            "seconds. 0: strictly by age."
+        ),
     )
     orders: list[OrderKey] = Field(
         [OrderKey.BY_PRIORITY, OrderKey.BY_DEADLINE, OrderKey.BY_AGE],

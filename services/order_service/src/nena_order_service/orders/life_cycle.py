@@ -226,7 +226,14 @@ class LifeCycle:
                 self._drive_on(order, vehicle)
             elif vehicle:
                 self.update_reason(vehicle)
-        self._dispatch([each for each in self._orders.dispatchable() if not each.held])
+        for orders in self._dispatching.due():
+            self._dispatch(orders)
+
+    def tell_why(self) -> None:
+        """Note in some of the orders further back in the queue why they wait now."""
+        now = self._clock.now()
+        for order, reason in self._dispatching.outdated_reasons():
+            self._orders.put(order.deferred(reason, now))
 
     def _dispatch(self, orders: Sequence[TransportOrder]) -> None:
         """Assign what can be assigned of these orders, and note of the others why not."""

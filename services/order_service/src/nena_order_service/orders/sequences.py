@@ -78,6 +78,11 @@ class Sequences:
             return f"does not do order sequence {sequence.name!r}, which is for {meant!r}"
         return ""
 
+    def meant(self, order: TransportOrder) -> str | None:
+        """Return the vehicle that does an order's sequence; None: it has none, or any vehicle may."""
+        sequence = self._of(order)
+        return sequence.bound_vehicle or sequence.status.intended_vehicle if sequence else None
+
     def bound_to(self, vehicle: str) -> str | None:
         """Return the name of the sequence to which a vehicle is bound; None: it is free."""
         sequence = self._sequences.of_vehicle(vehicle)

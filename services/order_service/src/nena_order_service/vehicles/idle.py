@@ -6,7 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from nena_order_service.context import Context
-from nena_order_service.dispatching.manager import Dispatching, LocatedCandidate
+from nena_order_service.dispatching.candidates import LocatedCandidate
+from nena_order_service.dispatching.manager import Dispatching
 from nena_order_service.orders.automatic import PARK_TYPE, goal_of, park_request, recharge_request
 from nena_order_service.orders.life_cycle import LifeCycle
 from nena_order_service.vehicles.parking import ParkingPositions, Prospect, RechargeLocations

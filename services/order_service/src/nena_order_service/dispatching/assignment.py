@@ -1,0 +1,99 @@
+"""The cheapest assignment of orders to vehicles, where the more urgent ones are served first.
+
+Successive shortest augmenting paths with potentials, after Jonker and Volgenant (1987), over the pairs that
+are possible: each order that is added takes a vehicle, for which others may change theirs, so that all
+together cost least. Costs are whole numbers, so nothing is lost by rounding. No clock, no I/O.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from heapq import heappop, heappush
+
+Costs = Mapping[str, int]
+"""What each vehicle that could do an order costs it, none of it below 0."""
+
+
+def assign(levels: Sequence[Mapping[int, Costs]]) -> dict[int, str]:
+    """Return vehicles by the numbers of the orders that get one; each vehicle gets one at most.
+
+    The orders of a level come before those of later ones: as many of them as possible are served, and never
+    fewer for the sake of a later level or of the cost. Which ones of a level, and by which vehicles, is what
+    costs least in all. Orders that come first keep the cheaper vehicle where both ways cost the same.
+    """
+    search = _Search(levels)
+    for level in levels:
+        search.add(level)
+    return search.found
+
+
+Place = str | int
+"""A vehicle by its name, or under an order's number that the order is left out."""
+
+
+class _Search:
+    """A matching that grows by one order at a time and is the cheapest one after each."""
+
+    def __init__(self, levels: Sequence[Mapping[int, Costs]]) -> None:
+        self._left_out = 1 + sum(
+            max(costs.values(), default=0) for level in levels for costs in level.values()
+        )
+        """What it costs to leave an order of the present level out: more than all ways around that."""
+        self._costs: dict[int, dict[Place, int]] = {}
+        self._order_of: dict[Place, int] = {}
+        self._place_of: dict[int, Place] = {}
+        self._of_orders: dict[int, int] = {}
+        """Potentials: with that of a place no more than the cost of the pair."""
+        self._of_places: dict[Place, int] = {}
+
+    @property
+    def found(self) -> dict[int, str]:
+        """The vehicles by the orders that they do."""
+        return {order: place for order, place in self._place_of.items() if isinstance(place, str)}
+
+    def add(self, level: Mapping[int, Costs]) -> None:
+        """Add the orders of a level; those that are left out are so for good, the others stay served."""
+        for order, costs in level.items():
+            self._costs[order] = dict[Place, int](costs.items()) | {order: self._left_out}
+            self._of_orders[order] = 0
+            self._augment(order)
+        for order in level:
+            if order in self._order_of:
+                del self._order_of[order], self._place_of[order], self._costs[order]
+            else:
+                del self._costs[order][order]
+
+    def _augment(self, new: int) -> None:
+        """Let an order take the cheapest place, and others change theirs for that where it pays."""
+        reached: dict[Place, int] = {}
+        by: dict[Place, int] = {}
+        heap: list[tuple[int, int, Place]] = []
+        settled: dict[Place, None] = {}
+        order: int | None = new
+        distance = pushed = 0
+        while order is not None:
+            known = distance - self._of_orders[order]
+            for place, cost in self._costs[order].items():
+                length = known + cost - self._of_places.get(place, 0)
+                if place not in settled and (place not in reached or length < reached[place]):
+                    reached[place], by[place] = length, order
+                    heappush(heap, (length, pushed, place))
+                    pushed += 1
+            distance, _, end = heappop(heap)  # there is one: an order that is new can be left out
+            while end in settled:
+                distance, _, end = heappop(heap)
+            settled[end] = None
+            order = self._order_of.get(end)
+        self._of_orders[new] += distance
+        for place in settled:
+            change = distance - reached[place]
+            self._of_places[place] = self._of_places.get(place, 0) - change
+            if (taken_by := self._order_of.get(place)) is not None:
+                self._of_orders[taken_by] += change
+        while True:
+            order = by[end]
+            before = self._place_of.get(order)
+            self._order_of[end], self._place_of[order] = order, end
+            if before is None:
+                return
+            end = before

@@ -1,0 +1,98 @@
+"""The vehicles as the dispatcher sees them, looked at again only when something of them changes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from nena_order_service.dispatching.dispatcher import DispatchedVehicle
+from nena_order_service.fleet import Standing
+from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry
+from nena_shared.fleet_api.vehicle import AcceptableOrderType
+
+EXAMPLES_AT_MOST = 50
+"""Vehicles that are looked at to say why none takes an order; those that say the same count once."""
+
+
+@dataclass(frozen=True, slots=True)
+class LocatedCandidate:
+    """A vehicle as the dispatcher sees it, and where it stands; None where nobody knows."""
+
+    vehicle: FleetVehicle
+    seen: DispatchedVehicle
+    standing: Standing | None = None
+    sequence: str | None = None
+    """The order sequence to which it is bound."""
+    order_types: tuple[AcceptableOrderType, ...] = ()
+
+    @property
+    def matters(self) -> tuple[object, ...]:
+        """What makes a difference for who gets which order; energy alone does not."""
+        where = self.standing and self.standing.point
+        return *self.hindrance, self.seen.restriction, self.seen.gives_up, self.seen.carried, where
+
+    @property
+    def hindrance(self) -> Hindrance:
+        """What those have in common that say the same of each order that neither names nor excludes them."""
+        return self.seen.obstacle, self.order_types, self.sequence
+
+
+Hindrance = tuple[str, tuple[AcceptableOrderType, ...], str | None]
+
+
+class Candidates:
+    """Remembers how vehicles were seen, which of them are free, and what the others are hindered by."""
+
+    def __init__(
+        self, registry: VehicleRegistry, consider: Callable[[FleetVehicle], LocatedCandidate]
+    ) -> None:
+        self.free: dict[str, LocatedCandidate] = {}
+        """Those that may get orders, by name."""
+        self.fresh: dict[str, None] = {}
+        """Those that are free and may not have been offered all orders that wait."""
+        self._registry = registry
+        self._consider = consider
+        self._known: dict[str, LocatedCandidate] = {}
+        self._hindered: dict[Hindrance, dict[str, None]] = {}
+
+    def look_at(self, vehicle: FleetVehicle) -> bool:
+        """See how a vehicle is now; tell whether anything is new that makes a difference."""
+        name, found = vehicle.name, self._consider(vehicle)
+        before = self._known.get(name)
+        self._known[name] = found
+        is_new = before is None or before.matters != found.matters
+        if found.seen.obstacle:
+            self.free.pop(name, None)
+            self.fresh.pop(name, None)
+        else:
+            self.free[name] = found
+            if is_new:
+                self.fresh[name] = None
+        if before and before.seen.obstacle and is_new:
+            alike = self._hindered[before.hindrance]
+            del alike[name]
+            if not alike:
+                del self._hindered[before.hindrance]
+        if found.seen.obstacle and is_new:
+            self._hindered.setdefault(found.hindrance, {})[name] = None
+        return is_new
+
+    def refresh(self, names: Iterable[str]) -> None:
+        """Look at vehicles again, by their names."""
+        for name in names:
+            if (vehicle := self._registry.named(name)) and not vehicle.obstacle:
+                self.look_at(vehicle)
+
+    def offer_all(self) -> None:
+        """Let each free vehicle be offered all orders that wait once more."""
+        self.fresh.update(dict.fromkeys(self.free))
+
+    def get(self, name: str) -> LocatedCandidate | None:
+        """Return how a vehicle was seen last; None for one that never gets orders."""
+        return self._known.get(name)
+
+    def relevant(self, named: Iterable[str]) -> dict[str, LocatedCandidate]:
+        """Return the free vehicles, these, and of the hindered ones one of each kind."""
+        examples = [next(iter(each)) for each in self._hindered.values()][:EXAMPLES_AT_MOST]
+        names = sorted({*self.free, *examples, *(name for name in named if name in self._known)})
+        return {name: self._known[name] for name in names}

@@ -1,0 +1,139 @@
+"""The work of a decision does not grow with the queue; counted in calls, for clocks vary."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
+
+import pytest
+
+from nena_order_service.context import EngineSettings
+from nena_order_service.dispatching.settings import Chooser, DispatchSettings
+from nena_order_service.engine import Engine
+from nena_order_service.store.changes import Changes
+from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.plant import PlantModel, Vehicle
+from support.operations import calls_of
+from support.order_service import request
+from support.plants import path, point
+from support.scripted_fleet import MemoryStore, ScriptedFleet, make_engine
+
+NAMES = "ABCDEFGH"
+PLANT = PlantModel(
+    name="row",
+    points=tuple(point(name, 4000 * index) for index, name in enumerate(NAMES)),
+    paths=tuple(path(f"{a} {b}", 4000) for one, two in pairwise(NAMES) for a, b in ((one, two), (two, one))),
+    vehicles=tuple(Vehicle(name=name) for name in ("V1", "V2")),
+)
+FEW, MANY = 60, 600
+"""Orders that wait."""
+ALIKE = 1.2
+"""How much more work one event may be with ten times as many of them."""
+
+
+class ForgetfulStore(MemoryStore):
+    """Is done with each commit at once, whatever else there is."""
+
+    def commit(self, changes: Changes, then: Callable[[], None]) -> None:
+        del changes
+        then()
+
+
+async def waiting(number: int, settings: dict[str, Any], **order: Any) -> tuple[Engine, ScriptedFleet]:
+    """Start an engine whose vehicle V1 works while so many orders wait; V2 is away."""
+    fleet = ScriptedFleet({"V1": "A"})
+    dispatch = DispatchSettings.model_validate({"energy": {"respected": False}, **settings})
+    engine_settings = EngineSettings(default_map_id="map", traffic=False, dispatch=dispatch)
+    engine = await make_engine(PLANT, ForgetfulStore(), fleet, settings=engine_settings)
+    engine.create(request("B"), "first")
+    for index in range(number):
+        engine.create(request(NAMES[index % len(NAMES)], **order), f"T{index}")
+    assert len(engine.state.orders.waiting) == number
+    return engine, fleet
+
+
+@pytest.mark.parametrize(
+    ("settings", "order"),
+    [
+        ({"choosers": Chooser.TOGETHER}, {}),
+        ({"choosers": Chooser.ORDERS}, {}),
+        ({"choosers": Chooser.TOGETHER}, {"intendedVehicle": "V2"}),
+    ],
+    ids=["together", "orders choose", "for another vehicle"],
+)
+async def test_the_end_of_an_order_costs_the_same_however_many_wait(
+    settings: dict[str, Any], order: dict[str, Any]
+) -> None:
+    calls = []
+    for number in (FEW, MANY):
+        engine, fleet = await waiting(number, settings, **order)
+        fleet.finish("V1")  # what is found out once is found out now
+        if not order:
+            assert fleet.finish("V1")
+            calls.append(calls_of(lambda fleet=fleet: fleet.finish("V1")))  # type: ignore[misc]
+        else:
+            fleet.appear("V1", "A")
+            engine.create(request("B", intendedVehicle="V1"), "again")
+            calls.append(calls_of(lambda fleet=fleet: fleet.finish("V1")))  # type: ignore[misc]
+    assert calls[1] < calls[0] * ALIKE, calls
+
+
+async def test_a_new_order_costs_the_same_however_many_wait() -> None:
+    calls = []
+    for number in (FEW, MANY):
+        engine, _ = await waiting(number, {})
+        calls.append(calls_of(lambda engine=engine: engine.create(request("C"), "new")))  # type: ignore[misc]
+    assert calls[1] < calls[0] * ALIKE, calls
+
+
+async def test_costs_are_kept_over_decisions(monkeypatch: pytest.MonkeyPatch) -> None:
+    engine, fleet = await waiting(FEW, {})
+    fleet.finish("V1")
+    known = engine._dispatching._costs
+    looked_at: list[object] = []
+    found = known.ways.of
+
+    def counted(*arguments: Any, **more: Any) -> object:
+        looked_at.append(arguments)
+        return found(*arguments, **more)
+
+    monkeypatch.setattr(known.ways, "of", counted)
+    fleet.finish("V1")
+    assert len(looked_at) <= 2  # that of the order that has come nearer to the head of the queue
+    engine.plant_changed()
+    assert len(looked_at) <= 2
+    fleet.finish("V1")
+    assert len(looked_at) > 20
+
+
+async def test_all_orders_are_told_why_they_wait_by_and_by() -> None:
+    engine, fleet = await waiting(FEW, {})
+    del fleet.at["V1"]
+    engine.on_events()
+    for _ in range(3):
+        engine.look()
+    reasons = {each.status.reason for each in engine.state.orders.dispatchable()}
+    assert len(reasons) == 1
+    assert "offline" in reasons.pop()
+
+
+async def test_no_order_overtakes_one_that_is_older_than_the_patience() -> None:
+    engine, fleet = await waiting(0, {"patience": 10})
+    clock = engine.clock
+    engine.create(request("H"), "far")
+    clock.advance(11)  # type: ignore[attr-defined]
+    engine.create(request("B"), "near")
+    fleet.finish("V1")
+    assert fleet.sent[-1][1].order_id == "far-0"
+
+
+async def test_a_vehicle_takes_the_order_that_is_nearest_to_where_it_has_unloaded() -> None:
+    engine, fleet = await waiting(0, {})
+    engine.create(request("H"), "far")
+    engine.create(request("B"), "near")
+    fleet.finish("V1")
+    assert fleet.sent[-1][1].order_id == "near-0"
+    far = engine.state.orders.named("far")
+    assert far
+    assert far.state is TransportOrderState.DISPATCHABLE
