@@ -21,13 +21,16 @@ from nena_edge_agent.fleet import run_fleet
 from nena_edge_agent.journal import sole_user
 from nena_edge_agent.loopback.actions import ChargingWatch, simulated_actions
 from nena_edge_agent.loopback.control import ControlApi, SimulationControl
-from nena_edge_agent.map_store import MapStore, map_store
+from nena_edge_agent.map_store import MapStore, folder_of, map_store
 from nena_edge_agent.nav2.map_image import MapWatch
-from nena_edge_agent.nav2.offers import NO_OFFERS, nav2_offers
+from nena_edge_agent.nav2.map_server import MapServer
+from nena_edge_agent.nav2.offers import LOAD_MAP, NO_OFFERS, interface, nav2_offers
+from nena_edge_agent.nav2_maps import Nav2MapStore
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import Clock, SystemClock
 from nena_shared.log import get_logger
 from nena_shared.program import run
+from nena_shared.settings import ConfigurationError
 from nena_shared.tasks import Supervisor, forever
 from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.versions import codec_for, topics_for
@@ -38,6 +41,9 @@ DESCRIPTION = (
     "reports. Try it without a robot: nena-edge-agent --driver loopback. Find out which link is missing: "
     "nena-edge-agent doctor. Try a plug-in for actions: nena-edge-agent check-plugin NAME"
 )
+
+NAV2_STORE = "nav2"
+"""Value of ``maps.store``."""
 
 log = get_logger(__name__)
 
@@ -74,11 +80,14 @@ def _agent_maker(
     ports = RobotPorts(ros, settings.actions)
     journal = settings.journal.folder if settings.journal.enabled else None
     switch = session_switch(settings.ros, journal, robot)
-    map_watch = MapWatch.of(settings)
+    map_server = _map_server(settings)
+    map_watch = MapWatch.of(settings, map_server)
     extensions = (ros, map_watch) if ros else ()
     offers = nav2_offers(settings.ros) if ros else NO_OFFERS
-    driver = driver_maker(settings, index, clock, control, switch, extensions=extensions)
-    store = map_store(settings, robot)
+    driver = driver_maker(
+        settings, index, clock, control, switch, extensions=extensions, map_server=map_server
+    )
+    store = _map_store(settings, robot, map_server)
     context = PluginContext(robot, ports.drive, ros)
     registry = make_registry(settings, control, store, switch, context)
 
@@ -94,6 +103,28 @@ def _agent_maker(
         return agent
 
     return make
+
+
+def _map_server(settings: EdgeAgentSettings) -> MapServer | None:
+    """Return Nav2's map_server where the robot's maps go to it.
+
+    Raises:
+        ConfigurationError: the robot has no Nav2, or this machine no types to speak to map_server.
+
+    """
+    if settings.maps.store != NAV2_STORE:
+        return None
+    if settings.driver != "nav2" or interface(LOAD_MAP) is None:
+        message = "maps.store: 'nav2' needs driver = nav2 and nav2_msgs; source the robot's ROS installation"
+        raise ConfigurationError([message])
+    return MapServer(settings.ros, settings.map_id)
+
+
+def _map_store(settings: EdgeAgentSettings, robot: RobotKey, server: MapServer | None) -> MapStore | None:
+    if server is None:
+        return map_store(settings, robot)
+    folder, first = folder_of(settings, robot)
+    return Nav2MapStore(folder, first, maximum=settings.maps.maximum, server=server)
 
 
 def make_registry(
@@ -115,7 +146,8 @@ def make_registry(
         ZoneSetDownload(codec_for(settings.version), settings.download),
     ]
     if store:
-        plugins.extend(map_actions(store, settings.download))
+        places = context.drive if settings.maps.store == NAV2_STORE else None
+        plugins.extend(map_actions(store, settings.download, places))
     if settings.driver == "nav2" and switch:
         plugins.extend(session_actions(switch))
     if settings.driver == "nav2" and settings.map_transforms:

@@ -11,6 +11,7 @@ from nena_edge_agent.driver.plant_frame import PlantFrame, PlantFrameDriver
 from nena_edge_agent.driver.port import Driver, Emit, Pose
 from nena_edge_agent.loopback.control import SimulationControl
 from nena_edge_agent.loopback.driver import LoopbackDriver
+from nena_edge_agent.nav2.map_server import MapServer
 from nena_edge_agent.nav2.offers import nav2_offers
 from nena_edge_agent.nav2.session_control import NodeExtension
 from nena_edge_agent.nav2.speed_limit import SpeedLimiter
@@ -28,18 +29,19 @@ def driver_maker(
     switch: SessionSwitch,
     *,
     extensions: Sequence[NodeExtension] = (),
+    map_server: MapServer | None = None,
 ) -> DriverMaker:
     """Return what makes the driver of robot ``index``, from 0.
 
     ``control`` gets hold of a loopback robot, ``switch`` of the ROS session of another one, on whose nodes
-    ``extensions`` have topics and services of their own.
+    ``extensions`` have topics and services of their own; ``map_server`` has its maps.
 
     Raises:
         StartError: ROS 2 for Python is wanted and missing.
 
     """
     if settings.driver == "nav2":
-        return _nav2(settings, clock, switch, extensions)
+        return _nav2(settings, clock, switch, extensions, map_server)
     return _loopback(settings, index, clock, control)
 
 
@@ -57,7 +59,11 @@ def _loopback(
 
 
 def _nav2(
-    settings: EdgeAgentSettings, clock: Clock, switch: SessionSwitch, extensions: Sequence[NodeExtension]
+    settings: EdgeAgentSettings,
+    clock: Clock,
+    switch: SessionSwitch,
+    extensions: Sequence[NodeExtension],
+    map_server: MapServer | None,
 ) -> DriverMaker:
     try:
         from nena_edge_agent.nav2.driver import Nav2Driver  # noqa: PLC0415 - the loopback needs no ROS
@@ -74,7 +80,15 @@ def _nav2(
             if nav2_offers(settings.ros).limits_speed:
                 limiter = SpeedLimiter(settings.ros.names.speed_limit, settings.description.maximum_speed)
             ros = switch.address.applied(settings.ros)
-            driver = Nav2Driver(ros, settings.map_id, emit_on_map, clock, extensions, limiter=limiter)
+            driver = Nav2Driver(
+                ros,
+                settings.map_id,
+                emit_on_map,
+                clock,
+                extensions,
+                limiter=limiter,
+                map_server=map_server,
+            )
             switch.attach(driver.session)
             return driver
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from importlib.metadata import entry_points
 from pathlib import Path
 from shutil import rmtree
@@ -162,8 +162,13 @@ class FolderMapStore:
         unfinished = _beside(place)
         rmtree(unfinished, ignore_errors=True)
         unfinished.mkdir(parents=True)
-        _write_through(unfinished / CONTENT, content)
+        for name, part in self._files(content).items():
+            _write_through(unfinished / name, part)
         unfinished.rename(place)
+
+    def _files(self, content: bytes) -> Mapping[str, bytes]:
+        """Return what is kept of a map, by the names of its files."""
+        return {CONTENT: content}
 
     def _remove(self, map_id: str, map_version: str) -> None:
         """Have the map gone as a whole, before its files go one by one."""
@@ -174,28 +179,33 @@ class FolderMapStore:
         rmtree(unfinished)
 
     def _mark(self, map_id: str, map_version: str) -> None:
+        self._put(self._folder / _name(map_id) / ENABLED, map_version.encode())
+
+    def _put(self, path: Path, content: bytes) -> None:
+        """Have a small file there with its old content or the new one."""
+        path.parent.mkdir(exist_ok=True)
+        new = _beside(path)
+        _write_through(new, content)
+        new.replace(path)
+
+    def _is_enabled(self, map_id: str, map_version: str) -> bool:
         mark = self._folder / _name(map_id) / ENABLED
-        mark.parent.mkdir(exist_ok=True)
-        new = _beside(mark)
-        _write_through(new, map_version.encode())
-        new.replace(mark)
+        return mark.exists() and mark.read_bytes() == map_version.encode()
 
     def _read(self) -> tuple[Map, ...]:
         return tuple(
             Map(
                 map_id=unquote(area.name[1:]),
                 map_version=unquote(version.name[1:]),
-                map_status=MapStatus.ENABLED if _is_enabled(area, version) else MapStatus.DISABLED,
+                map_status=self._status(unquote(area.name[1:]), unquote(version.name[1:])),
             )
             for area in sorted(self._folder.glob("=*"))
             for version in sorted(area.glob("=*"))
             if not version.name.endswith(UNFINISHED)
         )
 
-
-def _is_enabled(area: Path, version: Path) -> bool:
-    mark = area / ENABLED
-    return mark.exists() and mark.read_bytes() == unquote(version.name[1:]).encode()
+    def _status(self, map_id: str, map_version: str) -> MapStatus:
+        return MapStatus.ENABLED if self._is_enabled(map_id, map_version) else MapStatus.DISABLED
 
 
 def _beside(place: Path) -> Path:
@@ -218,8 +228,16 @@ def _name(text: str) -> str:
 GROUP = "nena.maps"
 
 
+def folder_of(settings: EdgeAgentSettings, robot: RobotKey) -> tuple[Path, Map]:
+    """Return the folder of a robot's maps, and its first map."""
+    first = Map(map_id=settings.map_id, map_version=settings.map_version, map_status=MapStatus.ENABLED)
+    return settings.maps.folder / quote(str(robot), safe=" :").replace(".", "%2E"), first
+
+
 def map_store(settings: EdgeAgentSettings, robot: RobotKey) -> MapStore | None:
     """Return the store that the settings name, None: the robot has its one map and no other.
+
+    That of Nav2 is made elsewhere (:mod:`nena_edge_agent.nav2_maps`).
 
     A plug-in is called with the settings and the robot, and gives a :class:`MapStore`.
 
@@ -231,10 +249,9 @@ def map_store(settings: EdgeAgentSettings, robot: RobotKey) -> MapStore | None:
     maps = settings.maps
     if maps.store == "fixed":
         return None
-    first = Map(map_id=settings.map_id, map_version=settings.map_version, map_status=MapStatus.ENABLED)
     if maps.store == "folder":
-        name = quote(str(robot), safe=" :").replace(".", "%2E")
-        return FolderMapStore(maps.folder / name, first, maximum=maps.maximum)
+        folder, first = folder_of(settings, robot)
+        return FolderMapStore(folder, first, maximum=maps.maximum)
     found = next(iter(entry_points(group=GROUP, name=maps.store)), None)
     if found is None:
         message = f"maps.store: there is no plug-in '{maps.store}' of the entry points {GROUP}"

@@ -25,7 +25,8 @@ class MapSettings(SettingsGroup):
         "fixed",
         min_length=1,
         description="fixed: the one map of the settings; folder: what fleet control brings, in a folder; "
-        "else the name of a plug-in of the entry points nena.maps.",
+        "nav2: as folder, and Nav2's map_server loads the enabled map; else the name of a plug-in of the "
+        "entry points nena.maps.",
     )
     folder: Path = Field(
         Path("~/.local/state/nena/maps"), description="Folder of the maps, with one folder per robot in it."

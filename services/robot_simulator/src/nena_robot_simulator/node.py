@@ -29,7 +29,7 @@ from nena_robot_simulator.faults import disturbed
 from nena_robot_simulator.goals import Action, GoalEntry, Snapshot
 from nena_robot_simulator.motion import GridMap, Pose
 from nena_robot_simulator.navigator import Goal
-from nena_robot_simulator.offers import Offers
+from nena_robot_simulator.offers import Offers, costmap_services, map_services
 from nena_robot_simulator.robot import Robot
 from nena_robot_simulator.server_endpoints import ServerEndpoints
 from nena_robot_simulator.servers import Server, parameters
@@ -63,7 +63,8 @@ class RobotNode:
         self, settings: RobotSettings, *, simulator: SimulatorSettings, hall: GridMap, clock: Clock
     ) -> None:
         self._settings = settings
-        self._hall = hall
+        self._hall = self._first_hall = hall
+        self._offers = simulator.actions
         self._clock = clock
         self._log = log.bind(robot=settings.name)
         self._robot = Robot(
@@ -97,8 +98,9 @@ class RobotNode:
         self._odom = self._session.publisher(Odometry, "odom", BEST_EFFORT)
         self._session.subscribe(String, "simulator/fault", self._on_fault, FAULTS)
         self._make_timers()
-        if simulator.actions:
+        if self._offers:
             Offers(self._session, self._robot)
+            costmap_services(self._session, lambda name: self._log.info("costmap cleared", costmap=name))
         for fault in (*simulator.faults, *settings.faults):
             self._apply(fault)
         self._show_servers()
@@ -169,8 +171,19 @@ class RobotNode:
 
     def _open_maps(self) -> list[Any]:
         self._map = self._session.publisher(OccupancyGrid, "map", LATCHED)
+        self._hall = self._first_hall  # a map_server that starts has the map of its settings
+        self._robot.use_map(self._hall)
         self._publish_map()
-        return [self._map, self._servers.serve(Server.MAPS, GetMap, "map_server/map", self._on_get_map)]
+        served = self._servers.serve(Server.MAPS, GetMap, "map_server/map", self._on_get_map)
+        return [self._map, served, *(map_services(self._servers, self._use_map) if self._offers else ())]
+
+    def _use_map(self, found: GridMap) -> OccupancyGrid:
+        """Take another map, as map_server does when it loads one; where the robot is on it stays open."""
+        self._hall = found
+        self._robot.use_map(found)
+        self._publish_map()
+        self._log.info("map loaded", width=found.width, height=found.height)
+        return messages.map_message(found, self._settings.map_frame, self._stamp())
 
     def _make_timers(self) -> None:
         self._delivery = self._session.every(GOAL_DELAY, self._deliver_goals)

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+from functools import partial
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
+from nena_robot_simulator.map_files import BadMapError, read_map
 from nena_robot_simulator.robot import Robot
+from nena_robot_simulator.servers import Server
 from nena_robot_simulator.session import RosSession
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from nena_robot_simulator.motion import GridMap
+    from nena_robot_simulator.server_endpoints import ServerEndpoints
 
 RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 
@@ -20,6 +29,35 @@ def interface(name: str) -> Any | None:  # noqa: ANN401 - rclpy carries no types
         return getattr(import_module(f"{package}.{kind}"), type_name, None)
     except ImportError:
         return None
+
+
+def map_services(servers: ServerEndpoints, use: Callable[[GridMap], Any]) -> list[Any]:
+    """Serve what map_server offers beside its map; ``use`` takes a map over and returns its message."""
+    kind = interface("nav2_msgs/srv/LoadMap")
+    if kind is None:
+        return []
+
+    def load(request: Any, response: Any) -> None:  # noqa: ANN401
+        try:
+            found = read_map(request.map_url.removeprefix("file://"))
+        except BadMapError as error:
+            response.result = error.result
+            return
+        response.map, response.result = use(found), 0
+
+    return [servers.serve(Server.MAPS, kind, "map_server/load_map", load)]
+
+
+def costmap_services(session: RosSession, cleared: Callable[[str], None]) -> None:
+    """Serve the clearing of both costmaps."""
+    kind = interface("nav2_msgs/srv/ClearEntireCostmap")
+
+    def clear(name: str, _request: object, _response: object) -> None:
+        cleared(name)
+
+    for name in ("global_costmap", "local_costmap"):
+        if kind is not None:
+            session.serve(kind, f"{name}/clear_entirely_{name}", partial(clear, name))
 
 
 class Offers:

@@ -177,6 +177,10 @@ class Robot:
             places_left=self._places_told,
         )
 
+    def use_map(self, hall: GridMap) -> None:
+        """Plan on another map from now on."""
+        self._hall = hall
+
     def limit_speed(self, limit: float, *, percentage: bool) -> None:
         """Drive with ``limit`` in m/s or percent of the own speed; 0: with the own speed again."""
         own = self._own_limits.speed

@@ -8,6 +8,7 @@ from math import pi
 
 import pytest
 
+from nena_edge_agent.driver.plant_frame import PlantFrame
 from nena_edge_agent.nav2.map_image import MapWatch
 from nena_edge_agent.nav2.session import RosSession
 from nena_edge_agent.settings import EdgeAgentSettings
@@ -21,7 +22,7 @@ from support.waiting import until
 
 pytestmark = pytest.mark.ros
 
-SAME = MapTransform()
+SAME = PlantFrame({})
 
 
 @asynccontextmanager
@@ -35,7 +36,7 @@ async def watched(watch: MapWatch, domain_id: int) -> AsyncIterator[None]:
 
 async def test_the_map_of_a_robot_that_was_there_before(domain_id: int) -> None:
     told: list[MapImage] = []
-    watch = MapWatch("map", "hall", SAME)
+    watch = MapWatch("map", lambda: "hall", SAME)
     watch.tell = told.append
     with simulated_robot(domain_id):
         async with watched(watch, domain_id):
@@ -53,7 +54,7 @@ def grid(*, origin_x: float = -1.0, cells: bytes | None = None) -> GridMap:
 
 
 def test_only_what_looks_or_lies_otherwise_is_told_again() -> None:
-    watch = MapWatch("map", "hall", SAME)
+    watch = MapWatch("map", lambda: "hall", SAME)
     looks = [grid(), grid(), grid(origin_x=0.0), grid(cells=bytes(800)), grid(cells=bytes(800)), grid()]
     told = [watch.read(map_message(each, "map", stamp)) for stamp, each in enumerate(looks)]
     assert [each is not None for each in told] == [True, False, True, True, False, True]
@@ -62,7 +63,7 @@ def test_only_what_looks_or_lies_otherwise_is_told_again() -> None:
 
 def test_it_lies_where_the_plant_has_it() -> None:
     """The plant is drawn half as large as the map and turned by a right angle."""
-    watch = MapWatch("map", "hall", MapTransform(2.0, pi / 2, 1.0, 0.0))
+    watch = MapWatch("map", lambda: "hall", PlantFrame({"hall": MapTransform(2.0, pi / 2, 1.0, 0.0)}))
     found = watch.read(map_message(grid(), "map", 0))
     assert found is not None
     assert (found.x, found.y) == pytest.approx((1.0, 1.0))
@@ -71,7 +72,7 @@ def test_it_lies_where_the_plant_has_it() -> None:
 
 
 def test_a_grid_with_too_few_cells_is_refused_and_the_next_one_is_told() -> None:
-    watch = MapWatch("map", "hall", SAME)
+    watch = MapWatch("map", lambda: "hall", SAME)
     with pytest.raises(ValueError, match="no grid"):
         watch.read(map_message(grid(cells=bytes(7)), "map", 0))
     assert watch.read(map_message(grid(), "map", 0)) is not None

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
 from nena_edge_agent.driver.port import Circle, NoRouteReport, Pose
+from nena_edge_agent.protocol.declaration import ActionDeclaration, Parameter
 from nena_edge_agent.protocol.events import MapsReport, MessageRefused, OperatingModeSwitched, ReportState
 from nena_edge_agent.protocol.memory import Memory
 from nena_edge_agent.protocol.order_acceptance import Rejected, Situation, judge
 from nena_shared.vda5050.action import BlockingType
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType, error
-from nena_shared.vda5050.order import ControlPoint, Corridor, Order, Trajectory
+from nena_shared.vda5050.factsheet import ActionScope, ValueDataType
+from nena_shared.vda5050.order import ControlPoint, Corridor, NodePosition, Order, Trajectory
 from nena_shared.vda5050.state import Map, MapStatus, OperatingMode
 from nena_shared.vda5050.versions import RULES
-from support.robot_core import CAPABILITIES, MAP, PRESS, Bench, action, at, order, position
+from support.robot_core import ACTIONS, CAPABILITIES, MAP, PRESS, Bench, action, at, order, position
 
 FREE = Situation(
     off="",
@@ -633,3 +636,25 @@ def test_no_way_leads_from_map_to_map() -> None:
     bench.send(order("n0", "n1", positions={"n1": upstairs}))
 
     assert bench.errors == ["NO_ROUTE_TO_TARGET"]
+
+
+@pytest.mark.parametrize(
+    ("theta", "map_id", "taken"), [(0.0, "attic", True), (None, "attic", False), (0.0, "b", False)]
+)
+def test_an_order_changes_maps_only_with_an_action_that_sets_the_position_there(
+    theta: float | None, map_id: str, *, taken: bool
+) -> None:
+    text, number = ValueDataType.STRING, ValueDataType.NUMBER
+    parameters = (
+        Parameter("mapId", text),
+        *(Parameter(key, number, required=False) for key in ("x", "theta")),
+    )
+    enable = ActionDeclaration("enableMap", (ActionScope.NODE,), parameters=parameters)
+    bench = Bench(actions={**ACTIONS, "enableMap": enable})
+    maps = (Map(map_id=each, map_version="1", map_status=MapStatus.ENABLED) for each in (MAP, "attic", "b"))
+    bench.do(MapsReport(tuple(maps)))
+    place: dict[str, Any] = {"x": 1.0} if theta is None else {"x": 1.0, "theta": theta}
+    up = action("up", "HARD", "enableMap", mapId=map_id, **place)
+    above = NodePosition(x=1.0, y=0.0, map_id="attic")
+    bench.send(order("n0", "n1", "n2", positions={"n2": above}, node_actions={"n1": [up]}))
+    assert bench.errors == ([] if taken else ["NO_ROUTE_TO_TARGET"])

@@ -111,6 +111,10 @@ class DryDrive:
         await asyncio.sleep(DRIVE_TIME)
         self.pose = pose
 
+    async def initialize_position(self, pose: Pose) -> None:
+        """Take the position over."""
+        self.pose = pose
+
 
 class _DryPublisher:
     listeners = 1

@@ -9,11 +9,14 @@ from functools import partial
 from nena_edge_agent.actions.plugin import (
     ActionPlugin,
     BackgroundAction,
+    DriveError,
+    DrivePort,
     Report,
     RunningAction,
     WorkFailedError,
 )
 from nena_edge_agent.download import DownloadError, DownloadSettings, download
+from nena_edge_agent.driver.port import Pose
 from nena_edge_agent.map_store import DuplicateMapError, MapRefusedError, MapStore, find
 from nena_edge_agent.protocol.declaration import (
     DELETE_MAP,
@@ -32,12 +35,22 @@ MAP_LINK = "mapDownloadLink"
 MAP_HASH = "mapHash"
 _WHICH = (Parameter("mapId", ValueDataType.STRING), Parameter("mapVersion", ValueDataType.STRING))
 
+_PLACE = tuple(
+    Parameter(key, ValueDataType.NUMBER, required=False, description=f"{unit}, where the robot is on the map")
+    for key, unit in (("x", "m"), ("y", "m"), ("theta", "rad"))
+)
+
 Change = Callable[[str, str, Action], Awaitable[None]]
 """Changes the store by an action, for a mapId and mapVersion."""
 
 
-def map_actions(store: MapStore, settings: DownloadSettings) -> Iterable[ActionPlugin]:
-    """Return the three actions on one robot's ``store``; they change it one after the other."""
+def map_actions(
+    store: MapStore, settings: DownloadSettings, places: DrivePort | None = None
+) -> Iterable[ActionPlugin]:
+    """Return the three actions on one robot's ``store``; they change it one after the other.
+
+    With ``places`` enabling a map can set the robot's position on it.
+    """
     turn = asyncio.Lock()
 
     async def fetch(map_id: str, map_version: str, action: Action) -> None:
@@ -49,9 +62,12 @@ def map_actions(store: MapStore, settings: DownloadSettings) -> Iterable[ActionP
         async with turn:
             await store.install(map_id, map_version, content)
 
-    async def enable(map_id: str, map_version: str, _: Action) -> None:
+    async def enable(map_id: str, map_version: str, action: Action) -> None:
+        place = None if places is None else _place(action, map_id)
         async with turn:
             await store.enable(map_id, map_version)
+        if places is not None and place is not None:
+            await places.initialize_position(place)
 
     async def delete(map_id: str, map_version: str, _: Action) -> None:
         async with turn:
@@ -62,9 +78,24 @@ def map_actions(store: MapStore, settings: DownloadSettings) -> Iterable[ActionP
     digest = Parameter(MAP_HASH, ValueDataType.STRING, required=False, description="SHA-256, hexadecimal")
     return (
         _MapAction(store, fetch, _declared(DOWNLOAD_MAP, instant, "Fetches a map.", link, digest)),
-        _MapAction(store, enable, _declared(ENABLE_MAP, on_nodes, "Has a map be used.")),
+        _MapAction(
+            store, enable, _declared(ENABLE_MAP, on_nodes, "Has a map be used.", *(_PLACE if places else ()))
+        ),
         _MapAction(store, delete, _declared(DELETE_MAP, instant, "Forgets a map that is not enabled.")),
     )
+
+
+def _place(action: Action, map_id: str) -> Pose | None:
+    """Return where the robot is on the map that it enables, None: the action does not say."""
+    found = [action.parameter(each.key) for each in _PLACE]
+    if found == [None, None, None]:
+        return None
+    numbers = [float(each) for each in found if isinstance(each, int | float)]
+    if len(numbers) < len(_PLACE):
+        message = "x, y and theta belong together"
+        raise MapRefusedError(message)
+    x, y, theta = numbers
+    return Pose(x, y, theta, map_id)
 
 
 def _declared(
@@ -99,6 +130,10 @@ class _MapAction:
             raise WorkFailedError(str(problem), _duplicate(action, map_id, version, problem)) from problem
         except (MapRefusedError, DownloadError) as problem:
             raise WorkFailedError(str(problem)) from problem
+        except DriveError as problem:
+            message = f"the map is enabled, the position is not set: {problem}"
+            report = ActionReport(action.action_id, ActionStatus.FAILED, message, maps=self._store.maps)
+            raise WorkFailedError(message, report) from problem
         return ActionReport(action.action_id, ActionStatus.FINISHED, maps=self._store.maps)
 
 

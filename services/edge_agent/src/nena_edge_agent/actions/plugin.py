@@ -146,6 +146,15 @@ class DrivePort(Protocol):
         """
         ...
 
+    async def initialize_position(self, pose: Pose) -> None:
+        """Tell the localisation where the robot is.
+
+        Raises:
+            DriveError: it does not take the position over.
+
+        """
+        ...
+
 
 Report = Callable[[ActionReport], None]
 """Tells the core of a new status, or of progress by RUNNING with a result; at any time, from any thread."""

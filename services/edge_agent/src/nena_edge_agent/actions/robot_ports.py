@@ -10,7 +10,16 @@ from nena_edge_agent.actions.messages import UnknownTypeError, matches, message_
 from nena_edge_agent.actions.plugin import DriveError, Fields, RosPort
 from nena_edge_agent.actions.ros_operations import ActionValues, MessageTemplate
 from nena_edge_agent.actions.settings import ActionSettings, LoadSensorSettings, OperationBase
-from nena_edge_agent.driver.port import Arrived, DriveFailed, DriveGoal, Driver, Halted, Pose, PoseReport
+from nena_edge_agent.driver.port import (
+    Arrived,
+    DriveFailed,
+    DriveGoal,
+    Driver,
+    Halted,
+    Pose,
+    PoseReport,
+    PositionInitialized,
+)
 from nena_edge_agent.protocol.events import Event, LoadSensed
 from nena_shared.settings import ConfigurationError
 
@@ -26,6 +35,7 @@ class ActionDrive:
         self._pose: PoseReport | None = None
         self._generation = 0
         self._result: asyncio.Future[str] | None = None
+        self._placed: asyncio.Future[str] | None = None
         self._stand: asyncio.Event = asyncio.Event()
 
     def attach(self, driver: Driver) -> None:
@@ -39,6 +49,8 @@ class ActionDrive:
                 self._pose = event
             case Halted():
                 self._stand.set()
+            case PositionInitialized(succeeded, description) if self._placed and not self._placed.done():
+                self._placed.set_result("" if succeeded else description or "the localisation refuses it")
             case Arrived(generation) if generation == self._generation:
                 self._end("")
             case DriveFailed(generation, failure, description) if generation == self._generation:
@@ -77,6 +89,25 @@ class ActionDrive:
             raise
         finally:
             self._result = None
+        if problem:
+            raise DriveError(problem)
+
+    async def initialize_position(self, pose: Pose) -> None:
+        """Tell the localisation where the robot is.
+
+        Raises:
+            DriveError: it does not take the position over.
+
+        """
+        if self._driver is None or self._placed is not None:
+            message = "another action sets the position" if self._driver else "the driver is not there yet"
+            raise DriveError(message)
+        self._placed = asyncio.get_running_loop().create_future()
+        try:
+            self._driver.initialize_position(pose)
+            problem = await self._placed
+        finally:
+            self._placed = None
         if problem:
             raise DriveError(problem)
 

@@ -19,6 +19,7 @@ from nena_edge_agent.driver.map_port import (
     MapOwnGoals,
     MapPlanReport,
     MapPose,
+    MapPoseReport,
 )
 from nena_edge_agent.driver.port import (
     Arrived,
@@ -45,6 +46,7 @@ from nena_edge_agent.nav2.commands import (
 )
 from nena_edge_agent.nav2.goals import GoalEntry, GoalIdPrefix
 from nena_edge_agent.nav2.localisation import InitialPosition, Localisation, PoseWatch, PublishInitialPose
+from nena_edge_agent.nav2.map_server import MapServer
 from nena_edge_agent.nav2.poses import PoseReading, impossible
 from nena_edge_agent.nav2.robot_base import Battery, BatteryReading, MovementWatch, without_noise
 from nena_edge_agent.nav2.session_control import (
@@ -82,12 +84,17 @@ class Nav2Driver:
         extensions: Sequence[NodeExtension] = (),
         *,
         limiter: SpeedLimiter | None = None,
+        map_server: MapServer | None = None,
     ) -> None:
         self._settings = settings
         self._extensions = extensions
         self._limiter = limiter
+        self._map_server = map_server
+        if map_server is not None:
+            map_server.attach(self)
         self._too_fast = ""
-        self._map_id = map_id
+        self._map_id = map_server.map_id if map_server is not None else map_id
+        self._unplaced = False
         self._emit = emit
         self._clock = clock
         self._log = get_logger(__name__)
@@ -193,6 +200,23 @@ class Nav2Driver:
             return
         self._apply(self._initial_position.ask(pose, self._clock.monotonic()))
 
+    @property
+    def drives(self) -> bool:
+        """Whether a goal of ours is under way."""
+        return self._tracker.driving
+
+    def use_map(self, map_id: str) -> None:
+        """Work on another map: where the robot is on it, an initial position has to tell."""
+        report = self._localisation.report()
+        self._map_id, self._unplaced = map_id, True
+        self._forget_place()
+        if report is not None:
+            problem = f"the map '{map_id}' was enabled, and its position there is not set"
+            pose = replace(report.pose, map_id=map_id)
+            self._tell(
+                MapPoseReport(pose, localized=False, vx=report.vx, omega=report.omega, problem=problem)
+            )
+
     async def _begin_session(self) -> None:
         """Join the graph as far as the settings want it; where ROS refuses, it is tried again later."""
         if not self._settings.start_session:
@@ -213,7 +237,7 @@ class Nav2Driver:
             self._on_battery,
             self._on_plan,
         )
-        own = (self._limiter,) if self._limiter is not None else ()
+        own = [each for each in (self._limiter, self._map_server) if each is not None]
         extensions = (*self._extensions, *own, *self._action.new_client(self._settings))
         node = Nav2Node(self._settings, listeners, extensions)
         await node.start(self._on_failure)
@@ -262,7 +286,7 @@ class Nav2Driver:
                 seen = await self._node.presence()
                 seen = replace(seen, action=self._action.look())
                 report = presence.judge(seen, self._settings, pose_known=self._localisation.known)
-                report = self._with_limits(report)
+                report = await self._with_map(self._with_limits(report))
                 self._on_navigation(seen.servers, report)
                 self._watch_drive()
         await asyncio.sleep(self._settings.watch_period)
@@ -277,6 +301,15 @@ class Nav2Driver:
         if not report.available or not self._too_fast:
             return report
         return NavigationReport(available=False, reason=self._too_fast)
+
+    async def _with_map(self, report: NavigationReport) -> NavigationReport:
+        """Wait for Nav2 to have the map that is enabled."""
+        if self._map_server is None:
+            return report
+        await self._map_server.look()
+        if not report.available or not self._map_server.problem:
+            return report
+        return NavigationReport(available=False, reason=self._map_server.problem)
 
     def _on_navigation(self, servers: frozenset[str], report: NavigationReport) -> None:
         now = self._clock.monotonic()
@@ -333,11 +366,16 @@ class Nav2Driver:
         pose = self._localisation.on_reading(reading, old=old)
         if pose is None:
             return
+        confirmed = self._initial_position.on_pose(pose)
+        if self._unplaced and not confirmed:
+            self._forget_place()  # a place of the map before
+            return
+        self._unplaced = False
         self._movement.on_pose(pose, now)
         self._pose_watch.on_pose(now)
         self._report_pose()
         self._apply(self._tracker.on_pose(pose, now))
-        self._apply(self._initial_position.on_pose(pose))
+        self._apply(confirmed)
 
     def _on_feedback(self, reading: FeedbackReading) -> None:
         """Take the place and the way that is left, which feedback tells more often than the localisation."""

@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Any, Final, Self
 from nena_edge_agent.driver.plant_frame import PlantFrame
 from nena_shared.fleet_api.plant import PNG_LIMIT, SIDE_LIMIT, MapImage
 from nena_shared.log import get_logger
-from nena_shared.plant.geometry import MapPose, MapTransform
+from nena_shared.plant.geometry import MapPose
 
 if TYPE_CHECKING:
+    from nena_edge_agent.nav2.map_server import MapServer
     from nena_edge_agent.nav2.session import RosSession
     from nena_edge_agent.settings import EdgeAgentSettings
 
@@ -94,19 +95,22 @@ CELLS_LIMIT = 64 * 1024 * 1024
 class MapWatch:
     """A extension of the robot's nodes; ``tell`` gets each map that looks or lies otherwise than the last."""
 
-    def __init__(self, topic: str, map_id: str, transform: MapTransform) -> None:
-        """``transform`` says how the plant lies on the robot's map ``map_id``."""
+    def __init__(self, topic: str, map_id: Callable[[], str], frame: PlantFrame) -> None:
+        """``map_id`` tells which map the robot has, ``frame`` how the plant lies on it."""
         self._topic = topic
         self._map_id = map_id
-        self._transform = transform
+        self._frame = frame
         self._digest = ""
         self.tell: Callable[[MapImage], None] = lambda _: None
 
     @classmethod
-    def of(cls, settings: EdgeAgentSettings) -> Self:
-        """Build the watch of a robot with these settings."""
-        frame = PlantFrame.of(settings.map_transforms)
-        return cls(settings.ros.names.map, settings.map_id, frame.on(settings.map_id))
+    def of(cls, settings: EdgeAgentSettings, server: MapServer | None = None) -> Self:
+        """Build the watch of a robot with these settings; ``server`` says which map it has."""
+
+        def map_id() -> str:
+            return server.map_id if server is not None else settings.map_id
+
+        return cls(settings.ros.names.map, map_id, PlantFrame.of(settings.map_transforms))
 
     def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401 - rclpy carries no types
         """Subscribe on a new node."""
@@ -128,6 +132,8 @@ class MapWatch:
             message = f"a map of {len(cells)} cells is too large to be shown"
             raise ValueError(message)
         corner, turn = info.origin.position, info.origin.orientation
+        map_id = self._map_id()
+        transform = self._frame.on(map_id)
         place = (
             corner.x,
             corner.y,
@@ -135,28 +141,29 @@ class MapWatch:
             turn.w,
             info.resolution,
             info.width,
-            self._map_id,
-            self._transform,
+            map_id,
+            transform,
         )
         digest = hashlib.blake2b(repr(place).encode() + cells, digest_size=16).hexdigest()
         if digest == self._digest:
             return None
-        found = self._drawn(info, cells, digest)
+        found = self._drawn(info, cells, digest, map_id)
         self._digest = digest
         return found
 
-    def _drawn(self, info: Any, cells: bytes, digest: str) -> MapImage:  # noqa: ANN401
+    def _drawn(self, info: Any, cells: bytes, digest: str, map_id: str) -> MapImage:  # noqa: ANN401
+        transform = self._frame.on(map_id)
         image = occupancy_image(cells, int(info.width), int(info.height), side_limit=SIDE_LIMIT)
         if len(image.png) > PNG_LIMIT:
             message = f"the picture of the map has {len(image.png)} bytes, which is too much to be sent"
             raise ValueError(message)
         corner, turn = info.origin.position, info.origin.orientation
         heading = 2 * atan2(float(turn.z), float(turn.w))
-        place = self._transform.pose_to_plant(MapPose(float(corner.x), float(corner.y), heading))
+        place = transform.pose_to_plant(MapPose(float(corner.x), float(corner.y), heading))
         return MapImage(
-            map_id=self._map_id,
+            map_id=map_id,
             digest=digest,
-            resolution=self._transform.length_to_plant(float(info.resolution) * image.cells_per_pixel),
+            resolution=transform.length_to_plant(float(info.resolution) * image.cells_per_pixel),
             x=place.x_m,
             y=place.y_m,
             theta=place.heading_rad,

@@ -12,6 +12,8 @@ from typing import Any
 from nena_edge_agent.nav2.session_control import prepare_environment
 from nena_edge_agent.nav2.settings import RosSettings
 
+CLEAR_COSTMAP = "nav2_msgs/srv/ClearEntireCostmap"
+LOAD_MAP = "nav2_msgs/srv/LoadMap"
 SPEED_LIMIT = "nav2_msgs/msg/SpeedLimit"
 
 

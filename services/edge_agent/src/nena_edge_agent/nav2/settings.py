@@ -99,6 +99,14 @@ class RosNames(SettingsGroup):
 
     through_poses: RosName = Field("navigate_through_poses", description="Nav2's action for several poses.")
     speed_limit: RosName = Field("speed_limit", description="Topic of the controller's speed limit.")
+    map_server: RosName = Field("map_server", description="Nav2's map server, for maps.store = nav2.")
+    clear_costmaps: tuple[RosName, ...] = Field(
+        (
+            "global_costmap/clear_entirely_global_costmap",
+            "local_costmap/clear_entirely_local_costmap",
+        ),
+        description="Services that clear the costmaps after a change of the map.",
+    )
 
     motions: tuple[RosName, ...] = Field(
         (

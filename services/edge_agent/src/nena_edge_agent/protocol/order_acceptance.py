@@ -14,6 +14,7 @@ from itertools import chain, pairwise
 from nena_edge_agent.driver.port import Circle, Pose
 from nena_edge_agent.protocol.action_states import first_load_problem
 from nena_edge_agent.protocol.capabilities import Capabilities, unsupported
+from nena_edge_agent.protocol.declaration import ENABLE_MAP
 from nena_edge_agent.protocol.geometry import Footprint, distance, in_place, radius
 from nena_edge_agent.protocol.order_progress import HeldContent, OrderHistory, fingerprint
 from nena_edge_agent.protocol.zone_sets import EnabledZone, first_closed, zones_in
@@ -197,11 +198,26 @@ def map_fault(order: Order, situation: Situation) -> ErrorEntry | None:
 def route_fault(order: Order, situation: Situation, capabilities: Capabilities) -> ErrorEntry | None:
     """Check A5: a route leads to each node. The first one is where the robot is."""
     for before, node in pairwise(order.nodes):
-        fault = _way_fault(before.node_position, node, situation, capabilities.footprint)
+        start = before.node_position
+        if start and node.node_position and _changes_map(before, node.node_position.map_id, capabilities):
+            start = node.node_position
+        fault = _way_fault(start, node, situation, capabilities.footprint)
         if fault is not None:
             problem, hint = fault
             return refusal(ErrorType.NO_ROUTE_TO_TARGET, order, problem, hint=hint, node_id=node.node_id)
     return None
+
+
+def _changes_map(node: Node, map_id: str, capabilities: Capabilities) -> bool:
+    """Return whether an action of ``node`` enables a map and sets the robot's position on it."""
+    declared = capabilities.actions.get(ENABLE_MAP)
+    places = declared is not None and any(each.key == "theta" for each in declared.parameters)
+    return places and any(
+        each.action_type == ENABLE_MAP
+        and each.parameter("mapId") == map_id
+        and each.parameter("theta") is not None
+        for each in node.actions
+    )
 
 
 def _way_fault(
@@ -220,7 +236,8 @@ def _way_fault(
     begin = start or place
     if begin.map_id != place.map_id:
         text = f"node '{node.node_id}' is on map '{place.map_id}', the one before it on '{begin.map_id}'"
-        return text, "the robot does not drive from map to map; set its position on the other one"
+        hint = "the robot does not drive from map to map; with maps.store = nav2 give the node before it an "
+        return text, hint + "action enableMap with x, y and theta, else set its position on the other map"
     if not situation.closed:
         return None
     zone = first_closed(zones_in(footprint.along_path(begin, place), place.map_id, situation.closed))

@@ -1,0 +1,154 @@
+"""The map of Nav2's map_server: loaded when it is enabled, and again when map_server was restarted."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Protocol
+
+from nena_edge_agent.nav2.offers import CLEAR_COSTMAP, LOAD_MAP, interface
+from nena_edge_agent.nav2.settings import RosSettings
+from nena_shared.log import get_logger
+
+if TYPE_CHECKING:
+    from nena_edge_agent.nav2.session import RosSession
+
+log = get_logger(__name__)
+
+LOAD_TIMEOUT = 30.0
+"""Seconds that map_server may take to load a map."""
+PROBLEMS = {
+    1: "it finds no such file: do agent and map_server see the same folder?",
+    2: "the image is no map",
+    3: "the YAML file is no description of a map",
+}
+"""What a result of load_map says."""
+
+
+class MapNotLoadedError(Exception):
+    """map_server does not have the map; the text says why."""
+
+
+class MapUser(Protocol):
+    """What works on the map that is loaded."""
+
+    @property
+    def drives(self) -> bool:
+        """Whether the robot drives on it now."""
+        ...
+
+    def use_map(self, map_id: str) -> None:
+        """Work on another map from now on."""
+        ...
+
+
+class MapServer:
+    """Nav2's map_server, and the costmaps that are made of its map.
+
+    ``map_id`` is the map that it has or is about to have. The file "" is that of map_server's own settings.
+    """
+
+    def __init__(self, settings: RosSettings, map_id: str) -> None:
+        self._settings = settings
+        self.map_id = map_id
+        self._file = ""
+        self._own_file = ""
+        self._publishers: frozenset[bytes] = frozenset()
+        self._problem = ""
+        self._user: MapUser | None = None
+        self._session: RosSession | None = None
+        self._node: Any = None
+
+    def attach(self, user: MapUser) -> None:
+        """Tell a driver of each change from now on."""
+        self._user = user
+
+    def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401 - rclpy carries no types
+        """Build the clients on a new node."""
+        from rcl_interfaces.srv import GetParameters  # noqa: PLC0415 - the loopback needs no ROS
+
+        names = self._settings.names
+        self._session, self._node = session, node
+        self._publishers = frozenset()
+        self._load = node.create_client(interface(LOAD_MAP), f"{names.map_server}/load_map")
+        self._parameters = node.create_client(GetParameters, f"{names.map_server}/get_parameters")
+        kind = interface(CLEAR_COSTMAP)
+        self._clear = [node.create_client(kind, each) for each in names.clear_costmaps]
+
+    @property
+    def problem(self) -> str:
+        """Why Nav2 does not have the map that it should; empty: it has."""
+        return self._problem
+
+    def expect(self, map_id: str, file: str) -> None:
+        """Note which map was enabled in an earlier run of the program."""
+        self.map_id, self._file = map_id, file
+        if file:
+            self._problem = f"map_server was not told yet to use the map '{map_id}'"
+
+    async def use(self, map_id: str, file: str) -> None:
+        """Have Nav2 use another map, and the driver with it.
+
+        Raises:
+            MapNotLoadedError: map_server refuses, or the robot drives; all stays as it was.
+
+        """
+        if self._user is not None and self._user.drives:
+            message = "the robot drives: enable the map while it stands"
+            raise MapNotLoadedError(message)
+        before, self.map_id = self.map_id, map_id
+        try:
+            await self._loaded(file)
+        except MapNotLoadedError:
+            self.map_id = before
+            raise
+        self._file, self._problem = file, ""
+        if self._user is not None and map_id != before:
+            self._user.use_map(map_id)
+
+    async def look(self) -> None:
+        """Load the map into a map_server that has appeared since the last look, and has its own."""
+        if self._session is None or not self._load.service_is_ready():
+            self._publishers = frozenset()
+            return
+        found = self._node.get_publishers_info_by_topic(self._settings.names.map)
+        publishers = frozenset(bytes(each.endpoint_gid) for each in found)
+        appeared = bool(publishers - self._publishers)
+        if not (appeared or self._problem) or not self._file:
+            self._publishers = publishers
+            return
+        try:
+            await self._loaded(self._file)
+        except MapNotLoadedError as error:
+            self._problem = str(error)
+            return
+        self._publishers, self._problem = publishers, ""
+
+    async def _loaded(self, file: str) -> None:
+        """Have map_server load a file, and the costmaps forget what they hold of the map before."""
+        session = self._session
+        if session is None:
+            message = "the robot's ROS session is not active"
+            raise MapNotLoadedError(message)
+        self._own_file = self._own_file or await self._file_of_server(session)
+        path = file or self._own_file
+        if not path:
+            message = "map_server does not name the file of the robot's own map (yaml_filename)"
+            raise MapNotLoadedError(message)
+        request = self._load.srv_type.Request(map_url=path)
+        answer = await session.call(self._load, request, seconds=LOAD_TIMEOUT)
+        if answer is None:
+            message = f"{self._load.srv_name} does not answer: does map_server run?"
+            raise MapNotLoadedError(message)
+        if answer.result:
+            reason = PROBLEMS.get(answer.result, f"result {answer.result}")
+            message = f"map_server does not load {path}: {reason}"
+            raise MapNotLoadedError(message)
+        log.info("map loaded", map_id=self.map_id, file=path)
+        for client in self._clear:
+            request = client.srv_type.Request()
+            if await session.call(client, request, seconds=self._settings.call_timeout) is None:
+                log.warning("a costmap was not cleared", service=client.srv_name)
+
+    async def _file_of_server(self, session: RosSession) -> str:
+        request = self._parameters.srv_type.Request(names=["yaml_filename"])
+        answer = await session.call(self._parameters, request, seconds=self._settings.call_timeout)
+        return str(answer.values[0].string_value) if answer is not None and answer.values else ""

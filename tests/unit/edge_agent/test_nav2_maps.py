@@ -1,0 +1,83 @@
+"""The maps of a robot whose map_server has the one that is enabled."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from nena_edge_agent.map_store import MapRefusedError
+from nena_edge_agent.nav2.map_server import MapNotLoadedError, MapServer
+from nena_edge_agent.nav2.settings import RosSettings
+from nena_edge_agent.nav2_maps import Nav2MapStore
+from nena_shared.vda5050.state import Map, MapStatus
+from support.map_archives import attic
+
+FIRST = Map(map_id="hall", map_version="1", map_status=MapStatus.ENABLED)
+
+
+class Loader(MapServer):
+    """A map_server that takes every map, or none."""
+
+    def __init__(self) -> None:
+        super().__init__(RosSettings(), "hall")
+        self.files: list[str] = []
+        self.refuses = ""
+
+    async def use(self, map_id: str, file: str) -> None:
+        if self.refuses:
+            raise MapNotLoadedError(self.refuses)
+        self.files.append(file)
+        self.map_id = map_id
+
+
+def store(folder: Path, server: MapServer) -> Nav2MapStore:
+    return Nav2MapStore(folder / "maps", FIRST, maximum=5, server=server)
+
+
+def enabled(maps: Nav2MapStore) -> list[str]:
+    return [each.map_id for each in maps.maps if each.map_status is MapStatus.ENABLED]
+
+
+async def test_one_map_is_enabled_and_its_files_are_there(tmp_path: Path) -> None:
+    server = Loader()
+    maps = store(tmp_path, server)
+    await maps.install("attic", "1", attic())
+    assert enabled(maps) == ["hall"]
+
+    await maps.enable("attic", "1")
+    assert enabled(maps) == ["attic"]
+    assert server.files[-1].endswith("/map.yaml")
+    await maps.enable("hall", "1")
+
+    assert enabled(maps) == ["hall"]
+    assert server.files[-1] == ""
+
+
+async def test_the_enabled_map_is_expected_after_a_restart(tmp_path: Path) -> None:
+    maps = store(tmp_path, Loader())
+    await maps.install("attic", "1", attic())
+    await maps.enable("attic", "1")
+
+    server = Loader()
+    again = store(tmp_path, server)
+
+    assert enabled(again) == [server.map_id] == ["attic"]
+    assert "map_server was not told yet" in server.problem
+
+
+async def test_a_map_that_map_server_refuses_is_not_enabled(tmp_path: Path) -> None:
+    server = Loader()
+    maps = store(tmp_path, server)
+    await maps.install("attic", "1", attic())
+    server.refuses = "it finds no such file"
+    with pytest.raises(MapRefusedError, match="no such file"):
+        await maps.enable("attic", "1")
+    assert enabled(maps) == ["hall"]
+
+
+async def test_what_is_no_map_of_nav2_is_not_installed(tmp_path: Path) -> None:
+    maps = store(tmp_path, Loader())
+    with pytest.raises(MapRefusedError, match="no zip or tar"):
+        await maps.install("attic", "1", b"walls")
+    assert len(maps.maps) == 1
