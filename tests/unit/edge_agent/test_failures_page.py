@@ -8,7 +8,13 @@ from pathlib import Path
 import pytest
 
 from nena_edge_agent.driver.port import DriveFailure
-from nena_edge_agent.protocol.conditions import DRIVE_RETRIED, EXTERNAL_GOAL, ROBOT_BLOCKED
+from nena_edge_agent.protocol.conditions import (
+    COLLISION_STOP,
+    DRIVE_RECOVERS,
+    DRIVE_RETRIED,
+    EXTERNAL_GOAL,
+    ROBOT_BLOCKED,
+)
 from nena_shared.vda5050.error import ErrorType
 
 ROOT = Path(__file__).parents[3]
@@ -21,6 +27,8 @@ ERRORS = (
     DRIVE_RETRIED,
     EXTERNAL_GOAL,
     ROBOT_BLOCKED,
+    COLLISION_STOP,
+    DRIVE_RECOVERS,
 )
 
 

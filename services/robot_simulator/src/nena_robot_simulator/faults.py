@@ -103,6 +103,13 @@ class Stuck(Lasting):
     )
 
 
+class CollisionStop(Lasting):
+    """The collision monitor stops the robot; the navigator does not know."""
+
+    kind: Literal["collision_stop"] = "collision_stop"
+    polygon: str = Field("PolygonStop", max_length=100, description="Name of the field that is violated.")
+
+
 class Silence(Lasting):
     """Nothing is published; services still answer."""
 
@@ -223,6 +230,7 @@ AnyFault = (
     | AbortHalfway
     | RejectGoals
     | Stuck
+    | CollisionStop
     | Silence
     | AmclSilent
     | LocalisationLost

@@ -98,8 +98,8 @@ class RobotNode:
         self._odom = self._session.publisher(Odometry, "odom", BEST_EFFORT)
         self._session.subscribe(String, "simulator/fault", self._on_fault, FAULTS)
         self._make_timers()
+        self._endpoints = Offers(self._session, self._robot) if self._offers else None
         if self._offers:
-            Offers(self._session, self._robot)
             costmap_services(self._session, lambda name: self._log.info("costmap cleared", costmap=name))
         for fault in (*simulator.faults, *settings.faults):
             self._apply(fault)
@@ -281,6 +281,8 @@ class RobotNode:
         now = self._clock.monotonic()
         self._robot.apply(fault, goal_id=uuid.uuid4(), accepted_ns=self._stamp(), now=now)
         self._log.info("fault", **fault.model_dump())
+        if self._endpoints is not None and isinstance(fault, faults.CollisionStop):
+            self._endpoints.show_collision()
         if was_silent and not self._silent:
             self._publish_map()
 

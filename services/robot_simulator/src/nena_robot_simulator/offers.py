@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
+from nena_robot_simulator import faults
 from nena_robot_simulator.map_files import BadMapError, read_map
 from nena_robot_simulator.robot import Robot
 from nena_robot_simulator.servers import Server
@@ -65,8 +66,20 @@ class Offers:
 
     def __init__(self, session: RosSession, robot: Robot) -> None:
         self._robot = robot
+        self._collision: Any = None
+        self._collision_kind = interface("nav2_msgs/msg/CollisionMonitorState")
+        if self._collision_kind:
+            self._collision = session.publisher(self._collision_kind, "collision_monitor_state", RELIABLE)
         if kind := interface("nav2_msgs/msg/SpeedLimit"):
             session.subscribe(kind, "speed_limit", self._on_speed_limit, RELIABLE)
+
+    def show_collision(self) -> None:
+        """Publish what the collision monitor does."""
+        stop = self._robot.faults.get(faults.CollisionStop)
+        if self._collision_kind:
+            polygon = stop.polygon if stop else ""
+            message = self._collision_kind(action_type=1 if stop else 0, polygon_name=polygon)
+            self._collision.publish(message)
 
     def _on_speed_limit(self, message: Any) -> None:  # noqa: ANN401
         """Take a limit like Regulated Pure Pursuit: one above the robot's own speed makes it faster."""

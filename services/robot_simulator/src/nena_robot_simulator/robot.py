@@ -391,7 +391,7 @@ class Robot:
         """Return the motion after a step, as the controller, a recovery or nothing commands it."""
         motion, limits, drive = self._motion, self._limits, self._drive
         recovery = drive.recovery if drive is not None else None
-        if drive is None or self.faults.on(faults.Stuck):
+        if drive is None or self.faults.on(faults.Stuck) or self.faults.on(faults.CollisionStop):
             return step(motion, None, limits, seconds)
         if recovery is not None:
             works = self.servers.works(Server.BEHAVIOURS)

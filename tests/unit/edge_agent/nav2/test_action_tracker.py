@@ -23,9 +23,9 @@ from nena_edge_agent.nav2.action_tracker import (
     FeedbackFilter,
     FeedbackReading,
     WayDriven,
-    reason_of,
 )
 from nena_edge_agent.nav2.commands import AskResult, CancelGoal, Command, PublishGoal, Report, SendGoal
+from nena_edge_agent.nav2.error_codes import meaning_of
 from nena_edge_agent.nav2.goals import GoalEntry, GoalIdPrefix, GoalStatus
 from nena_edge_agent.nav2.settings import GoalSettings, Navigation, RosSettings
 from nena_shared.clock import SystemClock
@@ -361,17 +361,17 @@ def test_goals_at_the_other_action_are_somebody_elses(talk: Conversation) -> Non
     ],
 )
 def test_says_what_a_code_means_and_the_code(code: int, text: str) -> None:
-    reason = str(reason_of(code))
+    reason = str(meaning_of(code))
     assert text in reason
     assert f"error code {code}" in reason
 
 
 def test_adds_what_nav2_says_itself() -> None:
-    assert "Collision ahead" in str(reason_of(106, "Collision ahead"))
+    assert "Collision ahead" in str(meaning_of(106, "Collision ahead"))
 
 
 def test_no_code_is_no_reason() -> None:
-    assert reason_of(0) is None
+    assert meaning_of(0) is None
 
 
 def place(x: float, y: float = 0.0, theta: float = 0.0) -> MapPose:

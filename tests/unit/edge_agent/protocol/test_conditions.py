@@ -6,13 +6,15 @@ import pytest
 
 from nena_edge_agent.driver.port import (
     BlockedReport,
+    CollisionReport,
+    DriveProgress,
     NavigationReport,
     Pose,
     PoseReport,
     SessionReport,
     SessionState,
 )
-from nena_edge_agent.protocol.conditions import ACTION_PLUGIN_UNUSABLE, ROBOT_BLOCKED
+from nena_edge_agent.protocol.conditions import ACTION_PLUGIN_UNUSABLE, RECOVERY_SHOWN, ROBOT_BLOCKED
 from nena_edge_agent.protocol.declaration import ActionDeclaration
 from nena_edge_agent.protocol.events import (
     ErrorSwitched,
@@ -253,3 +255,27 @@ def test_the_state_tells_of_the_session_at_each_change() -> None:
 
 def test_a_robot_without_ros_tells_of_no_session() -> None:
     assert [each for each in Bench().state.information or () if each.info_type == ROS_SESSION] == []
+
+
+def test_a_recovery_is_reported_for_a_while_after_it() -> None:
+    robot = Bench()
+    robot.send(order("n0", "n1"))
+    robot.do(DriveProgress(5.0, 0, MAP))
+    assert robot.errors == []
+
+    robot.do(DriveProgress(5.0, 1, MAP))
+    assert robot.errors == ["DRIVE_RECOVERS"]
+    robot.now += RECOVERY_SHOWN + 1.0
+    robot.do(DriveProgress(4.0, 1, MAP))
+    assert robot.errors == []
+
+
+def test_the_collision_monitor_is_a_reason_only_on_the_way() -> None:
+    robot = Bench()
+    robot.do(CollisionReport(stops=True, polygon="Front"))
+    assert robot.errors == []
+
+    robot.send(order("n0", "n1"))
+    assert robot.errors == ["COLLISION_STOP"]
+    robot.do(CollisionReport(stops=False, polygon=""))
+    assert robot.errors == []

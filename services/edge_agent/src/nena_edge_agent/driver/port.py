@@ -106,11 +106,16 @@ class Arrived:
 
 @dataclass(frozen=True, slots=True)
 class DriveFailed:
-    """The goal of ``generation`` will not be reached; the robot does not drive for it any more."""
+    """The goal of ``generation`` will not be reached; the robot does not drive for it any more.
+
+    ``hint`` is what to do about it, where navigation tells enough; ``code`` is its own, 0: none.
+    """
 
     generation: int
     failure: DriveFailure
     description: str
+    hint: str = ""
+    code: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -231,6 +236,14 @@ class DriveProgress:
 
 
 @dataclass(frozen=True, slots=True)
+class CollisionReport:
+    """Whether a safeguard beside navigation stops the robot, and by which of its fields."""
+
+    stops: bool
+    polygon: str
+
+
+@dataclass(frozen=True, slots=True)
 class PositionInitialized:
     """The pose asked for by :meth:`Driver.initialize_position` is taken over, or why it is not."""
 
@@ -285,6 +298,7 @@ FramelessEvent = (
     | NavigationReport
     | BlockedReport
     | DriveProgress
+    | CollisionReport
     | PositionInitialized
     | GoalTable
     | SessionReport

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from nena_edge_agent.driver.map_port import MapGoal, MapPose
 from nena_edge_agent.driver.port import DriveFailure, DriveProgress
 from nena_edge_agent.nav2.commands import AskResult, Command, SendGoal
+from nena_edge_agent.nav2.error_codes import Meaning, meaning_of
 from nena_edge_agent.nav2.goal_tracker import GoalDrive, GoalTracker
 from nena_edge_agent.nav2.goals import GoalEntry, GoalIdPrefix, GoalStatus, PrefixedGoalRegistry
 from nena_edge_agent.nav2.poses import agrees, near
@@ -24,48 +25,6 @@ from nena_shared.program import StartError
 
 if TYPE_CHECKING:
     from nena_edge_agent.nav2.action_client import ActionClient, GoalResult
-
-
-_REASONS = {
-    100: "the controller gives no reason",
-    101: "Nav2 has no such controller",
-    102: "the controller misses a transform",
-    103: "the controller cannot use the path",
-    104: "the controller has given up waiting",
-    105: "the robot does not get on",
-    106: "the controller finds no way to move",
-    107: "the controller takes too long",
-    200: "the planner gives no reason",
-    201: "Nav2 has no such planner",
-    202: "the planner misses a transform",
-    203: "the robot is outside of the map",
-    204: "the place is outside of the map",
-    205: "the robot stands in what the map has as occupied",
-    206: "the place is occupied",
-    207: "the planner takes too long",
-    208: "there is no way to the place",
-    309: "the goal names no places",
-}
-_FAMILIES = {
-    500: "the smoother has failed",
-    600: "a waypoint was missed",
-    700: "a recovery has failed",
-    900: "docking has failed",
-    9000: "the navigator has failed",
-}
-"""Codes from these on whose single meanings help nobody who stands beside the robot."""
-SEVERAL = 100
-"""What a code of the planner is higher by, where a way over several places was asked for."""
-
-
-def reason_of(code: int, message: str = "") -> str | None:
-    """Return what an ``error_code`` means, with Nav2's own ``error_msg``; None: it gives no reason."""
-    if not code and not message:
-        return None
-    known = _REASONS.get(code) or (_REASONS.get(code - SEVERAL) if code // SEVERAL == 3 else None)  # noqa: PLR2004 - 3xx: see SEVERAL
-    family = next((text for first, text in reversed(_FAMILIES.items()) if code >= first), None)
-    text = known or family or "Nav2 gives a code that this program does not know"
-    return f"{text} (error code {code}{f': {message}' if message else ''})"
 
 
 SAME = 0.001
@@ -196,7 +155,7 @@ class ActionTracker(GoalTracker):
         self._sent: list[str] = []
         self._refused = False
         self._asked = ""
-        self._reason: tuple[str, str | None] = ("", None)
+        self._reason: tuple[str, int, Meaning | None] = ("", 0, None)
         self._aborted: tuple[str, float] | None = None
 
     @property
@@ -256,7 +215,7 @@ class ActionTracker(GoalTracker):
         """Take the result of a goal: its last status, the ``error_code`` and the ``error_msg``."""
         self._registry.settle(goal_id, status)
         if status.terminal:
-            self._reason = (goal_id, reason_of(*reason))
+            self._reason = (goal_id, reason[0], meaning_of(*reason))
             self._report_table()
         drive = self._drive
         if drive is not None and drive.goal_id == goal_id and drive.reached_at is None:
@@ -326,11 +285,12 @@ class ActionTracker(GoalTracker):
         super()._follow(drive, goal_id, now, lost=lost)
 
     def _fail_aborted(self, drive: GoalDrive, goal_id: str) -> None:
-        reason = self._reason[1] if self._reason[0] == goal_id else None
-        if reason is None:
+        told_of, code, meaning = self._reason
+        if told_of != goal_id or meaning is None:
             super()._fail_aborted(drive, goal_id)
-        else:
-            self._fail(drive, DriveFailure.ABORTED, f"Nav2 has aborted the goal {goal_id}: {reason}")
+            return
+        text = f"Nav2 has aborted the goal {goal_id}: {meaning.reason}"
+        self._fail(drive, DriveFailure.ABORTED, text, hint=meaning.hint, code=code)
 
     def _refusal(self, drive: GoalDrive) -> str:
         if drive is self._sent_for and self._refused:

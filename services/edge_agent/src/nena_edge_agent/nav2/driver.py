@@ -34,6 +34,7 @@ from nena_edge_agent.driver.port import (
 )
 from nena_edge_agent.nav2 import presence
 from nena_edge_agent.nav2.action_tracker import ActionSide, ActionTracker, FeedbackFilter, FeedbackReading
+from nena_edge_agent.nav2.collision_monitor import CollisionMonitor
 from nena_edge_agent.nav2.commands import (
     AskResult,
     CancelGoal,
@@ -47,6 +48,7 @@ from nena_edge_agent.nav2.commands import (
 from nena_edge_agent.nav2.goals import GoalEntry, GoalIdPrefix
 from nena_edge_agent.nav2.localisation import InitialPosition, Localisation, PoseWatch, PublishInitialPose
 from nena_edge_agent.nav2.map_server import MapServer
+from nena_edge_agent.nav2.offers import COLLISION_MONITOR, interface
 from nena_edge_agent.nav2.poses import PoseReading, impossible
 from nena_edge_agent.nav2.robot_base import Battery, BatteryReading, MovementWatch, without_noise
 from nena_edge_agent.nav2.session_control import (
@@ -237,7 +239,9 @@ class Nav2Driver:
             self._on_battery,
             self._on_plan,
         )
-        own = [each for each in (self._limiter, self._map_server) if each is not None]
+        own: list[NodeExtension] = [each for each in (self._limiter, self._map_server) if each is not None]
+        if interface(COLLISION_MONITOR) is not None:
+            own.append(CollisionMonitor(self._settings.names.collision_monitor, self._tell))
         extensions = (*self._extensions, *own, *self._action.new_client(self._settings))
         node = Nav2Node(self._settings, listeners, extensions)
         await node.start(self._on_failure)

@@ -524,9 +524,11 @@ class GoalTracker:
         self._drive = None
         self._report(Arrived(drive.goal.generation))
 
-    def _fail(self, drive: GoalDrive, failure: DriveFailure, description: str) -> None:
+    def _fail(
+        self, drive: GoalDrive, failure: DriveFailure, description: str, *, hint: str = "", code: int = 0
+    ) -> None:
         self._drive = None
-        self._report(DriveFailed(drive.goal.generation, failure, description))
+        self._report(DriveFailed(drive.goal.generation, failure, description, hint, code))
 
     def _report_table(self) -> None:
         """Report the goals that are listed, before what they mean for a drive."""

@@ -13,6 +13,7 @@ from nena_edge_agent.nav2.session_control import prepare_environment
 from nena_edge_agent.nav2.settings import RosSettings
 
 CLEAR_COSTMAP = "nav2_msgs/srv/ClearEntireCostmap"
+COLLISION_MONITOR = "nav2_msgs/msg/CollisionMonitorState"
 LOAD_MAP = "nav2_msgs/srv/LoadMap"
 SPEED_LIMIT = "nav2_msgs/msg/SpeedLimit"
 

@@ -99,6 +99,9 @@ class RosNames(SettingsGroup):
 
     through_poses: RosName = Field("navigate_through_poses", description="Nav2's action for several poses.")
     speed_limit: RosName = Field("speed_limit", description="Topic of the controller's speed limit.")
+    collision_monitor: RosName = Field(
+        "collision_monitor_state", description="Topic of the collision monitor's state."
+    )
     map_server: RosName = Field("map_server", description="Nav2's map server, for maps.store = nav2.")
     clear_costmaps: tuple[RosName, ...] = Field(
         (

@@ -13,12 +13,17 @@ from nena_shared.vda5050.state import InfoLevel, Information
 
 ROBOT_NOT_STOPPED = "ROBOT_NOT_STOPPED"
 ROBOT_BLOCKED = "ROBOT_BLOCKED"
+COLLISION_STOP = "COLLISION_STOP"
+DRIVE_RECOVERS = "DRIVE_RECOVERS"
 DRIVE_RETRIED = "DRIVE_RETRIED"
 EXTERNAL_GOAL = "EXTERNAL_GOAL"
 JOURNAL_NOT_WRITTEN = "JOURNAL_NOT_WRITTEN"
 JOURNAL_LOST = "JOURNAL_LOST"
 SUBSCRIPTION_REFUSED = "SUBSCRIPTION_REFUSED"
 ACTION_PLUGIN_UNUSABLE = "ACTION_PLUGIN_UNUSABLE"
+
+RECOVERY_SHOWN = 15.0
+"""Seconds for which a recovery is reported."""
 
 SESSION_OFF = frozenset({SessionState.NOT_ACTIVE, SessionState.TERMINATING})
 """The session is off on purpose; in the other states it is active, or about to be."""
@@ -31,6 +36,8 @@ def check_conditions(robot: RobotState) -> None:
     robot.errors.set_condition(ErrorType.NAVIGATION_NOT_AVAILABLE, _navigation(robot))
     robot.errors.set_condition(ROBOT_NOT_STOPPED, _not_stopped(robot))
     robot.errors.set_condition(ROBOT_BLOCKED, _blocked(robot))
+    robot.errors.set_condition(COLLISION_STOP, _collision(robot))
+    robot.errors.set_condition(DRIVE_RECOVERS, _recovers(robot))
     robot.errors.set_condition(DRIVE_RETRIED, _retried(robot))
     robot.errors.set_condition(EXTERNAL_GOAL, _external_goal(robot))
     robot.errors.set_condition(JOURNAL_NOT_WRITTEN, _journal(robot))
@@ -142,6 +149,38 @@ def _blocked(robot: RobotState) -> ErrorEntry | None:
         error_level=ErrorLevel.WARNING,
         error_description=f"the robot has not moved for {blocked.seconds:g} s on its way to '{node.node_id}'",
         error_hint="clear its path; navigation keeps trying, and the drive fails when it gives up",
+        error_references=_references(nodeId=node.node_id, orderId=robot.progress.order_id),
+    )
+
+
+def _collision(robot: RobotState) -> ErrorEntry | None:
+    """Report that the robot stands on its way because a safeguard beside navigation stops it."""
+    stop, node = robot.reports.collision, robot.progress.next_node
+    if stop is None or node is None or robot.goal.target is None:
+        return None
+    return ErrorEntry(
+        error_type=COLLISION_STOP,
+        error_level=ErrorLevel.WARNING,
+        error_description=f"the collision monitor stops the robot on its way to '{node.node_id}' (field "
+        f"'{stop.polygon}')",
+        error_hint="clear the robot's surroundings, and it drives on; if nothing is there, check its sensors",
+        error_references=_references(nodeId=node.node_id, orderId=robot.progress.order_id),
+    )
+
+
+def _recovers(robot: RobotState) -> ErrorEntry | None:
+    """Report that navigation tries to get the robot free, for a while after each try."""
+    progress, node, at = robot.reports.progress, robot.progress.next_node, robot.reports.recovered_at
+    if progress is None or not progress.recoveries or node is None or at is None:
+        return None
+    if robot.now - at > RECOVERY_SHOWN or robot.goal.target is None:
+        return None
+    return ErrorEntry(
+        error_type=DRIVE_RECOVERS,
+        error_level=ErrorLevel.WARNING,
+        error_description=f"navigation cannot drive to '{node.node_id}' as it is, and tries to get the robot "
+        "free: it clears its obstacles, spins, waits and backs up",
+        error_hint="clear the way to the node; the drive fails when navigation gives up",
         error_references=_references(nodeId=node.node_id, orderId=robot.progress.order_id),
     )
 

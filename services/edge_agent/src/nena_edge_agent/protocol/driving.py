@@ -106,7 +106,7 @@ def failed(robot: RobotState, event: DriveFailed) -> None:
         problem = f"{event.description} ({event.failure})"
         robot.goal.retry(robot.now + robot.capabilities.retry_wait, problem)
     else:
-        _fail(robot, event.failure, event.description)
+        _fail(robot, event.failure, event.description, event.hint, event.code)
 
 
 def halted(robot: RobotState) -> None:
@@ -289,18 +289,19 @@ def _traverse(robot: RobotState) -> None:
     actions.enqueue(robot, node.actions)
 
 
-def _fail(robot: RobotState, failure: DriveFailure, description: str) -> None:
+def _fail(robot: RobotState, failure: DriveFailure, description: str, hint: str = "", code: int = 0) -> None:
     node = robot.progress.nodes[0]
     robot.goal.failed_at, robot.goal.target = node.sequence_id, None
     robot.errors.report(
         error(
             ErrorType.NODE_UNREACHABLE,
             f"node '{node.node_id}' was not reached: {description} ({failure})",
-            hint="remove the cause, then update the order or cancel it",
+            hint=f"{hint or 'remove the cause'}, then update the order or cancel it",
             node_id=node.node_id,
             order_id=robot.progress.order_id,
             order_update_id=robot.progress.order_update_id,
             failure=failure,
+            error_code=str(code) if code else None,
         ),
         Until.ORDER_OVER,
     )

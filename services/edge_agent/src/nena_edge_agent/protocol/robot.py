@@ -10,6 +10,7 @@ from nena_edge_agent.driver.port import (
     Arrived,
     BatteryReport,
     BlockedReport,
+    CollisionReport,
     DriveFailed,
     DriveProgress,
     GoalTable,
@@ -313,7 +314,14 @@ def _session_reported(robot: RobotState, event: SessionReport) -> None:
     robot.reports.session = event
 
 
+def _collision_reported(robot: RobotState, event: CollisionReport) -> None:
+    robot.reports.collision = event if event.stops else None
+
+
 def _progress_reported(robot: RobotState, event: DriveProgress) -> None:
+    before = robot.reports.progress
+    if event.recoveries > (before.recoveries if before else 0):
+        robot.reports.recovered_at = robot.now
     robot.reports.progress = event
 
 
@@ -363,6 +371,7 @@ _HANDLERS: dict[type, Callable[[RobotState, Any], None]] = {
     PlanReport: _plan_reported,
     DriveProgress: _progress_reported,
     BlockedReport: _blocked_reported,
+    CollisionReport: _collision_reported,
     NoRouteReport: _no_route_reported,
     PoseReport: _pose_reported,
     BatteryReport: _battery_reported,

@@ -9,6 +9,7 @@ from nena_edge_agent.driver.port import (
     BatteryReport,
     BlockedReport,
     Circle,
+    CollisionReport,
     DriveProgress,
     GoalTable,
     NavigationReport,
@@ -40,7 +41,10 @@ NOT_REPORTED = NavigationReport(available=False, reason="navigation has not repo
 
 @dataclass(slots=True)
 class Reports:
-    """The latest reports of the driver, or of a person at the robot."""
+    """The latest reports of the driver, or of a person at the robot.
+
+    ``recovered_at`` is the time in s at which navigation last began to get the robot free.
+    """
 
     pose: PoseReport | None = None
     velocity: VelocityReport = UNKNOWN_VELOCITY
@@ -49,8 +53,10 @@ class Reports:
     no_route: tuple[Circle, ...] = ()
     goals: GoalTable = NO_GOALS
     blocked: BlockedReport | None = None
+    collision: CollisionReport | None = None
     plan: PlanReport | None = None
     progress: DriveProgress | None = None
+    recovered_at: float | None = None
     safety: SafetyReport = SAFE
     pause_button: bool = False
     session: SessionReport | None = None

@@ -1,0 +1,72 @@
+"""What Nav2's error codes mean, and what to do about them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+SEVERAL = 100
+"""What a code of the planner is higher by, where a way over several places was asked for."""
+
+
+class Meaning(NamedTuple):
+    """Why a goal has failed, and a hint for the person who has to mend it; "": none better than the usual."""
+
+    reason: str
+    hint: str = ""
+
+
+_NO_TRANSFORM = "check localisation and clocks on the robot, and set its position"
+_SETTINGS = "compare the names in Nav2's behaviour tree with the plug-ins in its parameters"
+_STANDS_IN_WALL = "clear the place, or move the robot out by hand and check its position on the map"
+_NO_WAY = "clear the way, and compare the place with the map; Nav2 keeps obstacles until it sees them gone"
+_MEANINGS = {
+    100: Meaning("the controller gives no reason", "look at the log of controller_server on the robot"),
+    101: Meaning("Nav2 has no such controller", _SETTINGS),
+    102: Meaning("the controller misses a transform", _NO_TRANSFORM),
+    103: Meaning("the controller cannot use the path", "look at the log of controller_server on the robot"),
+    104: Meaning("the controller has given up waiting", "clear the robot's path"),
+    105: Meaning("the robot does not get on", "clear its path; check brakes, emergency stop and motors"),
+    106: Meaning("the controller finds no way to move", "clear the robot's path"),
+    107: Meaning("the controller takes too long", "check the load of the robot's computer"),
+    200: Meaning("the planner gives no reason", "look at the log of planner_server on the robot"),
+    201: Meaning("Nav2 has no such planner", _SETTINGS),
+    202: Meaning("the planner misses a transform", _NO_TRANSFORM),
+    203: Meaning("the robot is outside of the map", "set the robot's position, and check which map it has"),
+    204: Meaning("the place is outside of the map", "compare the plant model with the robot's map"),
+    205: Meaning("the robot stands in what the map has as occupied", _STANDS_IN_WALL),
+    206: Meaning("the place is occupied", "clear the place, or compare the plant model with the map"),
+    207: Meaning("the planner takes too long", "check the load of the robot's computer"),
+    208: Meaning("there is no way to the place", _NO_WAY),
+    309: Meaning("the goal names no places"),
+    901: Meaning("the docking server does not know this dock", "name a dock of its database"),
+    902: Meaning("the docking server cannot use this dock", "check the dock's type and pose in its database"),
+    903: Meaning("the robot did not get to the place before the dock", "clear the way to the dock"),
+    904: Meaning("the dock was not found", "check what the robot finds it by, and that nothing hides it"),
+    905: Meaning(
+        "the robot could not be steered into the dock", "clear the dock, and check the robot's path"
+    ),
+    906: Meaning("the robot is docked and does not charge", "check the dock's power and contacts"),
+    907: Meaning("docking took too long", "clear the dock, and check the robot's path"),
+    999: Meaning("the docking server gives no reason", "look at the log of docking_server on the robot"),
+}
+_FAMILIES = {
+    500: "the smoother has failed",
+    600: "a waypoint was missed",
+    700: "a recovery has failed",
+    900: "docking has failed",
+    9000: "the navigator has failed",
+}
+"""Codes from these on whose single meanings help nobody who stands beside the robot."""
+_UNKNOWN = "Nav2 gives a code that this program does not know"
+
+
+def meaning_of(code: int, message: str = "") -> Meaning | None:
+    """Return what an ``error_code`` means, with Nav2's own ``error_msg``; None: it gives no reason."""
+    if not code and not message:
+        return None
+    known = _MEANINGS.get(code)
+    if known is None and code // SEVERAL == 3:  # noqa: PLR2004 - 3xx: see SEVERAL
+        known = _MEANINGS.get(code - SEVERAL)
+    family = next((text for first, text in reversed(_FAMILIES.items()) if code >= first), _UNKNOWN)
+    text, hint = known or Meaning(family)
+    return Meaning(f"{text} (error code {code}{f': {message}' if message else ''})", hint)
