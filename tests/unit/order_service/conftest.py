@@ -1,7 +1,10 @@
 from __future__ import annotations
 
-from collections.abc import AsyncIterator
+import re
+from collections.abc import AsyncIterator, Callable
+from http import HTTPStatus
 from pathlib import Path
+from typing import Any
 
 import httpx
 import pytest
@@ -12,7 +15,21 @@ from nena_order_service.service import OrderService, build
 from nena_order_service.settings import OrderServiceSettings, StoreSettings
 from nena_order_service.store.schema import open_database
 from nena_order_service.store.store import Store
+from nena_shared.fleet_api.operations import Refusal
 from nena_shared.tasks import Supervisor
+from nena_shared.web.problem import MEDIA_TYPE
+
+CHECKED = {each.status for each in Refusal} - {HTTPStatus.UNPROCESSABLE_ENTITY}
+"""422 is also the status of malformed requests, which any operation may answer."""
+
+
+def documented_statuses(openapi: dict[str, Any]) -> list[tuple[str, re.Pattern[str], set[str]]]:
+    """Return method, pattern of the path, and documented statuses of each operation."""
+    return [
+        (method.upper(), re.compile(re.sub(r"\{[^}]*\}", "[^/]+", path)), set(operation["responses"]))
+        for path, methods in openapi["paths"].items()
+        for method, operation in methods.items()
+    ]
 
 
 @pytest.fixture
@@ -52,5 +69,20 @@ def failing_create(service: OrderService, monkeypatch: pytest.MonkeyPatch) -> st
 @pytest.fixture
 async def client(service: OrderService) -> AsyncIterator[httpx.AsyncClient]:
     transport = httpx.ASGITransport(service.app, raise_app_exceptions=False)
-    async with httpx.AsyncClient(transport=transport, base_url="http://order-service") as made:
+    documented = documented_statuses(service.app.openapi())
+
+    async def check(answer: httpx.Response) -> None:
+        """Expect a refusal of an operation to be documented by its status, not only as 4XX."""
+        request, refused = answer.request, answer.status_code in {status.value for status in CHECKED}
+        if not refused or not answer.headers["content-type"].startswith(MEDIA_TYPE):
+            return
+        for method, pattern, statuses in documented:
+            if method == request.method and pattern.fullmatch(request.url.path):
+                assert str(answer.status_code) in statuses, (method, request.url.path, await answer.aread())
+                return
+
+    hooks: dict[str, list[Callable[..., Any]]] = {"response": [check]}
+    async with httpx.AsyncClient(
+        transport=transport, base_url="http://order-service", event_hooks=hooks
+    ) as made:
         yield made

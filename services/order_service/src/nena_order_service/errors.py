@@ -1,12 +1,23 @@
-"""Errors that are answers to hosts; :mod:`nena_order_service.api.problems` maps each to one problem."""
+"""Errors that are answers to hosts: each is a refusal of the table of operations, in words."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import ClassVar
+
+from nena_shared.fleet_api.operations import Refusal
 
 
-class NameTakenError(Exception):
+class RefusedError(Exception):
+    """A request is refused; the text says why, and what to do."""
+
+    refusal: ClassVar[Refusal]
+
+
+class NameTakenError(RefusedError):
     """Another request has already created an order of this name."""
+
+    refusal = Refusal.NAME_TAKEN
 
     def __init__(self, name: str) -> None:
         super().__init__(
@@ -16,8 +27,10 @@ class NameTakenError(Exception):
         self.name = name
 
 
-class KeyReusedError(Exception):
+class KeyReusedError(RefusedError):
     """The idempotency key was used for a different request."""
+
+    refusal = Refusal.KEY_REUSED
 
     def __init__(self, key: str, name: str) -> None:
         super().__init__(
@@ -28,24 +41,30 @@ class KeyReusedError(Exception):
         self.name = name
 
 
-class UnknownOrderError(Exception):
+class UnknownOrderError(RefusedError):
     """There is no order of this name."""
+
+    refusal = Refusal.UNKNOWN_ORDER
 
     def __init__(self, name: str) -> None:
         super().__init__(f"There is no transport order {name!r}. GET /v1/transportOrders lists them.")
         self.name = name
 
 
-class UnknownVehicleError(Exception):
+class UnknownVehicleError(RefusedError):
     """There is no vehicle of this name."""
+
+    refusal = Refusal.UNKNOWN_VEHICLE
 
     def __init__(self, name: str) -> None:
         super().__init__(f"There is no vehicle {name!r}. GET /v1/vehicles lists them.")
         self.name = name
 
 
-class SequenceNameTakenError(Exception):
+class SequenceNameTakenError(RefusedError):
     """Another request has already created an order sequence of this name."""
+
+    refusal = Refusal.NAME_TAKEN
 
     def __init__(self, name: str) -> None:
         super().__init__(
@@ -55,16 +74,20 @@ class SequenceNameTakenError(Exception):
         self.name = name
 
 
-class UnknownSequenceError(Exception):
+class UnknownSequenceError(RefusedError):
     """There is no order sequence of this name."""
+
+    refusal = Refusal.UNKNOWN_SEQUENCE
 
     def __init__(self, name: str) -> None:
         super().__init__(f"There is no order sequence {name!r}. GET /v1/orderSequences lists them.")
         self.name = name
 
 
-class SequenceRefusesError(Exception):
+class SequenceRefusesError(RefusedError):
     """The order sequence refuses this order."""
+
+    refusal = Refusal.SEQUENCE_REFUSES
 
     def __init__(self, name: str, reasons: Iterable[str]) -> None:
         self.reasons = tuple(reasons)
@@ -72,8 +95,10 @@ class SequenceRefusesError(Exception):
         self.name = name
 
 
-class UnknownDependencyError(Exception):
+class UnknownDependencyError(RefusedError):
     """An order depends on one that does not exist."""
+
+    refusal = Refusal.UNKNOWN_DEPENDENCY
 
     def __init__(self, names: Iterable[str]) -> None:
         self.names = tuple(names)
@@ -83,8 +108,10 @@ class UnknownDependencyError(Exception):
         )
 
 
-class OrderEndedError(Exception):
+class OrderEndedError(RefusedError):
     """The order is in a final state and cannot be changed."""
+
+    refusal = Refusal.ORDER_ENDED
 
     def __init__(self, name: str, state: str) -> None:
         super().__init__(f"Transport order {name!r} is {state} already and cannot be changed.")
@@ -92,8 +119,10 @@ class OrderEndedError(Exception):
         self.state = state
 
 
-class OrderWithdrawnError(Exception):
+class OrderWithdrawnError(RefusedError):
     """The order is about to end and cannot be held."""
+
+    refusal = Refusal.ORDER_WITHDRAWN
 
     def __init__(self, name: str) -> None:
         super().__init__(
@@ -102,16 +131,20 @@ class OrderWithdrawnError(Exception):
         self.name = name
 
 
-class VehicleNotReachedError(Exception):
+class VehicleNotReachedError(RefusedError):
     """The robot cannot be reached."""
+
+    refusal = Refusal.NOT_REACHED
 
     def __init__(self, name: str, reason: str) -> None:
         super().__init__(f"Vehicle {name!r} cannot be reached: {reason}. Try again when it is online.")
         self.name = name
 
 
-class NotReroutableError(Exception):
+class NotReroutableError(RefusedError):
     """The vehicle has no order whose route could change."""
+
+    refusal = Refusal.NOT_REROUTABLE
 
     def __init__(self, name: str, reason: str) -> None:
         super().__init__(f"Vehicle {name!r} cannot be rerouted: {reason}.")
@@ -119,8 +152,10 @@ class NotReroutableError(Exception):
         self.reason = reason
 
 
-class InvalidPlantError(Exception):
+class InvalidPlantError(RefusedError):
     """The plant model cannot be used."""
+
+    refusal = Refusal.INVALID_PLANT
 
     def __init__(self, problems: Sequence[str]) -> None:
         super().__init__(
@@ -129,8 +164,10 @@ class InvalidPlantError(Exception):
         self.problems = tuple(problems)
 
 
-class PlantInUseError(Exception):
+class PlantInUseError(RefusedError):
     """Orders or vehicles use parts that a new plant model lacks."""
+
+    refusal = Refusal.PLANT_IN_USE
 
     def __init__(self, problems: Sequence[str]) -> None:
         super().__init__(
@@ -140,16 +177,20 @@ class PlantInUseError(Exception):
         self.problems = tuple(problems)
 
 
-class UnknownZoneSetError(Exception):
+class UnknownZoneSetError(RefusedError):
     """There is no zone set of this id."""
+
+    refusal = Refusal.UNKNOWN_ZONE_SET
 
     def __init__(self, name: str) -> None:
         super().__init__(f"There is no zone set {name!r}. GET /v1/zoneSets lists them.")
         self.name = name
 
 
-class ZoneSetChangedError(Exception):
+class ZoneSetChangedError(RefusedError):
     """Another zone set has this id."""
+
+    refusal = Refusal.ZONE_SET_CHANGED
 
     def __init__(self, name: str) -> None:
         super().__init__(
@@ -159,8 +200,10 @@ class ZoneSetChangedError(Exception):
         self.name = name
 
 
-class StoreNotReadyError(Exception):
+class StoreNotReadyError(RefusedError):
     """The store cannot be written; the request was not saved."""
+
+    refusal = Refusal.NOT_SAVED
 
     def __init__(self, reason: str) -> None:
         super().__init__(
@@ -169,8 +212,10 @@ class StoreNotReadyError(Exception):
         )
 
 
-class TooManyClientsError(Exception):
+class TooManyClientsError(RefusedError):
     """The event stream has the most clients that it may have."""
+
+    refusal = Refusal.TOO_MANY_CLIENTS
 
     def __init__(self, limit: int) -> None:
         super().__init__(
@@ -178,8 +223,10 @@ class TooManyClientsError(Exception):
         )
 
 
-class VersionChangedError(Exception):
+class VersionChangedError(RefusedError):
     """The object has changed since the request has seen it."""
+
+    refusal = Refusal.VERSION_CHANGED
 
     def __init__(self, name: str, wanted: str, present: int) -> None:
         super().__init__(
@@ -190,8 +237,10 @@ class VersionChangedError(Exception):
         self.present = present
 
 
-class UnknownPathError(Exception):
+class UnknownPathError(RefusedError):
     """There is no path of this name."""
+
+    refusal = Refusal.UNKNOWN_PATH
 
     def __init__(self, name: str) -> None:
         super().__init__(f"There is no path {name!r}. GET /v1/paths lists them.")

@@ -7,8 +7,9 @@ are made from this table. A new operation takes an entry here and a method of
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from enum import Enum
 from http import HTTPStatus
 from typing import Any, Final, Generic, Literal, TypeVar
 from urllib.parse import quote
@@ -62,6 +63,51 @@ SUMMARY: Final = "/v1/summary"
 MADE_BEFORE: Final = {HTTPStatus.OK: "Made before by the key."}
 
 
+class Refusal(Enum):
+    """A reason to refuse a request, with the status of its problem and what it means."""
+
+    NAME_TAKEN = HTTPStatus.CONFLICT, "The name is taken."
+    KEY_REUSED = HTTPStatus.UNPROCESSABLE_ENTITY, "The idempotency key was used for a different request."
+    NOT_IN_PLANT = HTTPStatus.UNPROCESSABLE_ENTITY, "The request does not fit the plant model."
+    UNKNOWN_IN_PLANT = HTTPStatus.NOT_FOUND, "The plant model lacks something that the request names."
+    UNKNOWN_ORDER = HTTPStatus.NOT_FOUND, "There is no such transport order."
+    UNKNOWN_DEPENDENCY = HTTPStatus.NOT_FOUND, "There is no such dependency."
+    ORDER_ENDED = HTTPStatus.CONFLICT, "The transport order has ended."
+    ORDER_WITHDRAWN = HTTPStatus.CONFLICT, "The transport order is withdrawn."
+    UNKNOWN_SEQUENCE = HTTPStatus.NOT_FOUND, "There is no such order sequence."
+    SEQUENCE_REFUSES = HTTPStatus.CONFLICT, "The order sequence refuses the order."
+    VERSION_CHANGED = HTTPStatus.PRECONDITION_FAILED, "The object has another version."
+    UNKNOWN_VEHICLE = HTTPStatus.NOT_FOUND, "There is no such vehicle."
+    NOT_REACHED = HTTPStatus.CONFLICT, "The vehicle cannot be reached."
+    NOT_REROUTABLE = HTTPStatus.CONFLICT, "The vehicle has no order whose route could change."
+    UNKNOWN_PATH = HTTPStatus.NOT_FOUND, "There is no such path."
+    UNKNOWN_ZONE_SET = HTTPStatus.NOT_FOUND, "There is no such zone set."
+    ZONE_SET_CHANGED = HTTPStatus.CONFLICT, "A different zone set has this id."
+    INVALID_PLANT = HTTPStatus.UNPROCESSABLE_ENTITY, "The plant model cannot be used."
+    PLANT_IN_USE = HTTPStatus.CONFLICT, "Orders or vehicles use what the plant model lacks."
+    TOO_MANY_CLIENTS = HTTPStatus.SERVICE_UNAVAILABLE, "The event stream has its maximum of clients."
+    NOT_SAVED = HTTPStatus.SERVICE_UNAVAILABLE, "The database is unavailable; nothing was saved."
+
+    def __init__(self, status: HTTPStatus, meaning: str) -> None:
+        self.status = status
+        self.meaning = meaning
+
+
+def by_status(refusals: Iterable[Refusal]) -> dict[HTTPStatus, str]:
+    """Return the meanings of refusals by the status of their problem."""
+    found: dict[HTTPStatus, str] = {}
+    for each in sorted(refusals, key=lambda each: each.status):
+        found[each.status] = f"{found[each.status]} {each.meaning}" if each.status in found else each.meaning
+    return found
+
+
+_NEW_ORDER: Final = (Refusal.KEY_REUSED, Refusal.NOT_IN_PLANT, Refusal.UNKNOWN_IN_PLANT, Refusal.NOT_SAVED)
+_STORED_ORDER: Final = (Refusal.UNKNOWN_ORDER, Refusal.NOT_SAVED)
+_ORDER_CHANGE: Final = (*_STORED_ORDER, Refusal.ORDER_ENDED, Refusal.VERSION_CHANGED)
+_VEHICLE_CHANGE: Final = (Refusal.UNKNOWN_VEHICLE, Refusal.NOT_SAVED)
+_ZONE_SET_CHANGE: Final = (Refusal.UNKNOWN_ZONE_SET, Refusal.NOT_SAVED)
+
+
 @dataclass(frozen=True, slots=True)
 class Operation(Generic[A]):
     """One thing that hosts may ask for."""
@@ -85,6 +131,8 @@ class Operation(Generic[A]):
     """Path below which what it makes is found; empty: it makes nothing, and is answered with 200, not 201."""
     also: Mapping[HTTPStatus, str] = field(default_factory=dict)
     """Further statuses of success, and what they mean."""
+    refusals: tuple[Refusal, ...] = ()
+    """Why it may be refused, besides a malformed request and access control."""
     name_type: Any = str
     """Type of ``{name}``."""
     subject: str = ""
@@ -135,6 +183,13 @@ CREATE_ORDER = Operation(
     creates=ORDERS,
     also=MADE_BEFORE,
     opentcs=(f"POST {ORDERS}/{{name}}",),
+    refusals=(
+        *_NEW_ORDER,
+        Refusal.NAME_TAKEN,
+        Refusal.UNKNOWN_DEPENDENCY,
+        Refusal.UNKNOWN_SEQUENCE,
+        Refusal.SEQUENCE_REFUSES,
+    ),
 )
 LIST_ORDERS = Operation(
     "transportOrders",
@@ -145,6 +200,7 @@ LIST_ORDERS = Operation(
     Role.VIEWER,
     request=TransportOrdersQuery,
     opentcs=(f"GET {ORDERS}",),
+    refusals=(Refusal.NOT_SAVED,),
 )
 SHOW_ORDER = Operation(
     "transportOrder",
@@ -155,6 +211,7 @@ SHOW_ORDER = Operation(
     Role.VIEWER,
     versioned=True,
     opentcs=(f"GET {ORDERS}/{{name}}",),
+    refusals=_STORED_ORDER,
 )
 DELIVERY = Operation(
     "delivery",
@@ -165,6 +222,7 @@ DELIVERY = Operation(
     Role.VIEWER,
     subject="transport_order",
     result="delivery",
+    refusals=_STORED_ORDER,
 )
 ASSIGNMENT = Operation(
     "assignment",
@@ -176,6 +234,7 @@ ASSIGNMENT = Operation(
     request=AssignmentQuery,
     subject="transport_order",
     result="assignment",
+    refusals=_STORED_ORDER,
 )
 WITHDRAW = Operation(
     "withdraw",
@@ -193,6 +252,7 @@ WITHDRAW = Operation(
         f"POST {ORDERS}/{{name}}/withdrawal",
         f"POST {VEHICLES}/{{name}}/withdrawal",
     ),
+    refusals=_ORDER_CHANGE,
 )
 HOLD = Operation(
     "hold",
@@ -206,6 +266,7 @@ HOLD = Operation(
     versioned=True,
     subject="transport_order",
     result="transport_order",
+    refusals=(*_ORDER_CHANGE, Refusal.ORDER_WITHDRAWN),
 )
 RESUME = Operation(
     "resume",
@@ -219,6 +280,7 @@ RESUME = Operation(
     versioned=True,
     subject="transport_order",
     result="transport_order",
+    refusals=_ORDER_CHANGE,
 )
 
 CREATE_SEQUENCE = Operation(
@@ -234,6 +296,7 @@ CREATE_SEQUENCE = Operation(
     also=MADE_BEFORE,
     result="order_sequence",
     opentcs=(f"POST {SEQUENCES}/{{name}}",),
+    refusals=(Refusal.UNKNOWN_VEHICLE, Refusal.NAME_TAKEN, Refusal.KEY_REUSED, Refusal.NOT_SAVED),
 )
 LIST_SEQUENCES = Operation(
     "orderSequences",
@@ -245,6 +308,7 @@ LIST_SEQUENCES = Operation(
     request=OrderSequencesQuery,
     result="order_sequences",
     opentcs=(f"GET {SEQUENCES}",),
+    refusals=(Refusal.NOT_SAVED,),
 )
 SHOW_SEQUENCE = Operation(
     "orderSequence",
@@ -257,6 +321,7 @@ SHOW_SEQUENCE = Operation(
     subject="order_sequence",
     result="order_sequence",
     opentcs=(f"GET {SEQUENCES}/{{name}}",),
+    refusals=(Refusal.UNKNOWN_SEQUENCE, Refusal.NOT_SAVED),
 )
 COMPLETE_SEQUENCE = Operation(
     "completeOrderSequence",
@@ -269,6 +334,7 @@ COMPLETE_SEQUENCE = Operation(
     subject="order_sequence",
     result="order_sequence",
     opentcs=(f"PUT {SEQUENCES}/{{name}}/complete",),
+    refusals=(Refusal.UNKNOWN_SEQUENCE, Refusal.VERSION_CHANGED, Refusal.NOT_SAVED),
 )
 
 LIST_VEHICLES = Operation(
@@ -280,6 +346,7 @@ LIST_VEHICLES = Operation(
     Role.VIEWER,
     request=VehiclesQuery,
     opentcs=(f"GET {VEHICLES}",),
+    refusals=(Refusal.UNKNOWN_VEHICLE,),
 )
 SHOW_VEHICLE = Operation(
     "vehicle",
@@ -289,6 +356,7 @@ SHOW_VEHICLE = Operation(
     VehicleStatus,
     Role.VIEWER,
     opentcs=(f"GET {VEHICLES}/{{name}}",),
+    refusals=(Refusal.UNKNOWN_VEHICLE,),
 )
 INTEGRATION_LEVEL = Operation(
     "integrationLevel",
@@ -300,6 +368,7 @@ INTEGRATION_LEVEL = Operation(
     request=IntegrationLevelRequest,
     subject="vehicle",
     result="vehicle",
+    refusals=_VEHICLE_CHANGE,
 )
 ORDER_TYPES = Operation(
     "acceptableOrderTypes",
@@ -315,6 +384,7 @@ ORDER_TYPES = Operation(
         f"PUT {VEHICLES}/{{name}}/acceptableOrderTypes",
         f"PUT {VEHICLES}/{{name}}/allowedOrderTypes",
     ),
+    refusals=_VEHICLE_CHANGE,
 )
 DISPATCH = Operation(
     "dispatch",
@@ -327,6 +397,7 @@ DISPATCH = Operation(
     creates=ORDERS,
     subject="vehicle",
     result="transport_order",
+    refusals=(*_NEW_ORDER, Refusal.UNKNOWN_VEHICLE),
 )
 INSTANT_ACTION = Operation(
     "instantAction",
@@ -340,6 +411,7 @@ INSTANT_ACTION = Operation(
     subject="vehicle",
     result="instant_action",
     opentcs=(f"PUT {VEHICLES}/{{name}}/paused",),
+    refusals=(Refusal.UNKNOWN_VEHICLE, Refusal.NOT_REACHED),
 )
 REROUTE = Operation(
     "reroute",
@@ -352,6 +424,7 @@ REROUTE = Operation(
     subject="vehicle",
     result="rerouting",
     opentcs=(f"POST {VEHICLES}/{{name}}/rerouteRequest",),
+    refusals=(*_VEHICLE_CHANGE, Refusal.NOT_REROUTABLE, Refusal.NOT_REACHED),
 )
 
 LIST_PATHS = Operation(
@@ -368,8 +441,17 @@ LOCK_PATH = Operation(
     subject="path",
     result="path",
     opentcs=(f"PUT {PATHS}/{{name:path}}/locked",),
+    refusals=(Refusal.UNKNOWN_PATH, Refusal.NOT_SAVED),
 )
-SHOW_PATH = Operation("path", "Return a path.", "GET", f"{PATHS}/{{name:path}}", PathStatus, Role.VIEWER)
+SHOW_PATH = Operation(
+    "path",
+    "Return a path.",
+    "GET",
+    f"{PATHS}/{{name:path}}",
+    PathStatus,
+    Role.VIEWER,
+    refusals=(Refusal.UNKNOWN_PATH,),
+)
 
 LIST_ZONE_SETS = Operation(
     "zoneSets",
@@ -387,6 +469,7 @@ SHOW_ZONE_SET = Operation(
     ZoneSetStatus,
     Role.VIEWER,
     name_type=ObjectName,
+    refusals=(Refusal.UNKNOWN_ZONE_SET,),
 )
 PUT_ZONE_SET = Operation(
     "putZoneSet",
@@ -398,6 +481,7 @@ PUT_ZONE_SET = Operation(
     request=ZoneSetRequest,
     request_field="zone_set",
     result="zone_set",
+    refusals=(Refusal.ZONE_SET_CHANGED, Refusal.NOT_SAVED),
 )
 ENABLE_ZONE_SET = Operation(
     "enableZoneSet",
@@ -409,6 +493,7 @@ ENABLE_ZONE_SET = Operation(
     subject="zone_set_id",
     result="zone_set",
     name_type=ObjectName,
+    refusals=_ZONE_SET_CHANGE,
 )
 DELETE_ZONE_SET = Operation(
     "deleteZoneSet",
@@ -420,6 +505,7 @@ DELETE_ZONE_SET = Operation(
     subject="zone_set_id",
     result="zone_set",
     name_type=ObjectName,
+    refusals=_ZONE_SET_CHANGE,
 )
 
 SUMMARISE = Operation(
@@ -440,6 +526,7 @@ CHANGE_PLANT = Operation(
     PlantModelChange,
     Role.ADMIN,
     max_body=JSON_LIMITS.size_bytes,
+    refusals=(Refusal.INVALID_PLANT, Refusal.PLANT_IN_USE, Refusal.NOT_SAVED),
 )
 """Its body is a file in one of several forms, so its route is written by hand."""
 

@@ -34,15 +34,21 @@ def refusal(status: HTTPStatus, detail: str, headers: Mapping[str, str] | None =
 REFERENCES = "#/components/schemas/{model}"
 METHODS = frozenset({"get", "put", "post", "patch", "delete"})
 VALIDATION = "422"
-"""What FastAPI says of its own of requests that do not fit; they are answered with problems here."""
+"""FastAPI's status of malformed requests; they are answered with problems here."""
 ERRORS = {
     "4XX": "What is wrong with the request, and what to do.",
     "5XX": "What failed, and what to do.",
 }
 
 
+def problem_response(description: str) -> dict[str, Any]:
+    """Return the description of a problem in OpenAPI."""
+    schema = {"$ref": REFERENCES.format(model=Problem.__name__)}
+    return {"description": description, "content": {MEDIA_TYPE: {"schema": schema}}}
+
+
 def describe_problems(app: FastAPI, others: Mapping[str, Any] = MappingProxyType({})) -> None:
-    """Have the OpenAPI description of ``app`` tell of errors at each operation: of problems.
+    """Add problems to each operation in the OpenAPI description of ``app``.
 
     Errors that a route describes by their exact status stay as they are described.
 
@@ -62,7 +68,8 @@ def describe_problems(app: FastAPI, others: Mapping[str, Any] = MappingProxyType
         for path in document["paths"].values():
             for method in METHODS & path.keys():
                 responses = path[method]["responses"]
-                responses.pop(VALIDATION, None)
+                if MEDIA_TYPE not in responses.get(VALIDATION, {}).get("content", {}):
+                    responses.pop(VALIDATION, None)
                 responses |= errors
         schemas = document.setdefault("components", {}).setdefault("schemas", {})
         schemas |= known["$defs"]

@@ -8,16 +8,41 @@ import pytest
 from structlog.testing import capture_logs
 
 from nena_order_service import errors
-from nena_order_service.api.problems import FORESEEN, STATUS, problem_of
+from nena_order_service.api.problems import problem_of
+from nena_order_service.errors import RefusedError
+from nena_shared.fleet_api.operations import CHANGE_PLANT, OPERATIONS, Refusal, by_status
 from support.problems import problem
 
+EVENT_STREAM = {Refusal.TOO_MANY_CLIENTS, Refusal.NOT_SAVED}
+OF_VALIDATION = {Refusal.NOT_IN_PLANT, Refusal.UNKNOWN_IN_PLANT}
 
-def test_each_error_of_the_service_has_one_status() -> None:
-    own = {
-        each for _, each in inspect.getmembers(errors, inspect.isclass) if each.__module__ == errors.__name__
+
+def test_each_error_is_a_refusal_of_the_table_and_each_refusal_is_used() -> None:
+    own = [each for _, each in inspect.getmembers(errors, inspect.isclass) if issubclass(each, RefusedError)]
+    declared = {refusal for each in (*OPERATIONS, CHANGE_PLANT) for refusal in each.refusals} | EVENT_STREAM
+    assert declared == set(Refusal)
+    assert {each.refusal for each in own if each is not RefusedError} == declared - OF_VALIDATION
+
+
+def test_refusals_of_one_status_are_described_together() -> None:
+    refusals = (Refusal.UNKNOWN_ORDER, Refusal.NOT_SAVED, Refusal.UNKNOWN_DEPENDENCY)
+    assert by_status(refusals) == {
+        404: "There is no such transport order. There is no such dependency.",
+        503: "The database is unavailable; nothing was saved.",
     }
-    assert {each for each in own if issubclass(each, Exception)} == set(STATUS)
-    assert set(STATUS) < set(FORESEEN)
+
+
+async def test_refusals_are_listed_over_rest_and_mqtt(client: httpx.AsyncClient) -> None:
+    openapi = (await client.get("/openapi.json")).json()
+    hold = openapi["paths"]["/v1/transportOrders/{name}/hold"]["post"]["responses"]
+    assert {"404", "409", "412", "503", "4XX", "5XX"} < set(hold)
+    assert hold["409"]["description"] == "The transport order has ended. The transport order is withdrawn."
+    assert list(hold["409"]["content"]) == ["application/problem+json"]
+    create = openapi["paths"]["/v1/transportOrders"]["post"]["responses"]
+    assert "The request does not fit the plant model." in create["422"]["description"]
+
+    asyncapi = (await client.get("/asyncapi.json")).json()
+    assert "- 412: The object has another version." in asyncapi["operations"]["hold"]["description"]
 
 
 def test_what_is_foreseen_says_what_to_do_in_its_own_words() -> None:

@@ -47,6 +47,7 @@ class Channel:
     summary: str
     retained: bool = False
     parameters: tuple[str, ...] = ("host",)
+    refusals: tuple[table.Refusal, ...] = ()
 
 
 def channels(topics: FleetTopics) -> tuple[Channel, ...]:
@@ -59,6 +60,7 @@ def channels(topics: FleetTopics) -> tuple[Channel, ...]:
             "receive",
             TransportOrderRequest,
             table.CREATE_ORDER.summary,
+            refusals=table.CREATE_ORDER.refusals,
         ),
         Channel("createAnswer", topics.creation_answer(host), "send", CreationAnswer, "Answers create."),
         *_commands(topics),
@@ -103,8 +105,8 @@ def channels(topics: FleetTopics) -> tuple[Channel, ...]:
 
 def _commands(topics: FleetTopics) -> Iterator[Channel]:
     for name, body in COMMANDS.items():
-        summary = table.COMMANDS[name].summary
-        yield Channel(name, topics.command("{host}", name), "receive", body, summary)
+        operation, topic = table.COMMANDS[name], topics.command("{host}", name)
+        yield Channel(name, topic, "receive", body, operation.summary, refusals=operation.refusals)
         answer = topics.command_answer("{host}", name)
         yield Channel(f"{name}Answer", answer, "send", CommandAnswer, f"Answers {name}.")
 
@@ -146,6 +148,9 @@ def _operation(channel: Channel) -> dict[str, Any]:
         "messages": [{"$ref": f"#/channels/{channel.name}/messages/{channel.name}"}],
         "bindings": {"mqtt": {"qos": 1, "retain": channel.retained}},
     }
+    if channel.refusals:
+        found = table.by_status(channel.refusals)
+        made["description"] = "\n".join(f"- {status.value}: {text}" for status, text in found.items())
     if channel.action == "receive":
         made["reply"] = {"channel": {"$ref": f"#/channels/{channel.name}Answer"}}
     return made

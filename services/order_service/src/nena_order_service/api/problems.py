@@ -8,37 +8,15 @@ from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
 
-from nena_order_service import errors
+from nena_order_service.errors import RefusedError
 from nena_order_service.orders.validation import InvalidRequestError
+from nena_shared.fleet_api.operations import Refusal
 from nena_shared.fleet_api.transport_order import Problem
 from nena_shared.log import get_logger
 from nena_shared.misfits import TOLD, in_words
 from nena_shared.web.problem import answer
 
-STATUS: dict[type[Exception], HTTPStatus] = {
-    errors.NameTakenError: HTTPStatus.CONFLICT,
-    errors.KeyReusedError: HTTPStatus.UNPROCESSABLE_ENTITY,
-    errors.SequenceNameTakenError: HTTPStatus.CONFLICT,
-    errors.SequenceRefusesError: HTTPStatus.CONFLICT,
-    errors.UnknownSequenceError: HTTPStatus.NOT_FOUND,
-    errors.UnknownDependencyError: HTTPStatus.NOT_FOUND,
-    errors.OrderEndedError: HTTPStatus.CONFLICT,
-    errors.OrderWithdrawnError: HTTPStatus.CONFLICT,
-    errors.VehicleNotReachedError: HTTPStatus.CONFLICT,
-    errors.NotReroutableError: HTTPStatus.CONFLICT,
-    errors.PlantInUseError: HTTPStatus.CONFLICT,
-    errors.ZoneSetChangedError: HTTPStatus.CONFLICT,
-    errors.UnknownZoneSetError: HTTPStatus.NOT_FOUND,
-    errors.InvalidPlantError: HTTPStatus.UNPROCESSABLE_ENTITY,
-    errors.UnknownOrderError: HTTPStatus.NOT_FOUND,
-    errors.UnknownVehicleError: HTTPStatus.NOT_FOUND,
-    errors.StoreNotReadyError: HTTPStatus.SERVICE_UNAVAILABLE,
-    errors.TooManyClientsError: HTTPStatus.SERVICE_UNAVAILABLE,
-    errors.UnknownPathError: HTTPStatus.NOT_FOUND,
-    errors.VersionChangedError: HTTPStatus.PRECONDITION_FAILED,
-}
-
-FORESEEN: tuple[type[Exception], ...] = (InvalidRequestError, *STATUS)
+FORESEEN: tuple[type[Exception], ...] = (InvalidRequestError, RefusedError)
 """Errors that are answers, not faults."""
 
 
@@ -46,22 +24,22 @@ def problem_of(error: Exception) -> Problem:
     """Return the problem of an error; one of an unexpected error shows nothing of the inside."""
     if isinstance(error, InvalidRequestError):
         return _invalid(error)
-    status = STATUS.get(type(error))
-    if status is None:
+    if not isinstance(error, RefusedError):
         return Problem(
             title="Internal error",
             status=HTTPStatus.INTERNAL_SERVER_ERROR,
             detail="Internal error; the log of the order service has the details. Please report it.",
         )
+    status = error.refusal.status
     problems: tuple[str, ...] = getattr(error, "problems", ())
     return Problem(title=status.phrase, status=status, detail=str(error), errors=problems)
 
 
 def _invalid(error: InvalidRequestError) -> Problem:
-    status = HTTPStatus.NOT_FOUND if error.only_unknown else HTTPStatus.UNPROCESSABLE_ENTITY
+    refusal = Refusal.UNKNOWN_IN_PLANT if error.only_unknown else Refusal.NOT_IN_PLANT
     return Problem(
         title="Not possible in this plant",
-        status=status,
+        status=refusal.status,
         detail="The request does not fit the plant model; nothing was created. Fix what errors lists.",
         errors=tuple(finding.text for finding in error.findings),
     )

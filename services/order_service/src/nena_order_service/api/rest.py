@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import re
-from collections.abc import AsyncGenerator, Callable, Iterator, Mapping
+from collections.abc import AsyncGenerator, Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from http import HTTPStatus
 from inspect import Parameter, Signature
@@ -28,11 +28,18 @@ from nena_order_service.api.operations import Call, Handler, HostOperations, Rep
 from nena_order_service.plant_change import ChangePlant
 from nena_order_service.plant_file import read_plant
 from nena_shared.fleet_api.base import ObjectName
-from nena_shared.fleet_api.operations import CHANGE_PLANT, OPERATIONS, PLANT_MODEL, Operation
+from nena_shared.fleet_api.operations import (
+    CHANGE_PLANT,
+    OPERATIONS,
+    PLANT_MODEL,
+    Operation,
+    Refusal,
+    by_status,
+)
 from nena_shared.fleet_api.plant import PlantModelChange
 from nena_shared.fleet_api.requests import BY_LIMIT, SOMEBODY, Readiness
 from nena_shared.web.access import KnownUser
-from nena_shared.web.problem import describe_problems, refusal
+from nena_shared.web.problem import describe_problems, problem_response, refusal
 from nena_shared.web.server_sent_events import HEADERS
 from nena_shared.web.users import Role
 
@@ -123,6 +130,10 @@ def _add_route(router: APIRouter, operation: Operation[Any], handler: Handler) -
         return _response(operation, await handler(call), known=None if known is None else ETag(known))
 
     endpoint.__signature__ = Signature([*_parameters(operation)])  # type: ignore[attr-defined]
+    successes: dict[int | str, dict[str, Any]] = {
+        int(status): {"model": operation.answer, "description": text}
+        for status, text in operation.also.items()
+    }
     router.add_api_route(
         operation.path,
         endpoint,
@@ -133,11 +144,13 @@ def _add_route(router: APIRouter, operation: Operation[Any], handler: Handler) -
         tags=[operation.tag],
         status_code=HTTPStatus.CREATED if operation.creates else HTTPStatus.OK,
         response_model=operation.answer,
-        responses={
-            int(status): {"model": operation.answer, "description": text}
-            for status, text in operation.also.items()
-        },
+        responses=successes | _refusals(operation.refusals),
     )
+
+
+def _refusals(refusals: Iterable[Refusal]) -> dict[int | str, dict[str, Any]]:
+    """Return the refusals of an operation as FastAPI's ``responses``."""
+    return {int(status): problem_response(text) for status, text in by_status(refusals).items()}
 
 
 def _parameters(operation: Operation[Any]) -> Iterator[Parameter]:
@@ -209,6 +222,7 @@ def plant_model_router(plant_json: bytes, change: ChangePlant | None) -> APIRout
         operation_id=CHANGE_PLANT.name,
         summary=CHANGE_PLANT.summary,
         response_model=CHANGE_PLANT.answer,
+        responses=_refusals(CHANGE_PLANT.refusals),
         openapi_extra=PLANT_BODY,
     )
     async def put(request: Request, *, check: Annotated[bool, Query()] = False) -> Response:
@@ -235,7 +249,12 @@ def plant_model_router(plant_json: bytes, change: ChangePlant | None) -> APIRout
 def _events(stream: EventStream) -> APIRouter:
     router = APIRouter(prefix="/v1", tags=["events"])
 
-    @router.get("/events", operation_id="events", response_class=StreamingResponse)
+    @router.get(
+        "/events",
+        operation_id="events",
+        response_class=StreamingResponse,
+        responses=_refusals((Refusal.TOO_MANY_CLIENTS, Refusal.NOT_SAVED)),
+    )
     async def events(
         kind: Annotated[list[EventKind] | None, Query(description="Only events of these kinds.")] = None,
         transport_order: Annotated[
