@@ -9,7 +9,7 @@ from typing import Protocol
 
 
 class Clock(Protocol):
-    """What a core or a shell knows of time."""
+    """Source of time for cores and shells."""
 
     def monotonic(self) -> float:
         """Seconds since some fixed moment; never goes back."""
@@ -70,5 +70,5 @@ def in_utc(value: datetime) -> datetime:
 
 
 def iso(moment: datetime) -> str:
-    """Write a UTC time as ISO 8601 with milliseconds; the year has four digits, else nobody can read it."""
+    """Return a UTC time as ISO 8601 with milliseconds and a four-digit year."""
     return f"{moment.isoformat(timespec='milliseconds')[:23]}Z"

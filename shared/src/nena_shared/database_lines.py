@@ -9,7 +9,7 @@ from typing import Any
 from weakref import WeakKeyDictionary, WeakSet
 
 _lines: WeakKeyDictionary[Any, WeakSet[Any]] = WeakKeyDictionary()
-"""By SQLAlchemy's engine, the driver's own connections; weakly, so that nobody is kept."""
+"""By SQLAlchemy's engine, the driver's own connections; weak references."""
 
 
 def remember(engine: Any, connection: Any) -> None:  # noqa: ANN401 - SQLAlchemy's and its driver's, without either

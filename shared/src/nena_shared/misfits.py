@@ -12,7 +12,7 @@ PREFIX = "Value error, "
 SHOWN = 300
 """Signs of a name or of words that are repeated: both may hold what somebody sent, however long."""
 TOLD = 10
-"""Findings that somebody is told who has sent them by the thousand."""
+"""Maximum findings in one answer."""
 
 
 def in_words(findings: Sequence[Any], *, whole: str, root: str = "", most: int | None = None) -> list[str]:
@@ -22,7 +22,7 @@ def in_words(findings: Sequence[Any], *, whole: str, root: str = "", most: int |
         findings: as ``ValidationError.errors()`` gives them.
         whole: what stands for the path where it is all that does not fit.
         root: the first part of paths that is left out.
-        most: how many findings are told at most; one line more says how many there are besides.
+        most: maximum number of findings; one more line counts the rest.
 
     """
     lines = [f"{path_of(each['loc'], root) or whole}: {words_of(each)}" for each in findings[:most]]

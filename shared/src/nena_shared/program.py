@@ -93,7 +93,7 @@ async def _give_signs(supervision: Supervision, stop: asyncio.Event) -> None:
 
 
 async def _set_within(seconds: float, stop: asyncio.Event) -> bool:
-    """Wait ``seconds``; tells whether ``stop`` was set in that time."""
+    """Wait ``seconds``; return whether ``stop`` was set in that time."""
     if stop.is_set():
         await asyncio.sleep(seconds)
         return False
@@ -121,7 +121,7 @@ def run(
 ) -> int:
     """Read the settings, serve until SIGINT or SIGTERM, and give the exit status.
 
-    ``serve`` gets the settings and an event that is set when the program shall end.
+    ``serve`` gets the settings and an event that is set when the program is to end.
     """
     try:
         chosen = load(

@@ -119,7 +119,7 @@ async def forever(name: str, work: Callable[[], Awaitable[None]], *, pause: floa
         try:
             await work()
         except Exception:
-            log.exception("task goes on after a failure", task=name, pause=pause)
+            log.exception("task restarts after a failure", task=name, pause=pause)
             await asyncio.sleep(pause)
 
 

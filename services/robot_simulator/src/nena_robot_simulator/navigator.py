@@ -214,7 +214,7 @@ class Recovery:
     pace: float = 1.0
 
     def over(self, now: float) -> bool:
-        """Return whether the behaviour tree gives up."""
+        """Return whether the behaviour tree fails."""
         return self._spent(now) >= self.seconds
 
     def count(self, now: float) -> int:

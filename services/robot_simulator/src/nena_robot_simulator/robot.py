@@ -29,11 +29,11 @@ HALTING = (0.020, 0.050)
 SEVERAL_SLOWER = 3.0
 """How much longer the replanning period of NavigateThroughPoses is than that of NavigateToPose."""
 COMMAND_TIMEOUT = 0.7
-"""Time for which the base goes on with the last command of a controller that has died, seconds."""
+"""Time for which the base keeps the last command of a dead controller, seconds."""
 TRANSFORM_TIMEOUT = 1.0
-"""Time without a localisation after which the controller gives up, seconds."""
+"""Time without a localisation after which the controller fails, seconds."""
 NO_PATH_YET = 0.02
-"""Time in which the feedback of a new goal knows no path, seconds."""
+"""Time during which the feedback of a new goal has no path, seconds."""
 LONGEST_STEP = 0.02
 """Maximum step of the kinematics, seconds of the robot's time."""
 LONGEST_PAUSE = 0.2

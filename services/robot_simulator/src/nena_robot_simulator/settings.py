@@ -94,7 +94,7 @@ class RobotSettings(SettingsGroup):
     start: StartPose = Field(default_factory=StartPose, description="Start pose.")
     drive: DriveSettings = Field(default_factory=DriveSettings, description="Limits of the drive.")
     tolerance: ToleranceSettings = Field(
-        default_factory=ToleranceSettings, description="Tolerances of Nav2; also told as its parameters."
+        default_factory=ToleranceSettings, description="Tolerances of Nav2, also served as its parameters."
     )
     battery: BatterySettings = Field(default_factory=BatterySettings, description="Battery.")
     localisation: LocalisationSettings = Field(

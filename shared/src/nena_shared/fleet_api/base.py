@@ -30,7 +30,7 @@ class Resource(CamelCase):
 
 
 class Request(CamelCase):
-    """A JSON object that NeNa is sent; a field that nobody knows is an error, not a wish ignored."""
+    """A JSON object that NeNa receives; an unknown field is an error."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -42,7 +42,7 @@ ObjectName = Annotated[str, Field(min_length=1, max_length=200)]
 """Name of an object of the plant model, kept to the letter."""
 
 IdempotencyKey = Annotated[str, Field(min_length=1, max_length=200, pattern=r"^[^\x00]*$")]
-"""What tells a request from all others of all hosts; PostgreSQL keeps no text with NUL."""
+"""Unique ID of a request among all hosts; no NUL, which PostgreSQL cannot store."""
 
 OrderName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_:\-][A-Za-z0-9_.:\-]{0,99}$")]
 """Name of a transport order; it also stands in MQTT topics and URLs, where ``..`` means something else."""

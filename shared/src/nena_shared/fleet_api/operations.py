@@ -415,7 +415,7 @@ INSTANT_ACTION = Operation(
 )
 REROUTE = Operation(
     "reroute",
-    "Replan the route of a vehicle's current order. What its robot was told to drive stays.",
+    "Replan the route of a vehicle's current order. Its base stays.",
     "POST",
     f"{VEHICLES}/{{name}}/rerouting",
     ReroutingAnswer,

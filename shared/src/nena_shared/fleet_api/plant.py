@@ -64,7 +64,7 @@ class ZoneSetPhase(StrEnum):
     MISSING = "MISSING"
     """It is not there."""
     UNKNOWN = "UNKNOWN"
-    """The robot has told no state."""
+    """The robot has sent no state."""
 
 
 class ZoneSetAtVehicle(Resource):
@@ -147,7 +147,7 @@ def _png(image: bytes) -> bytes:
 class MapImage(Resource):
     """A map and where it lies: its lower left corner in m and rad in the plant's frame.
 
-    The image is black; how opaque it is tells how sure something is there. What is unknown is faint.
+    The image is black; its opacity is the probability of an obstacle. Unknown areas are faint.
     """
 
     map_id: Annotated[str, Field(max_length=1024)]

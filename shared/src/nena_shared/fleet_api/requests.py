@@ -124,7 +124,7 @@ class WithdrawalRequest(Request):
 
 
 SOMEBODY = "somebody"
-"""Who asks where nobody says who it is."""
+"""Name of a requester without a name."""
 
 BY_LIMIT = 100
 """Characters of who asks."""
@@ -173,7 +173,7 @@ class ReroutingRequest(Request):
     """Asks for another way for the order that a vehicle works on."""
 
     type: ReroutingType = ReroutingType.REGULAR
-    """REGULAR: from the end of what its robot was told to drive; FORCED: from where it stands."""
+    """REGULAR: from the end of the robot's base; FORCED: from where it stands."""
 
 
 class DispatchRequest(Request):
@@ -219,7 +219,7 @@ class InitialPose(Request):
 
 
 class InstantActionRequest(Request):
-    """Something that a robot shall do at once.
+    """An instant action for a robot.
 
     ``pause`` and ``resume`` stand for startPause and stopPause; ``initializePosition`` needs a pose; any
     other type is sent as it is, with its parameters.
@@ -244,7 +244,7 @@ class InstantActionAnswer(Resource):
     action_id: str
     action_type: str
     status: ActionStatus | Literal["UNKNOWN", "PENDING"]
-    """FINISHED or FAILED; PENDING: it goes on; UNKNOWN: the robot never told."""
+    """FINISHED or FAILED; PENDING: still running; UNKNOWN: the robot never reported it."""
     reason: str
     """In words."""
     result: str | None = None

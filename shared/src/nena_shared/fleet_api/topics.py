@@ -42,18 +42,18 @@ class FleetTopics:
         return topic.removeprefix(f"{self.prefix}/hosts/").split("/", 1)[0]
 
     def order_status(self, name: str) -> str:
-        """Where each change of an order is told, as :class:`TransportOrderStatus`.
+        """Topic of the changes of an order, as :class:`TransportOrderStatus`.
 
         Retained while the order lives; an empty message clears it ``end_kept`` after the final one.
         """
         return f"{self.prefix}/transportOrders/{name}/status"
 
     def vehicle_status(self, serial_number: str) -> str:
-        """Where each change of a vehicle is told, as :class:`VehicleStatus`, retained."""
+        """Topic of the changes of a vehicle, as :class:`VehicleStatus`, retained."""
         return f"{self.prefix}/vehicles/{serial_number}/status"
 
     def sequence_status(self, name: str) -> str:
-        """Where each change of an order sequence is told, as :class:`OrderSequenceStatus`.
+        """Topic of the changes of an order sequence, as :class:`OrderSequenceStatus`.
 
         Retained until it is finished; an empty message follows the last one and clears it.
         """

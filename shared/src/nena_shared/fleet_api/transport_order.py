@@ -22,7 +22,7 @@ class FailureMeasure(StrEnum):
     OTHER_VEHICLE = "OTHER_VEHICLE"
     """The order waits for another vehicle; never while the vehicle carries something for it."""
     SKIP = "SKIP"
-    """The operation is left out, and the order goes on with the next destination."""
+    """The operation is skipped, and the order continues with the next destination."""
     HOLD = "HOLD"
     """The order keeps its vehicle and waits until a person resumes or withdraws it."""
     FAIL = "FAIL"
@@ -69,7 +69,7 @@ Seconds = Annotated[float, Field(gt=0, le=31_536_000)]
 
 
 class Hold(Resource):
-    """An order that goes on when a person says so."""
+    """An order that waits until a person resumes it."""
 
     by: str
     """Who holds it: a host or a person by name; ``failure policy`` for the order service itself."""
@@ -107,7 +107,7 @@ class DependencyFailure(StrEnum):
     HOLD = "HOLD"
     """It waits until a person resumes or withdraws it."""
     IGNORE = "IGNORE"
-    """It goes on as if the other one were FINISHED."""
+    """It continues as if the other one were FINISHED."""
 
 
 class DriveOrderState(StrEnum):
@@ -197,7 +197,7 @@ class DriveOrderStatus(Resource):
     route: tuple[str, ...] | None = None
     """Names of the points to pass, the first is where the vehicle starts; None before the assignment."""
     attempts: int = 0
-    """How often it was begun again: each time is another VDA 5050 order."""
+    """Number of repetitions; each is another VDA 5050 order."""
     measures_taken: int = 0
     """How far its failure policy is used up."""
     avoided: tuple[str, ...] = ()
@@ -249,7 +249,7 @@ class TransportOrderStatus(Resource):
     assigned: Moment | None = None
     """When it was first given to a vehicle."""
     held: Hold | None = None
-    """Who holds it and why; None: nobody."""
+    """Who holds it and why; None: not held."""
     next_try: Moment | None = None
     """When it is tried again after a failure; None: nothing is waited for."""
     excluded_vehicles: tuple[str, ...] = ()

@@ -22,11 +22,11 @@ class AcceptableOrderType(Request):
     name: OrderType
     """``*``: any."""
     priority: Annotated[int, Field(ge=-1000, le=1000)] = 0
-    """Less is preferred, where the dispatcher is told to look at it."""
+    """Smaller is preferred, if the dispatcher uses it."""
 
 
 ANY_ORDER_TYPE: Final = (AcceptableOrderType(name=ANY_TYPE),)
-"""What a vehicle accepts of which nobody has said anything else."""
+"""Default of vehicles for which nothing else is configured."""
 
 
 class VehicleState(StrEnum):
@@ -119,7 +119,7 @@ class ReroutingType(StrEnum):
     """Where the new way begins."""
 
     REGULAR = "REGULAR"
-    """At the end of what the robot was told to drive: it goes on without a stop, by an order update."""
+    """From the end of the base: the robot continues without a stop, by an order update."""
     FORCED = "FORCED"
     """Where the robot stands: its order is cancelled first, and it gets a new one."""
 
@@ -132,7 +132,7 @@ class ReroutingOutcome(StrEnum):
     UNCHANGED = "UNCHANGED"
     """The way stays; the reason says why."""
     STOPPING = "STOPPING"
-    """The robot is told to stop, at once or at the end of its base; the way goes on from there."""
+    """The robot stops, at once or at the end of its base, and continues from there."""
 
 
 class ReroutingAnswer(Resource):

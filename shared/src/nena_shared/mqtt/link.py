@@ -186,7 +186,7 @@ class MqttLink:
         self._drops_logged_at = -DROPS_LOGGED_EVERY
         self._session: _Session | None = None
         self._connecting = False
-        """Whether a session has begun and its subscriptions are not answered yet."""
+        """Whether a session has started but its subscriptions are not confirmed yet."""
         self._handlers = lru_cache(maxsize=10_000)(self._matching_handlers)
         self._silence = 0.0
         self._connected_at = 0.0
@@ -284,7 +284,7 @@ class MqttLink:
         client.cut()
 
     def _may_write(self) -> bool:
-        """Return whether the term of the connection goes on."""
+        """Return whether the lease of the connection is still valid."""
         return self._term() == self.state.term
 
     def _make_client(self) -> Client:

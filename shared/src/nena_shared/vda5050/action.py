@@ -55,7 +55,7 @@ class ActionParameter(WireObject):
 
 
 class Action(WireObject):
-    """Something that a robot shall do besides driving."""
+    """Something that a robot does besides driving."""
 
     action_type: Identifier
     action_id: Identifier

@@ -8,10 +8,10 @@ from nena_shared.vda5050.base import WireObject
 
 
 class ErrorLevel(StrEnum):
-    """How bad an error is (section 6.6.5.1); 2.x knows only WARNING and FATAL."""
+    """How bad an error is (section 6.6.5.1); 2.x has only WARNING and FATAL."""
 
     WARNING = "WARNING"
-    """The robot goes on with its order and takes new ones."""
+    """The robot continues its order and accepts new ones."""
     URGENT = "URGENT"
     """As WARNING, but somebody should look soon."""
     CRITICAL = "CRITICAL"
@@ -49,7 +49,7 @@ class ErrorType(StrEnum):
     ZONE_ACTION_STATES_FULL = "ZONE_ACTION_STATES_FULL"
     ACTION_FAILED = "ACTION_FAILED"
     NAVIGATION_NOT_AVAILABLE = "NAVIGATION_NOT_AVAILABLE"
-    """The robot waits for its own navigation; what it was ordered goes on by itself, hence a WARNING."""
+    """The robot waits for its own navigation. Its order continues without help, hence a WARNING."""
 
 
 class ErrorReference(WireObject):

@@ -117,6 +117,6 @@ class Order(CommandHeader):
     order_update_id: UInt32
     order_description: str | None = None
     zone_set_id: Identifier | None = None
-    """Only 2.x: the zone set that the robot shall use; one that has it not refuses the order."""
+    """Only 2.x: the zone set to use; a robot without it refuses the order."""
     nodes: tuple[Node, ...]
     edges: tuple[Edge, ...]

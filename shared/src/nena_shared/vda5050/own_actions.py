@@ -17,7 +17,7 @@ A robot that lists it speaks in the plant's frame and transforms poses itself; s
 """
 
 ROS_SESSION: Final = "rosSession"
-"""Type of the information by which a state tells of the robot's ROS session."""
+"""Type of the information entry with the state of the robot's ROS session."""
 
 
 def transforms_itself(factsheet: Factsheet) -> bool:

@@ -99,7 +99,7 @@ class Scope(Enum):
     REPORT = auto()
     """What a robot reports: as far as it can be acted on safely."""
     COMMAND = auto()
-    """What a robot is told to do: only where the meaning is certain; nothing is left out or clamped."""
+    """Repairs of commands: only where the meaning is certain; nothing is left out or clamped."""
 
 
 EVERYWHERE: Final[frozenset[str]] = frozenset()

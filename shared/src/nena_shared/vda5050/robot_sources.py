@@ -1,4 +1,4 @@
-"""Under which topics each robot speaks; what a broker has kept from before is told apart (section 4.2)."""
+"""Topics of each robot; retained messages of earlier sessions are recognised (section 4.2)."""
 
 from __future__ import annotations
 

@@ -122,7 +122,7 @@ def nearest_codec(version: str) -> Codec | None:
 def reader_of(payload: bytes, major_version: str) -> Codec:
     """Return the codec to read a message with that came on a topic of ``major_version``, e.g. ``v2``.
 
-    It is that of the header if both agree; else the newest of the major version, which tells what is wrong.
+    It is that of the header if both agree; else the newest of the major version, whose errors say why.
 
     Raises:
         UnknownVersionError: the major version is not supported.

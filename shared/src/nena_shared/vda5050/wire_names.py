@@ -12,7 +12,7 @@ from pydantic import BeforeValidator, Field, PlainSerializer
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reads(BeforeValidator):
-    """A validator that reads other names for neutral ones, and the names that it knows."""
+    """A validator that translates names of a version into neutral ones, and the names that it accepts."""
 
     names: Mapping[str, str] = field(default_factory=dict)
 

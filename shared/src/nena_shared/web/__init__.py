@@ -1,4 +1,4 @@
-"""What NeNa's HTTP services have in common: where they listen, who may do what, how errors are told.
+"""Common parts of NeNa's HTTP services: listening, access, problems.
 
 Needs the extra ``web`` of this distribution; robots go without it.
 """

@@ -63,7 +63,7 @@ class RateLimit:
 
 
 def access_tokens_of(settings: HttpSettings) -> AccessTokens | None:
-    """Return what knows users by the issuer's tokens; None: no issuer is named.
+    """Return the users by the issuer's tokens; None: no issuer is configured.
 
     Raises:
         ConfigurationError: the libraries are not installed, or a file cannot be used.
@@ -92,7 +92,7 @@ ISSUER_RETRY = 10
 
 WRONG_TOKENS_PER_SECOND = 0.2
 WRONG_TOKENS_AT_ONCE = 10
-"""How often an address may show a token that lets nobody in."""
+"""How often an address may send an invalid token."""
 
 KnownUser = User | OidcUser
 
@@ -120,7 +120,7 @@ class Refused(Exception):  # noqa: N818 - it is an answer, no fault
 
 @dataclass(slots=True)
 class AccessControl:
-    """ASGI middleware; leaves who asks in ``request.state.user``, None where nobody is known."""
+    """ASGI middleware that sets ``request.state.user``; None: unknown."""
 
     app: ASGIApp
     settings: HttpSettings
@@ -131,7 +131,7 @@ class AccessControl:
     cookies: bool = False
     """Whether a browser may show its token as a cookie: only where requests of other pages are refused."""
     oidc: TokenReader | None = None
-    """Who knows an issuer's tokens. Without it and ``book`` nobody has to log in."""
+    """Users by an issuer's tokens. Without it and ``book``, no login is needed."""
     _requests: RateLimit = field(init=False)
     _wrong_tokens: RateLimit = field(init=False)
 
@@ -198,14 +198,14 @@ class AccessControl:
         user = self._own(token) or await self._of_issuer(token, address)
         if user is None and self._asks:
             self._count_wrong(address)
-            log.warning("a token that nobody has", address=address)
+            log.warning("an unknown token", address=address)
         return user
 
     def _own(self, token: str) -> User | None:
         try:
             return self.book.who(token) if self.book else None
         except ConfigurationError as error:
-            log.error("nobody is let in: the file of users cannot be used", problems=error.problems)  # noqa: TRY400
+            log.error("all logins are refused: the users file is invalid", problems=error.problems)  # noqa: TRY400
             detail = "The file of users cannot be used; the service's log says why."
             raise Refused(HTTPStatus.SERVICE_UNAVAILABLE, detail) from error
 
@@ -234,7 +234,7 @@ class AccessControl:
             raise Refused(HTTPStatus.SERVICE_UNAVAILABLE, detail, **wait) from error
 
     def _count_wrong(self, address: str) -> None:
-        """Count a token that lets nobody in; beyond the limit not even a line of the log comes of it."""
+        """Count an invalid token; beyond the limit it is not even logged."""
         self._check_rate(self._wrong_tokens, address)
 
     def _check_rate(self, limit: RateLimit, asker: str) -> None:

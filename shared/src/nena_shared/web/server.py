@@ -123,7 +123,7 @@ class HttpConnection(H11Protocol):
 class Listener:
     """Accepts connections, and counts them from there on: before the TLS handshake, not after it.
 
-    asyncio's own server tells nothing of a connection before its handshake has ended, so that clients who
+    asyncio's own server reports a connection only after its handshake, so that clients who
     never begin one would neither be counted nor, for a minute, closed.
     """
 
@@ -138,7 +138,7 @@ class Listener:
         """Accept from now on.
 
         Args:
-            listening: the socket; closed by whoever made it.
+            listening: the socket; the caller closes it.
             make: makes the protocol of one connection.
             encryption: the TLS context; None: no TLS.
             per_address: connections that one address may have; None: no limit, as behind a proxy.
@@ -291,7 +291,7 @@ class HttpServer:
             access_log=False,
             server_header=False,
             proxy_headers=settings.reverse_proxy,
-            forwarded_allow_ips="*",  # where a proxy is stated, nobody gets past it
+            forwarded_allow_ips="*",  # a configured proxy cannot be bypassed
             timeout_graceful_shutdown=SHUTDOWN_TIMEOUT,
             ssl_certfile=settings.tls_certificate,
             ssl_keyfile=settings.tls_key,

@@ -18,7 +18,7 @@ RoleName = Literal["viewer", "operator", "admin"]
 
 
 def protected_url(url: str) -> str:
-    """Return ``url`` back where nobody on the way can change what comes from it.
+    """Return ``url`` if its answers cannot be changed in transit.
 
     Raises:
         ValueError: it is no URL of the kind, or neither https nor of this machine.
@@ -30,7 +30,7 @@ def protected_url(url: str) -> str:
         message = "an address such as https://login.example/realms/site is needed"
         raise ValueError(message)
     if parts.scheme == "http" and not is_loopback(host):
-        message = "it has to be https: whoever is on the way could put keys of their own in its place"
+        message = "must be https: over http, keys could be replaced in transit"
         raise ValueError(message)
     return url
 
@@ -75,7 +75,7 @@ class OidcSettings(SettingsGroup):
 
 
 class HttpSettings(SettingsGroup):
-    """Where an HTTP service listens, and for whom."""
+    """Address and access of an HTTP service."""
 
     host: str = Field(
         "127.0.0.1", description="Address to listen on; beyond loopback, TLS and authentication are required."
@@ -141,7 +141,7 @@ def check_exposure(settings: HttpSettings) -> None:
         if settings.tls_certificate is None and not settings.reverse_proxy:
             problems.append(
                 f"{where}, without TLS. Set http.tls_certificate and http.tls_key; or http.reverse_proxy = "
-                "true where a proxy does TLS and nobody gets past it; or listen on 127.0.0.1."
+                "true behind a proxy that does TLS and cannot be bypassed; or listen on 127.0.0.1."
             )
         if settings.users is None and settings.oidc is None:
             problems.append(

@@ -65,7 +65,7 @@ class User(BaseModel):
 
     @property
     def known_as(self) -> str:
-        """What tells them from all others."""
+        """Unique identity."""
         return self.name
 
 
@@ -76,7 +76,7 @@ class _File(BaseModel):
 
 
 def new_token() -> str:
-    """Make a token that nobody guesses."""
+    """Return a new random token."""
     return TOKEN_PREFIX + secrets.token_urlsafe(TOKEN_BYTES)
 
 
@@ -165,7 +165,7 @@ def make_first_user(path: Path) -> Path | None:
 
 
 class UserBook:
-    """Knows users by their tokens; a file that has changed is read anew: who leaves is out at once."""
+    """Users by token. A changed file is read again, so a removed user is locked out at once."""
 
     def __init__(self, path: Path) -> None:
         """Read the file.
@@ -179,7 +179,7 @@ class UserBook:
         self._users = read_users(path)
 
     def who(self, token: str) -> User | None:
-        """Return whose token it is; None: nobody's.
+        """Return the user of a token, or None.
 
         Raises:
             ConfigurationError: the file has changed and is no longer one of users.
@@ -190,7 +190,7 @@ class UserBook:
             self._seen = stamp
         wanted = hash_of(token)
         found = None
-        for user in self._users:  # all of them, so that the time tells nothing
+        for user in self._users:  # compare with all, in constant time
             if hmac.compare_digest(user.token_sha256, wanted):
                 found = user
         return found

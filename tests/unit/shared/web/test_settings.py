@@ -30,9 +30,9 @@ def test_an_issuer_stays_as_it_writes_itself(issuer: str) -> None:
 @pytest.mark.parametrize(
     ("issuer", "complaint"),
     [
-        ("http://login.example", "it has to be https"),
-        ("http://192.0.2.1", "it has to be https"),
-        ("http://localhost.example", "it has to be https"),
+        ("http://login.example", "must be https"),
+        ("http://192.0.2.1", "must be https"),
+        ("http://localhost.example", "must be https"),
         ("login.example", "an address such as"),
         ("", "an address such as"),
         ("https://", "an address such as"),

@@ -62,7 +62,7 @@ class Docking:
 
 
 class _Drive(BackgroundAction):
-    """One drive: held, the robot stands; when it goes on, it drives to the same place."""
+    """One drive. Paused, the robot stands; resumed, it drives to the same pose."""
 
     def __init__(
         self, action_id: str, settings: DockOperationSettings, drive: DrivePort, ahead: float, report: Report
@@ -76,7 +76,7 @@ class _Drive(BackgroundAction):
         super().__init__(action_id, self._work, report)
 
     def pause(self) -> None:
-        """Stop the robot; PAUSED is told when it stands."""
+        """Stop the robot; PAUSED is reported when it stands."""
         if not self.ended:
             self._free.clear()
             if self._leg is not None:

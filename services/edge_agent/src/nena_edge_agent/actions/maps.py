@@ -119,7 +119,7 @@ class _MapAction:
         self.declaration = declaration
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
-        """Begin the change; its end tells the maps that there are then."""
+        """Start the change; its final report has the resulting maps."""
         return BackgroundAction(action.action_id, partial(self._work, action), report)
 
     async def _work(self, action: Action) -> ActionReport:

@@ -21,7 +21,7 @@ from nena_shared.vda5050.topics import RobotKey
 
 @dataclass(frozen=True, slots=True)
 class ActionTimeouts:
-    """Seconds that a plug-in has to say that it has begun, and to hold or to give up when told to."""
+    """Time limits of plug-ins for reporting the start of an action, and for pausing and cancelling it."""
 
     begin: float = 10.0
     obey: float = 10.0
@@ -75,7 +75,7 @@ class ServiceClient(Protocol):
         """Call it and give the response.
 
         Raises:
-            RosError: there is no ROS session now, no node offers the service, or nobody answers within
+            RosError: there is no ROS session, no node offers the service, or none answers within
                 ``seconds``, or the fields do not fit the type.
 
         """
@@ -161,11 +161,11 @@ Report = Callable[[ActionReport], None]
 
 
 class PluginUnavailableError(Exception):
-    """A plug-in cannot work on this robot; the text says why. The robot goes on without its actions."""
+    """A plug-in cannot work on this robot; the text says why. The robot works without its actions."""
 
 
 class RunningAction(Protocol):
-    """One action that was begun. Every method returns at once; what comes of it is reported."""
+    """One running action. Every method returns at once; the outcome is reported."""
 
     def pause(self) -> None:
         """Hold; report PAUSED. Called only where the declaration allows it."""
@@ -221,7 +221,7 @@ Work = Callable[[], Coroutine[None, None, ActionReport]]
 
 
 class WorkFailedError(Exception):
-    """The work of an action was not done; the text says why. ``report``, if given, tells of it."""
+    """The action failed; the text says why. ``report``, if given, is its final report."""
 
     def __init__(self, message: str, report: ActionReport | None = None) -> None:
         super().__init__(message)

@@ -49,7 +49,7 @@ def ready_made(
 
 
 def operations_beside(found: Installed, settings: EdgeAgentSettings) -> tuple[AnyOperation, ...]:
-    """Return the operations of the settings; plug-ins take the place of those that nobody has set."""
+    """Return the configured operations; plug-ins replace default ones."""
     if "operations" in settings.model_fields_set:
         return settings.operations
     return tuple(each for each in settings.operations if each.action_type not in found.action_types)
@@ -66,7 +66,7 @@ class _Parts:
 
     @property
     def may_be_taken_back(self) -> bool:
-        """Whether nothing is asked for that goes on when nobody wants it any more."""
+        """Whether the action can be cancelled: nothing that it starts continues afterwards."""
         return self.call is None and (self.command is None or self.command.on_cancel is not None)
 
 

@@ -155,7 +155,7 @@ class ActionRegistry:
 
     @property
     def declarations(self) -> Mapping[str, ActionDeclaration]:
-        """All actions that the robot knows, those of the core among them."""
+        """All actions of the robot, those of the core included."""
         own = {action_type: _guarded(plugin.declaration) for action_type, plugin in self._plugins.items()}
         return {**PREDEFINED, **own}
 

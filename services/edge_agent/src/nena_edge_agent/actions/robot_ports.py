@@ -43,7 +43,7 @@ class ActionDrive:
         self._driver = driver
 
     def hear(self, event: Event) -> None:
-        """Check what the driver tells the core."""
+        """Inspect an event of the driver."""
         match event:
             case PoseReport():
                 self._pose = event
@@ -127,7 +127,7 @@ class ActionDrive:
 
 PATH = "actions.load_sensor"
 AGAIN_AFTER = 1.0
-"""Seconds after which the same is told again: an action may have said something else meanwhile."""
+"""Seconds after which the same load is reported again: an action may have reported another one meanwhile."""
 
 
 class LoadSensor:

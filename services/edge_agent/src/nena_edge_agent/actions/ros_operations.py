@@ -57,7 +57,7 @@ OF_LOADS = tuple(
     ParameterSettings(key=key, required=False, description=f"the {what} of the load, for the state")
     for key, what in (("loadId", "id"), ("loadType", "type"))
 )
-"""What an action that takes a load may be told of it."""
+"""Parameters of an action that takes a load."""
 
 
 class ActionValues:
@@ -71,7 +71,7 @@ class ActionValues:
 
     @property
     def declared(self) -> tuple[Parameter, ...]:
-        """The parameters as the core knows them."""
+        """The parameters in the form of the core."""
         return tuple(each.declared for each in self._parameters)
 
     @property

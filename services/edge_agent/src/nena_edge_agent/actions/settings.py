@@ -40,7 +40,7 @@ class ParameterSettings(SettingsGroup):
 
     @property
     def declared(self) -> Parameter:
-        """The parameter as the core knows it."""
+        """The parameter in the form of the core."""
         return Parameter(
             self.key,
             self.type,
@@ -53,7 +53,7 @@ class ParameterSettings(SettingsGroup):
 
 
 class OperationBase(SettingsGroup):
-    """What all ready-made actions can be told."""
+    """Settings of all ready-made actions."""
 
     action_type: str = Field(min_length=1, max_length=100, description="Action type in orders.")
     description: str = Field("", max_length=500, description="Description for the factsheet.")
@@ -321,7 +321,7 @@ class ActionSettings(SettingsGroup):
 
 
 def default_operations() -> tuple[AnyOperation, ...]:
-    """Return what a robot can do that was told of nothing else."""
+    """Return the actions of a robot without configured ones."""
     on_request = (ActionScope.NODE, ActionScope.INSTANT)
     return (
         OperationSettings(action_type="pick", seconds=5.0, load="take"),

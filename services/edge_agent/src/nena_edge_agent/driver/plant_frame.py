@@ -1,6 +1,6 @@
 """Puts a driver that works on the robot's own map into the plant's frame: the one place where that is done.
 
-The core, and with it all that goes over MQTT, knows the plant's frame only; the driver behind knows its map
+The core, and all MQTT messages, use the plant's frame only; the driver behind it uses its map
 only. Speeds are the robot's own, in metres of the world, and are the same in both.
 """
 
@@ -74,7 +74,7 @@ class PlantFrame:
         )
 
     def event(self, event: MapDriverEvent) -> DriverEvent:
-        """Return what a driver tells as the plant has it."""
+        """Return an event of the driver in the plant's frame."""
         match event:
             case MapPoseReport(pose):
                 rest = (event.localized, event.vx, event.omega, event.problem)
@@ -93,7 +93,7 @@ class PlantFrameDriver:
     """A driver in the plant's frame, made of one on the robot's map."""
 
     def __init__(self, make: Callable[[MapEmit], MapDriver], frame: PlantFrame, emit: Emit) -> None:
-        """Build the driver behind; ``emit`` is told its events in the plant's frame."""
+        """Build the driver; ``emit`` gets its events in the plant's frame."""
         self._frame = frame
         self._driver = make(lambda event: emit(frame.event(event)))
         self.start = self._driver.start

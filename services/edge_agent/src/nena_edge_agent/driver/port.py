@@ -127,7 +127,7 @@ class Halted:
 class HaltFailed:
     """The robot was asked to stop and still moves, or nothing shows that it stands; ``description``: which.
 
-    The driver goes on trying; :class:`Halted` follows when the robot stands after all.
+    The driver keeps trying; :class:`Halted` follows once the robot stands.
     """
 
     description: str
@@ -221,7 +221,7 @@ class PlanReport:
 
 @dataclass(frozen=True, slots=True)
 class NoRouteReport:
-    """The areas that navigation knows no way into, all of them; orders that lead there are refused."""
+    """All areas that navigation cannot enter; orders that lead there are refused."""
 
     areas: tuple[Circle, ...]
 
@@ -253,7 +253,7 @@ class PositionInitialized:
 
 @dataclass(frozen=True, slots=True)
 class GoalReport:
-    """A goal that navigation knows of; ``external``: given by another client, ``ended``: it runs no more."""
+    """A goal of navigation; ``external``: sent by another client, ``ended``: no longer running."""
 
     goal_id: str
     external: bool
@@ -343,7 +343,7 @@ class Driver(Mover, Protocol):
     def reclaim(self, goals: OwnGoals) -> None:
         """Take ``goals`` for this robot's own, should navigation still drive to them; asked before the start.
 
-        A goal that leads to the same place goes on; others are replaced, or cancelled where none is wanted.
+        A goal to the same pose stays; others are replaced, or cancelled if none is wanted.
         """
         ...
 

@@ -103,7 +103,7 @@ class MakeUnreachable(_Area):
 
 
 class TakeRoute(_Area):
-    """No route leads there, which the robot knows: it refuses such orders."""
+    """Nodes that the robot cannot reach: it refuses such orders."""
 
     command: Literal["noRoute"]
 

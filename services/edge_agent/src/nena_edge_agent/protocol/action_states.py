@@ -41,7 +41,7 @@ class ActionRecord:
 
     @property
     def active(self) -> bool:
-        """Whether it has begun and not ended."""
+        """Whether it has started and not ended."""
         return self.status in ACTIVE
 
 
@@ -226,7 +226,7 @@ def first_load_problem(
 
 
 def sensed(loads: tuple[Load, ...], *, loaded: bool) -> tuple[Load, ...]:
-    """Return the loads by the load sensor, which knows no ids; a known load keeps its id."""
+    """Return the loads by the load sensor, which has no IDs; a known load keeps its ID."""
     if not loaded:
         return ()
     return loads or (UNKNOWN_LOAD,)

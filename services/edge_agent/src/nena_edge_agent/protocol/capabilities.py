@@ -113,7 +113,7 @@ _ALWAYS: tuple[OptionalParameter, ...] = (
     OptionalParameter(
         parameter="order.nodes.nodePosition",
         support=Support.REQUIRED,
-        description="The robot drives to coordinates and knows no nodes by name.",
+        description="The robot drives to coordinates and has no nodes by name.",
     ),
     OptionalParameter(parameter="order.nodes.nodePosition.theta", support=Support.SUPPORTED),
     OptionalParameter(parameter="order.nodes.nodePosition.allowedDeviationXY", support=Support.SUPPORTED),

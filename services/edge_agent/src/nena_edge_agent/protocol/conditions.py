@@ -135,7 +135,7 @@ def _not_stopped(robot: RobotState) -> ErrorEntry | None:
     return ErrorEntry(
         error_type=ROBOT_NOT_STOPPED,
         error_level=ErrorLevel.FATAL,
-        error_description=f"the robot was told to stop, but its standstill is not confirmed: {problem}",
+        error_description=f"the robot was asked to stop, but its standstill is not confirmed: {problem}",
         error_hint="stop the robot at its emergency stop, then check Nav2 and the odometry on the robot",
     )
 
@@ -148,7 +148,7 @@ def _blocked(robot: RobotState) -> ErrorEntry | None:
         error_type=ROBOT_BLOCKED,
         error_level=ErrorLevel.WARNING,
         error_description=f"the robot has not moved for {blocked.seconds:g} s on its way to '{node.node_id}'",
-        error_hint="clear its path; navigation keeps trying, and the drive fails when it gives up",
+        error_hint="clear its path; navigation keeps trying; if it fails, so does the drive",
         error_references=_references(nodeId=node.node_id, orderId=robot.progress.order_id),
     )
 

@@ -311,7 +311,7 @@ def _fail(robot: RobotState, failure: DriveFailure, description: str, hint: str 
 
 
 def _update_ahead(robot: RobotState) -> None:
-    """Send the goal again when other poses follow it than the driver knows."""
+    """Send the goal again if the poses that follow it have changed."""
     node, pose = robot.progress.next_node, robot.reports.localized_pose
     if robot.goal.target is None or node is None or node.node_position is None or pose is None:
         return

@@ -79,7 +79,7 @@ def _problem(robot: RobotState, action: Action) -> str | None:
         return problem
     declaration = robot.capabilities.actions.get(action.action_type)
     if declaration is None:
-        return f"the robot knows no action '{action.action_type}'"
+        return f"the robot has no action '{action.action_type}'"
     if action.action_type not in _CORE_ACTIONS and robot.instant_actions_running > INSTANT_ACTIONS_SHOWN:
         return f"{INSTANT_ACTIONS_SHOWN} instant actions are running already"
     if declaration.needs_idle and (problem := _order_problem(robot)):

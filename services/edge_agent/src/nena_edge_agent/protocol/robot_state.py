@@ -1,4 +1,4 @@
-"""The state of one robot: everything that the protocol core knows, and that its flows change."""
+"""The state of one robot: everything that the protocol core keeps and changes."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class CurrentGoal:
     confirmed, where the driver has reported that. ``failed_at`` is the sequenceId of a node that
     was not reached; it is not tried again until the order changes. ``failures`` are the failed drives to the
     next node, to be tried again at ``retry_at`` in s; ``problem`` is the reason of the last failure.
-    ``pose`` is where the last goal leads to, ``ahead`` are the poses behind it that the driver knows of.
+    ``pose`` is that of the last goal, ``ahead`` are the following poses that the driver has.
     ``own`` are our goals that navigation has or may have, ``listed_ids`` those that it listed last.
     ``unsettled``: the result of ``own`` has not been reported yet.
     """

@@ -181,7 +181,7 @@ _BOOLEANS: Final = MappingProxyType({"true": True, "1": True, "false": False, "0
 class XmlObject:
     """Typed access to an element of a plant object. A missing attribute without a default is an error.
 
-    After an error a harmless value is returned, so that reading goes on and finds all errors at once.
+    After an error a harmless value is returned, so that reading continues and finds all errors at once.
     """
 
     __slots__ = ("_children", "_element", "_read", "findings", "kind", "name")

@@ -22,7 +22,7 @@ from nena_shared.vda5050.wire_names import Absent
 
 
 class EdgeV20(EdgeV21):
-    """The way between two nodes; 2.0 knows no corridors."""
+    """The connection between two nodes; 2.0 has no corridors."""
 
     corridor: Absent = None
 
@@ -49,7 +49,7 @@ class PowerSupplyV20(PowerSupplyV21):
 
 
 class StateV20(StateV21):
-    """Everything about the robot; 2.0 knows no maps."""
+    """The state of the robot; 2.0 has no maps."""
 
     maps: Absent = None
     errors: tuple[ErrorEntryV20, ...]
@@ -95,7 +95,7 @@ class MobileRobotActionV20(MobileRobotActionV21):
 
 
 class ProtocolFeaturesV20(ProtocolFeaturesV21):
-    """Optional fields and actions; fields that 2.0 does not have are not told."""
+    """Optional fields and actions; without fields that 2.0 does not have."""
 
     missing: ClassVar[frozenset[str]] = missing_names(OrderV20, NodeV21, EdgeV20, CorridorV21, ActionV21)
     mobile_robot_actions: Annotated[tuple[MobileRobotActionV20, ...], Field(alias="agvActions")]

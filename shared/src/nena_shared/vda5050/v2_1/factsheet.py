@@ -182,7 +182,7 @@ class OptionalParameterV21(OptionalParameter):
 
 
 class ProtocolFeaturesV21(ProtocolFeatures):
-    """Optional fields and actions; fields that 2.1 does not have are not told."""
+    """Optional fields and actions; without fields that 2.1 does not have."""
 
     missing: ClassVar[frozenset[str]] = missing_names(OrderV21, NodeV21, EdgeV21, CorridorV21, ActionV21)
     optional_parameters: tuple[OptionalParameterV21, ...]

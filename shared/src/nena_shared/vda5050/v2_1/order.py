@@ -57,7 +57,7 @@ CANCELLED_ORDER: Final = ("cancelOrder", "orderId")
 
 
 class ActionV21(Action):
-    """An action; 2.1 knows no retry, and some parameters otherwise."""
+    """An action; 2.1 has no retry, and other forms of some parameters."""
 
     action_type: ActionTypeV21
     action_descriptor: Annotated[str | None, Field(alias="actionDescription")] = None

@@ -107,7 +107,7 @@ class ErrorReferenceV21(ErrorReference):
 
 
 class ErrorEntryV21(ErrorEntry):
-    """An error; 2.1 knows the levels WARNING and FATAL, and names of its own."""
+    """An error; 2.1 has the levels WARNING and FATAL, and its own names."""
 
     error_level: Annotated[ErrorLevel, writes({"URGENT": "WARNING", "CRITICAL": "FATAL"}, ErrorLevel)]
     error_references: tuple[ErrorReferenceV21, ...] = ()

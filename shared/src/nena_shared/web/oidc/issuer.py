@@ -210,9 +210,9 @@ def _fits(key: Mapping[str, Any], kid: str | None, algorithm: str) -> bool:
 log = get_logger(__name__)
 
 FRESH = 3600.0
-"""Seconds after which the first request has the issuer asked anew, which ends keys that it has taken back."""
+"""Seconds after which the next request fetches the keys again, which drops revoked ones."""
 KEPT = 24 * 3600.0
-"""Seconds for which its keys count where it was not, or cannot be, asked anew."""
+"""Seconds for which cached keys stay valid while the issuer cannot be reached."""
 LOOKS_PER_SECOND = 0.1
 LOOKS_AT_ONCE = 3
 """How often it is asked at most, whatever keys tokens name."""
@@ -233,7 +233,7 @@ _Serves = Callable[[_KnownKeys], bool]
 class Issuer:
     """Gives the issuer's keys and description.
 
-    It is asked once at a time. Nobody waits for that whom what is known serves.
+    One request to the issuer runs at a time. Requests that cached keys can serve do not wait for it.
     """
 
     def __init__(self, settings: OidcSettings, clock: Clock | None = None) -> None:

@@ -32,18 +32,18 @@ SUBJECT_LIMIT = 255
 
 @dataclass(frozen=True, slots=True)
 class OidcUser:
-    """Somebody for whom the issuer vouches."""
+    """A user authenticated by the issuer."""
 
     name: str
     role: Role
     subject: str
-    """What the issuer knows them by; never given to somebody else."""
+    """The issuer's ID of the user, which is never reused."""
     expires: datetime
-    """When the token counts no longer, leeway included, and with it whatever was begun by it."""
+    """Expiry of the token, leeway included, and of the sessions that it opened."""
 
     @property
     def known_as(self) -> str:
-        """What tells them from all others, also from NeNa's own users: names may be chosen freely."""
+        """Unique identity, different from those of NeNa's own users, since names are chosen freely."""
         return f"{self.name} (subject {self.subject})"
 
 
