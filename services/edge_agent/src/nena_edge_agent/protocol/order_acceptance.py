@@ -36,7 +36,7 @@ class Situation:
     ``pose`` is None unless it can be trusted, ``no_route`` are the areas that navigation has no route to.
     ``maps`` are the areas that the robot has a map of, ``closed`` the zones that it must not drive in.
     ``stands_on`` is the node that the robot has reached and not left, or empty. ``loaded``: whether it will
-    carry something when all that was released to it is done. ``history`` knows the orders that have ended.
+    carry something at the end of its base. ``history`` has the orders that have ended.
     ``dated``: the timestamp of the order at hand could be read.
     """
 
@@ -149,7 +149,7 @@ def _action_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | None
         problem = (
             declaration.problem(action, scope)
             if declaration
-            else f"the robot knows no action '{action.action_type}'"
+            else f"the robot has no action '{action.action_type}'"
         )
         if problem:
             return refusal(
