@@ -14,7 +14,7 @@ from uuid import UUID
 from action_msgs.msg import GoalInfo, GoalStatus, GoalStatusArray
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Pose as PoseMessage
-from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, TransformStamped
 from nav_msgs.msg import OccupancyGrid, Odometry, Path
 from sensor_msgs.msg import BatteryState
 
@@ -93,6 +93,17 @@ def estimate_message(estimate: Estimate, frame_id: str, nanoseconds: int) -> Pos
     message.pose.covariance[X_VARIANCE] = float(estimate.xy_variance)
     message.pose.covariance[Y_VARIANCE] = float(estimate.xy_variance)
     message.pose.covariance[YAW_VARIANCE] = float(estimate.yaw_variance)
+    return message
+
+
+def transform_message(pose: Pose, frame_id: str, child_frame_id: str, nanoseconds: int) -> TransformStamped:
+    """Return the geometry_msgs/TransformStamped of a frame that lies at ``pose``."""
+    message = TransformStamped(child_frame_id=child_frame_id)
+    message.header.frame_id = frame_id
+    message.header.stamp = stamp_of(nanoseconds)
+    message.transform.translation.x = float(pose.x)
+    message.transform.translation.y = float(pose.y)
+    message.transform.rotation = pose_message(pose).orientation
     return message
 
 

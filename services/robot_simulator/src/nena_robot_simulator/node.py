@@ -158,9 +158,11 @@ class RobotNode:
         return [self._plan]
 
     def _open_localisation(self) -> list[Any]:
-        self._amcl_pose = self._session.publisher(PoseWithCovarianceStamped, "amcl_pose", LATCHED)
+        topic = self._settings.localisation.pose_topic
+        if topic:
+            self._amcl_pose = self._session.publisher(PoseWithCovarianceStamped, "amcl_pose", LATCHED)
         return [
-            self._amcl_pose,
+            *([self._amcl_pose] if topic else []),
             self._session.subscribe(
                 PoseWithCovarianceStamped, "initialpose", self._on_initial_pose, qos_profile_system_default
             ),
@@ -325,7 +327,9 @@ class RobotNode:
                 nanoseconds=stamp,
             ),
         )
-        estimate = self._robot.scan()
+        if self._endpoints is not None and not self._silent:
+            self._endpoints.publish_transforms(self._settings, stamp)
+        estimate = self._robot.scan() if self._amcl_pose is not None else None
         if estimate is not None:
             message = messages.estimate_message(estimate, self._settings.map_frame, stamp)
             self._publish(self._amcl_pose, message)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-from nena_robot_simulator import faults
+from nena_robot_simulator import faults, messages
 from nena_robot_simulator.map_files import BadMapError, read_map
 from nena_robot_simulator.robot import Robot
 from nena_robot_simulator.servers import Server
@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 
     from nena_robot_simulator.motion import GridMap
     from nena_robot_simulator.server_endpoints import ServerEndpoints
+    from nena_robot_simulator.settings import RobotSettings
 
+TRANSFORMS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 
 
@@ -66,12 +68,26 @@ class Offers:
 
     def __init__(self, session: RosSession, robot: Robot) -> None:
         self._robot = robot
+        self._transforms: Any = None
+        self._transforms_kind: Any = interface("tf2_msgs/msg/TFMessage")
+        if self._transforms_kind:
+            self._transforms = session.publisher(self._transforms_kind, "tf", TRANSFORMS)
         self._collision: Any = None
         self._collision_kind = interface("nav2_msgs/msg/CollisionMonitorState")
         if self._collision_kind:
             self._collision = session.publisher(self._collision_kind, "collision_monitor_state", RELIABLE)
         if kind := interface("nav2_msgs/msg/SpeedLimit"):
             session.subscribe(kind, "speed_limit", self._on_speed_limit, RELIABLE)
+
+    def publish_transforms(self, settings: RobotSettings, nanoseconds: int) -> None:
+        """Publish where the odometry frame is on the map, and the robot in the odometry frame."""
+        if self._transforms is None or not self._transforms.get_subscription_count():
+            return
+        found = [(self._robot.odometry, settings.odom_frame, settings.base_frame)]
+        if (origin := self._robot.map_to_odometry) is not None:
+            found.append((origin, settings.map_frame, settings.odom_frame))
+        transforms = [messages.transform_message(*each, nanoseconds) for each in found]
+        self._transforms.publish(self._transforms_kind(transforms=transforms))
 
     def show_collision(self) -> None:
         """Publish what the collision monitor does."""

@@ -106,6 +106,12 @@ class Robot:
         return self._odom_origin.inverse().then(self._motion.pose)
 
     @property
+    def map_to_odometry(self) -> Pose | None:
+        """The odometry frame in the map frame, as the localisation publishes it; None while it does not."""
+        works = self._localisation.known and self.servers.works(Server.LOCALISATION)
+        return self._odom_origin if works and not self.faults.on(faults.AmclSilent) else None
+
+    @property
     def velocity(self) -> tuple[float, float]:
         """Forward m/s and counter-clockwise rad/s, as an observer with a wall clock sees them."""
         return self._motion.speed * self._time_factor, self._motion.yaw_rate * self._time_factor

@@ -81,6 +81,10 @@ class LocalisationSettings(SettingsGroup):
         default=True,
         description="Localised at start. False: no estimates until an initial pose.",
     )
+    pose_topic: bool = Field(
+        default=True,
+        description="Publish amcl_pose. False: transforms alone, as SLAM and other localisers do.",
+    )
     xy_deviation: float = Field(0.02, ge=0, description="Standard deviation of the estimated position, m.")
     yaw_deviation: float = Field(0.01, ge=0, description="Standard deviation of the estimated heading, rad.")
 

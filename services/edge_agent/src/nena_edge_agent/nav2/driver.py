@@ -59,6 +59,7 @@ from nena_edge_agent.nav2.session_control import (
 )
 from nena_edge_agent.nav2.settings import RosAddress, RosSettings
 from nena_edge_agent.nav2.speed_limit import SpeedLimiter
+from nena_edge_agent.nav2.transforms import TransformWatch
 from nena_shared.clock import Clock
 from nena_shared.log import get_logger
 from nena_shared.program import StartError
@@ -119,6 +120,7 @@ class Nav2Driver:
         self._blocked = False
         self._navigation: NavigationReport | None = None
         self._node: Nav2Node | None = None
+        self._transforms = TransformWatch(settings, self._on_pose)
         self._tasks = Supervisor()
         self._stack = AsyncExitStack()
         self._ticking: asyncio.TimerHandle | None = None
@@ -143,6 +145,7 @@ class Nav2Driver:
             )
             raise StartError(message) from error
         self._action.check(self._settings)
+        self._transforms.check()
         await self._begin_session()
         await self._stack.enter_async_context(self._tasks)
         self._tasks.start("watch Nav2", forever("watch Nav2", self._watch), vital=False)
@@ -239,7 +242,8 @@ class Nav2Driver:
             self._on_battery,
             self._on_plan,
         )
-        own: list[NodeExtension] = [each for each in (self._limiter, self._map_server) if each is not None]
+        found = (self._transforms, self._limiter, self._map_server)
+        own: list[NodeExtension] = [each for each in found if each is not None]
         if interface(COLLISION_MONITOR) is not None:
             own.append(CollisionMonitor(self._settings.names.collision_monitor, self._tell))
         extensions = (*self._extensions, *own, *self._action.new_client(self._settings))
@@ -287,6 +291,7 @@ class Nav2Driver:
         await self.session.look()
         async with self.session.step:
             if self._node is not None:
+                self._look_at_transforms()
                 seen = await self._node.presence()
                 seen = replace(seen, action=self._action.look())
                 report = presence.judge(seen, self._settings, pose_known=self._localisation.known)
@@ -294,6 +299,12 @@ class Nav2Driver:
                 self._on_navigation(seen.servers, report)
                 self._watch_drive()
         await asyncio.sleep(self._settings.watch_period)
+
+    def _look_at_transforms(self) -> None:
+        lost = bool(self._transforms.problem)
+        self._transforms.look()
+        if lost or self._transforms.problem:
+            self._report_pose()
 
     def _with_limits(self, report: NavigationReport) -> NavigationReport:
         """Wait for a controller that takes limits where the next goal has one."""
@@ -418,7 +429,9 @@ class Nav2Driver:
 
     def _report_pose(self) -> None:
         report = self._localisation.report()
-        if report is not None and self._pose_watch.lost:
+        if report is not None and self._transforms.problem:
+            report = replace(report, localized=False, problem=self._transforms.problem)
+        elif report is not None and self._pose_watch.lost:
             seconds = self._settings.localisation.pose_timeout
             problem = f"the localisation has sent no pose for more than {seconds:g} s of driving"
             report = replace(report, localized=False, problem=problem)

@@ -15,6 +15,7 @@ from nena_edge_agent.nav2.settings import RosSettings
 CLEAR_COSTMAP = "nav2_msgs/srv/ClearEntireCostmap"
 COLLISION_MONITOR = "nav2_msgs/msg/CollisionMonitorState"
 LOAD_MAP = "nav2_msgs/srv/LoadMap"
+TRANSFORMS = "tf2_msgs/msg/TFMessage"
 SPEED_LIMIT = "nav2_msgs/msg/SpeedLimit"
 
 

@@ -135,8 +135,10 @@ class RosSession:
         handle: Callable[[T], None],
         limit: int = 1,
         due: Callable[[], bool] | None = None,
-    ) -> None:
+    ) -> Any:  # noqa: ANN401
         """Read each message of a topic in the ROS thread and handle what comes out in the loop.
+
+        Returns the subscription.
 
         At most ``limit`` readings wait for the loop, the oldest is dropped. A message that cannot be read is
         told once until the next good one, and costs that message only. Of a topic with more messages than are
@@ -158,7 +160,7 @@ class RosSession:
                 well = False
 
         raw, events = due is not None, _events(qos)
-        node.create_subscription(kind, topic, on_message, qos, event_callbacks=events, raw=raw)
+        return node.create_subscription(kind, topic, on_message, qos, event_callbacks=events, raw=raw)
 
     async def call(self, client: Any, request: Any, *, seconds: float) -> Any:  # noqa: ANN401
         """Call a service and give its answer; None when it is not there or silent for ``seconds``."""

@@ -71,6 +71,15 @@ class Navigation(StrEnum):
     """By the action that drives over several places: nodes ahead are given with the next one."""
 
 
+class PoseSource(StrEnum):
+    """What tells where the robot is."""
+
+    AUTO = "auto"
+    """The topic, and the transforms while nothing publishes on it."""
+    TOPIC = "topic"
+    TF = "tf"
+
+
 def status_of(action: str) -> str:
     """Return the topic of an action's goal statuses."""
     return f"{action}/_action/status"
@@ -102,6 +111,8 @@ class RosNames(SettingsGroup):
     collision_monitor: RosName = Field(
         "collision_monitor_state", description="Topic of the collision monitor's state."
     )
+    tf: RosName = Field("tf", description="Topic of the transforms.")
+    tf_static: RosName = Field("tf_static", description="Topic of the static transforms.")
     map_server: RosName = Field("map_server", description="Nav2's map server, for maps.store = nav2.")
     clear_costmaps: tuple[RosName, ...] = Field(
         (
@@ -234,6 +245,20 @@ class RosSettings(SettingsGroup):
     node_name: NodeName = Field("nena_edge_agent", description="Name of the agent's ROS node.")
     frame: str = Field(
         "map", min_length=1, max_length=200, description="Nav2's global frame, for goals and poses."
+    )
+    base_frame: str = Field(
+        "base_link",
+        min_length=1,
+        max_length=200,
+        description="Frame of the robot, for the pose by transforms.",
+    )
+    pose_source: PoseSource = Field(
+        PoseSource.AUTO,
+        description="Source of the robot's pose: topic (names.pose); tf (transforms from frame to "
+        "base_frame, needs tf2_msgs); auto: the topic, and transforms while nothing publishes on it.",
+    )
+    transform_timeout: Seconds = Field(
+        2.0, description="Time without a transform after which the pose is unknown, seconds."
     )
     names: RosNames = Field(default_factory=RosNames, description="Topics and services.")
     navigation: Navigation = Field(

@@ -1,0 +1,196 @@
+"""The robot's pose by the transforms of its frames, where no localisation publishes a pose.
+
+SLAM, nav2_loopback_sim and other localisers publish the transform ``map`` → ``odom`` alone; the robot's
+odometry publishes ``odom`` → ``base_link`` many times a second.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from nena_edge_agent.nav2.offers import TRANSFORMS, interface
+from nena_edge_agent.nav2.poses import PoseReading, wrap, yaw_of
+from nena_edge_agent.nav2.settings import PoseSource, RosSettings
+from nena_shared.log import get_logger
+from nena_shared.program import StartError
+
+if TYPE_CHECKING:
+    from nena_edge_agent.nav2.session import RosSession
+
+log = get_logger(__name__)
+
+LONGEST_CHAIN = 20
+"""Frames between the robot and the map at most."""
+STEP = 0.05
+"""Metres, or radians, between two poses that are told."""
+PERIOD = 1.0
+"""Seconds after which a pose is told also at standstill."""
+LOOKS = 3
+"""Looks at the graph without a publisher of poses after which transforms are listened to."""
+WAITING = 50
+"""Messages that may wait for the event loop."""
+
+
+@dataclass(frozen=True, slots=True)
+class Transform:
+    """How the frame ``child`` lies in ``parent``, in the plane: m, rad; stamp in ns."""
+
+    parent: str
+    child: str
+    x: float
+    y: float
+    yaw: float
+    stamp: int
+
+
+class Chain:
+    """Keeps the newest transform of each frame; times are monotonic seconds of arrival."""
+
+    def __init__(self, top: str, bottom: str, *, timeout: float) -> None:
+        """``top`` is the map's frame, ``bottom`` the robot's; each transform lasts ``timeout`` seconds."""
+        self._top = top
+        self._bottom = bottom
+        self._timeout = timeout
+        self._known: dict[str, tuple[Transform, float]] = {}
+        self.missing = ""
+        """Why there was no pose at the last look."""
+
+    def put(self, transforms: tuple[Transform, ...], now: float) -> bool:
+        """Take transforms; return whether one of them may move the robot."""
+        for each in transforms:
+            self._known[each.child] = (each, now)
+        return any(each.child == self._bottom or each.parent == self._top for each in transforms)
+
+    def pose(self, now: float) -> PoseReading | None:
+        """Return where the robot is, None: a transform is missing or too old."""
+        frame, x, y, yaw, stamp = self._bottom, 0.0, 0.0, 0.0, 0
+        for _ in range(LONGEST_CHAIN):
+            if frame == self._top:
+                self.missing = ""
+                return PoseReading(x, y, wrap(yaw), self._top, stamp, 0.0, 0.0, 0.0)
+            found, at = self._known.get(frame, (None, 0.0))
+            if found is None or now - at > self._timeout:
+                break
+            cos, sin = math.cos(found.yaw), math.sin(found.yaw)
+            x, y = found.x + cos * x - sin * y, found.y + sin * x + cos * y
+            yaw, stamp, frame = yaw + found.yaw, max(stamp, found.stamp), found.parent
+        self.missing = f"no transform leads from the frame {self._top} to {frame}"
+        return None
+
+
+def transforms_of(message: Any) -> tuple[Transform, ...]:  # noqa: ANN401 - rclpy carries no types
+    """Read a tf2_msgs/TFMessage; transforms with numbers that are none are left out."""
+    found = []
+    for each in message.transforms:
+        place, turn = each.transform.translation, each.transform.rotation
+        yaw = yaw_of(turn.x, turn.y, turn.z, turn.w)
+        if yaw is None or not math.isfinite(place.x + place.y):
+            continue
+        stamp = each.header.stamp.sec * 1_000_000_000 + each.header.stamp.nanosec
+        parent, child = each.header.frame_id.removeprefix("/"), each.child_frame_id.removeprefix("/")
+        found.append(Transform(parent, child, place.x, place.y, yaw, stamp))
+    return tuple(found)
+
+
+class TransformWatch:
+    """Tells poses of the transforms while no localisation publishes its own.
+
+    ``tell`` gets each pose that is news. A transform that stays out for ``ros.transform_timeout`` makes the
+    pose unknown.
+    """
+
+    def __init__(self, settings: RosSettings, tell: Callable[[PoseReading], None]) -> None:
+        self._settings = settings
+        self._tell = tell
+        self._looks = 0
+        self._subscriptions: list[Any] = []
+        self._session: RosSession | None = None
+        self._node: Any = None
+        self._chain = self._new_chain()
+        self._told: PoseReading | None = None
+        self._told_at = -math.inf
+
+    def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401
+        """Be on a new node; it is listened to once there is need."""
+        self._session, self._node = session, node
+        self._looks, self._subscriptions = 0, []
+        self._chain, self._told = self._new_chain(), None
+
+    def check(self) -> None:
+        """Check whether the settings ask for what this machine does not have.
+
+        Raises:
+            StartError: poses by transforms are wanted, and their type cannot be loaded.
+
+        """
+        if self._settings.pose_source is PoseSource.TF and interface(TRANSFORMS) is None:
+            message = (
+                "ros.pose_source: tf needs tf2_msgs; source the robot's ROS installation before the start"
+            )
+            raise StartError(message)
+
+    @property
+    def problem(self) -> str:
+        """Why the pose is not known, where it is by transforms; empty: it is, or comes otherwise."""
+        if not self._subscriptions or self._told is None:
+            return ""
+        self._chain.pose(time.monotonic())
+        missing = self._chain.missing
+        return missing and f"{missing} since {self._settings.transform_timeout:g} s"
+
+    def look(self) -> None:
+        """Begin to listen where nothing publishes poses, and cease where something does."""
+        source = self._settings.pose_source
+        if source is PoseSource.TOPIC or self._session is None:
+            return
+        topic = self._settings.names.pose
+        published = source is PoseSource.AUTO and self._node.count_publishers(topic) > 0
+        self._looks = 0 if published else self._looks + 1
+        if published and self._subscriptions:
+            log.info("poses come by topic", topic=topic)
+            for each in self._subscriptions:
+                self._node.destroy_subscription(each)
+            self._subscriptions, self._told = [], None
+        elif not self._subscriptions and (self._looks >= LOOKS or source is PoseSource.TF):
+            self._listen(self._session)
+
+    def _listen(self, session: RosSession) -> None:
+        from nena_edge_agent.nav2.node import LATCHED, SENSOR  # noqa: PLC0415 - needs rclpy
+
+        kind, names = interface(TRANSFORMS), self._settings.names
+        if kind is None:
+            return
+        log.info("poses are taken of transforms", base=self._settings.base_frame, map=self._settings.frame)
+        self._subscriptions = [
+            session.subscribe(self._node, kind, topic, qos, read=transforms_of, handle=handle, limit=WAITING)
+            for topic, qos, handle in (
+                (names.tf, SENSOR, self._on_transforms),
+                (names.tf_static, LATCHED, self._on_static),
+            )
+        ]
+
+    def _on_transforms(self, transforms: tuple[Transform, ...]) -> None:
+        now = time.monotonic()
+        if not self._chain.put(transforms, now):
+            return
+        pose = self._chain.pose(now)
+        if pose is not None and (self._is_news(pose) or now - self._told_at >= PERIOD):
+            self._told, self._told_at = pose, now
+            self._tell(pose)
+
+    def _on_static(self, transforms: tuple[Transform, ...]) -> None:
+        self._chain.put(transforms, math.inf)
+
+    def _is_news(self, pose: PoseReading) -> bool:
+        last = self._told
+        if last is None:
+            return True
+        return math.dist((pose.x, pose.y), (last.x, last.y)) >= STEP or abs(wrap(pose.yaw - last.yaw)) >= STEP
+
+    def _new_chain(self) -> Chain:
+        settings = self._settings
+        return Chain(settings.frame, settings.base_frame, timeout=settings.transform_timeout)
