@@ -34,6 +34,7 @@ from nena_order_service.vehicles.zone_sets import ZoneSets
 from nena_shared.clock import Clock, SystemClock
 from nena_shared.fleet_api.requests import Readiness
 from nena_shared.fleet_api.topics import FleetTopics
+from nena_shared.loop_lag import LoopLag
 from nena_shared.mqtt import LinkHooks, MqttLink, Term, always
 from nena_shared.plant import PlantModel
 from nena_shared.vda5050.topics import TopicScheme
@@ -53,6 +54,7 @@ class OrderService:
     mqtt_api: MqttApi
     stream: EventStream
     hosts: HostServices
+    loop_lag: LoopLag
 
     async def begin(self, start: Callable[..., asyncio.Task[None]]) -> None:
         """Take up what is in the store, then let all parts run; ``start`` starts their tasks."""
@@ -61,6 +63,7 @@ class OrderService:
         start("mqtt", self.mqtt.run())
         start("fleet control", self.fleet.run())
         start("kernel", self.engine.run())
+        start("loop lag", self.loop_lag.run())
         start("zone sets", self.hosts.zones.run())
         start("retained sweep", self.sweep.run(), vital=False)
 
@@ -106,16 +109,17 @@ def build(
     operations = HostOperations(hosts)
     limits = MqttLimits(settings.hosts, clock)
     mqtt_api = MqttApi(mqtt, topics, operations, limits=limits, max_body=settings.max_body)
+    loop_lag = LoopLag(clock)
     service = Service(
         plant_json=plant_json,
         change_plant=change_plant,
         asyncapi=json.dumps(document(topics)).encode(),
-        readiness=lambda: readiness(mqtt, store),
+        readiness=lambda: readiness(mqtt, store, loop_lag.longest),
         max_body=settings.max_body,
         mounted=_mounted(settings, plant, engine, hosts, operations),
     )
     app = make_app(operations, stream, service)
-    return OrderService(store, engine, fleet, publisher, sweep, mqtt, app, mqtt_api, stream, hosts)
+    return OrderService(store, engine, fleet, publisher, sweep, mqtt, app, mqtt_api, stream, hosts, loop_lag)
 
 
 def _make_fleet(
@@ -162,7 +166,7 @@ def _client_id(settings: OrderServiceSettings, epoch: int) -> str:
     return f"{name}-{epoch}" if epoch else name
 
 
-def readiness(mqtt: MqttLink, store: Store) -> Readiness:
+def readiness(mqtt: MqttLink, store: Store, loop_lag: float = 0.0) -> Readiness:
     """Return whether the broker is connected and the store can be written."""
     problems = []
     if not mqtt.state.connected:
@@ -177,6 +181,7 @@ def readiness(mqtt: MqttLink, store: Store) -> Readiness:
         ready=not problems,
         broker_connected=mqtt.state.connected,
         store_ready=store.ready,
+        loop_lag=round(loop_lag, 4),
         problems=tuple(problems),
     )
 

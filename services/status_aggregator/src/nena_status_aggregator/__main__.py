@@ -40,6 +40,7 @@ async def serve(settings: AggregatorSettings, stop: asyncio.Event) -> None:
         http = tasks.start("http", server.run())
         tasks.start("mqtt link", aggregator.link.run())
         tasks.start("publish changes", aggregator.keep_publishing())
+        tasks.start("loop lag", aggregator.loop_lag.run())
         try:
             await tasks.wait(stop)
         finally:

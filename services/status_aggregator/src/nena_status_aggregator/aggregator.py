@@ -8,6 +8,7 @@ from secrets import token_hex
 from pydantic_core import to_json
 
 from nena_shared.clock import Clock, iso
+from nena_shared.loop_lag import LoopLag
 from nena_status_aggregator.api.events import EventStream
 from nena_status_aggregator.fleet.model import FleetModel, ModelLimits
 from nena_status_aggregator.fleet.robot import Timestamp
@@ -42,6 +43,7 @@ class Aggregator:
         self.model = FleetModel(limits, self.history.writer.add if self.history else lambda _: None)
         self.link = FleetSubscriber(settings, self.model, clock)
         self.events = EventStream(settings.events, epoch=token_hex(4), snapshot=self._snapshot)
+        self.loop_lag = LoopLag(clock)
         self._interval = settings.events.interval
 
     def now(self) -> Timestamp:

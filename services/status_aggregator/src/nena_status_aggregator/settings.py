@@ -203,7 +203,7 @@ class AggregatorSettings(ServiceSettings):
         description="Reject robot messages that violate VDA 5050 instead of repairing them.",
     )
     robots_limit: int = Field(
-        2000,
+        10_000,
         ge=1,
         description="Maximum number of robots; beyond, a new robot replaces a silent one or is ignored.",
     )

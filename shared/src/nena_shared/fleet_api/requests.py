@@ -270,4 +270,6 @@ class Readiness(Resource):
     """A standby waits until the active one has ended; one that starts, until its store takes changes."""
     broker_connected: bool
     store_ready: bool
+    loop_lag: float = 0.0
+    """Longest time in the last minute for which the event loop kept work waiting, s."""
     problems: tuple[str, ...] = ()

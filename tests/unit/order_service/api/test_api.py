@@ -16,6 +16,7 @@ async def test_health_and_readiness(client: httpx.AsyncClient, service: OrderSer
         "role": "active",
         "brokerConnected": True,
         "storeReady": True,
+        "loopLag": 0.0,
         "problems": [],
     }
     service.store.problem = "disk full"

@@ -4,6 +4,7 @@ import httpx
 import pytest
 
 from nena_status_aggregator.aggregator import Aggregator
+from nena_status_aggregator.api.app import takes_gzip
 
 
 async def test_files_outside_the_page_are_out_of_reach(client: httpx.AsyncClient) -> None:
@@ -54,6 +55,34 @@ async def test_health_and_readiness(client: httpx.AsyncClient, aggregator: Aggre
     assert "broker" in unready.json()["detail"]
     aggregator.model.on_link(connected=True, at=aggregator.now())
     assert (await client.get("/readyz")).json() == {"status": "ready"}
+
+
+@pytest.mark.usefixtures("populated")
+async def test_metrics_are_compressed_for_who_takes_gzip(client: httpx.AsyncClient) -> None:
+    plain = await client.get("/metrics", headers={"accept-encoding": "identity"})
+    assert "content-encoding" not in plain.headers
+    packed = await client.get("/metrics", headers={"accept-encoding": "br;q=1.0, gzip;q=0.5"})
+    assert packed.headers["content-encoding"] == "gzip"
+    assert packed.headers["vary"] == "Accept-Encoding"
+    assert int(packed.num_bytes_downloaded) < len(plain.content) / 3
+    names = [{line.split(" ")[0] for line in each.text.splitlines()} for each in (plain, packed)]
+    assert names[0] == names[1]
+
+
+@pytest.mark.parametrize(
+    ("header", "taken"),
+    [
+        ("gzip", True),
+        ("*", True),
+        ("GZIP;q=0.1", True),
+        ("gzip;q=0", False),
+        ("gzip; q=0.000", False),
+        ("br", False),
+        ("", False),
+    ],
+)
+def test_who_takes_gzip(header: str, *, taken: bool) -> None:
+    assert takes_gzip(header) is taken
 
 
 @pytest.mark.usefixtures("populated")

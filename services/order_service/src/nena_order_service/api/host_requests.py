@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import Counter
+from collections.abc import AsyncIterator
 from dataclasses import dataclass
 from math import hypot
 
@@ -58,6 +59,9 @@ from nena_shared.plant import MapPose, PlantPose, Point
 from nena_shared.vda5050.action import Action, ActionParameter, BlockingType
 
 ANY = "*"
+
+STATUSES_AT_ONCE = 50
+"""Vehicles that are looked at before the event loop does other work; each takes some 0.1 ms."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -254,21 +258,26 @@ class HostRequests:
             left_out=len(found[limit:]),
         )
 
-    def vehicles(self) -> tuple[VehicleStatus, ...]:
-        """Return all vehicles."""
-        return tuple(self._engine.status(vehicle) for vehicle in self._engine.registry)
+    async def vehicles(self, after: str | None = None) -> AsyncIterator[VehicleStatus]:
+        """Yield all vehicles, or those behind the one named ``after``; other work is done in between."""
+        vehicles = [*self._engine.registry]
+        start = vehicles.index(self._vehicle(after)) + 1 if after is not None else 0
+        for place, vehicle in enumerate(vehicles[start:], 1):
+            yield self._engine.status(vehicle)
+            if place % STATUSES_AT_ONCE == 0:
+                await asyncio.sleep(0)
 
     def vehicle(self, name: str) -> VehicleStatus:
         """Return a vehicle."""
         return self._engine.status(self._vehicle(name))
 
-    def summary(self) -> FleetSummary:
+    async def summary(self) -> FleetSummary:
         """Return how many unfinished orders and vehicles there are in each state."""
         orders = list(self._engine.state.orders.unfinished())
         oldest = min(orders, key=lambda order: order.number, default=None)
         return FleetSummary(
             transport_orders=Counter(order.state for order in orders),
-            vehicles=Counter(vehicle.state for vehicle in self.vehicles()),
+            vehicles=Counter([vehicle.state async for vehicle in self.vehicles()]),
             oldest_order=oldest.name if oldest else None,
         )
 

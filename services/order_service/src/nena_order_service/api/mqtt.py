@@ -14,6 +14,7 @@ from typing import Any, Final, TypeVar, cast
 from pydantic import BaseModel, Field, ValidationError, create_model
 from pydantic_core import from_json
 
+from nena_order_service.api.encoding import encode
 from nena_order_service.api.host_requests import ETag
 from nena_order_service.api.operations import Call, HostOperations
 from nena_order_service.api.problems import FORESEEN, problem_of
@@ -218,7 +219,8 @@ class MqttApi:
             found: dict[str, Any] = {"status": problem.status, "problem": problem}
         else:
             found = {"status": reply.status, operation.result: reply.body}
-        self._publish(topic, CommandAnswer(request_id=command.request_id, **found))
+        answer = CommandAnswer(request_id=command.request_id, **found)
+        self._mqtt.publish(Outbound(topic, await encode(answer, exclude_none=True)))
 
     def _refuse(self, host: str, name: str, message: Inbound, problem: Problem) -> None:
         request_id = text_in(message, "requestId", max_body=self._max_body)

@@ -527,8 +527,11 @@ def _add_vehicles(
     async def list_vehicles(
         proc_state: Annotated[ProcessingState | None, Query(alias="procState")] = None,
     ) -> Response:
-        chosen = (v for v in requests.vehicles() if proc_state in (None, v.processing_state))
-        states = [VehicleState.of(each, models.get(each.name)) for each in chosen]
+        states = [
+            VehicleState.of(each, models.get(each.name))
+            async for each in requests.vehicles()
+            if proc_state in (None, each.processing_state)
+        ]
         return Response(_VEHICLES.dump_json(states, by_alias=True), media_type="application/json")
 
     @_serve(app, table.SHOW_VEHICLE, response_model=VehicleState)

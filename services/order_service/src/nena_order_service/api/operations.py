@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
 from http import HTTPStatus
-from itertools import islice
 from typing import Any, Generic, TypeVar
 
 from pydantic import BaseModel
 
 from nena_order_service.api.host_requests import ETag, HostServices
-from nena_order_service.errors import UnknownVehicleError
 from nena_order_service.fleet import InstantActionEnded
 from nena_order_service.store.database import OrderFilter, SequenceFilter
 from nena_shared.fleet_api import operations as table
@@ -192,12 +190,12 @@ class HostOperations:
             query.state or tuple(VehicleState),
             query.processing_state or tuple(ProcessingState),
         )
-        chosen = (
-            each
-            for each in self._vehicles_after(query.after)
-            if each.state in states and each.processing_state in processing
-        )
-        found = [*islice(chosen, query.limit + 1)]
+        found: list[VehicleStatus] = []
+        async for each in self._orders.vehicles(query.after):
+            if each.state in states and each.processing_state in processing:
+                found.append(each)
+            if len(found) > query.limit:
+                break
         page = tuple(found[: query.limit])
         return Reply(VehicleList(vehicles=page, next=page[-1].name if len(found) > query.limit else None))
 
@@ -292,16 +290,7 @@ class HostOperations:
     @_does(table.SUMMARISE)
     async def summarise(self, _: Call[None]) -> Reply:
         """Count unfinished orders and vehicles by state."""
-        return Reply(self._orders.summary())
-
-    def _vehicles_after(self, name: str | None) -> tuple[VehicleStatus, ...]:
-        vehicles = self._orders.vehicles()
-        if name is None:
-            return vehicles
-        names = [each.name for each in vehicles]
-        if name not in names:
-            raise UnknownVehicleError(name)
-        return vehicles[names.index(name) + 1 :]
+        return Reply(await self._orders.summary())
 
     def _parameters(self, vehicle: str, asked: InstantActionRequest) -> tuple[ActionParameter, ...]:
         """Return the action's parameters; a pose is converted to the frame of the vehicle's map."""

@@ -22,6 +22,7 @@ from starlette.routing import Mount
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from nena_order_service.api import problems
+from nena_order_service.api.encoding import encode
 from nena_order_service.api.events import EventKind, EventStream, Interest
 from nena_order_service.api.host_requests import ETag
 from nena_order_service.api.operations import Call, Handler, HostOperations, Reply
@@ -127,7 +128,7 @@ def _add_route(router: APIRouter, operation: Operation[Any], handler: Handler) -
     async def endpoint(http: Request, **given: Any) -> Response:  # noqa: ANN401 - as the signature says
         call = _call(operation, http, given)
         known = given.get("if_none_match")
-        return _response(operation, await handler(call), known=None if known is None else ETag(known))
+        return await _response(operation, await handler(call), known=None if known is None else ETag(known))
 
     endpoint.__signature__ = Signature([*_parameters(operation)])  # type: ignore[attr-defined]
     successes: dict[int | str, dict[str, Any]] = {
@@ -186,7 +187,7 @@ def _call(operation: Operation[Any], http: Request, given: Mapping[str, Any]) ->
     return Call(given.get("name", ""), request, caller, None if seen is None else ETag(seen))
 
 
-def _response(operation: Operation[Any], reply: Reply, *, known: ETag | None) -> Response:
+async def _response(operation: Operation[Any], reply: Reply, *, known: ETag | None) -> Response:
     headers: dict[str, str] = {}
     body: Any = reply.body
     if operation.versioned or operation.creates:
@@ -195,7 +196,7 @@ def _response(operation: Operation[Any], reply: Reply, *, known: ETag | None) ->
             return Response(status_code=HTTPStatus.NOT_MODIFIED, headers=headers)
     if operation.creates:
         headers["Location"] = f"{operation.creates}/{quote(body.name)}"
-    return as_json(body, reply.status, headers)
+    return Response(await encode(body), reply.status, headers, "application/json")
 
 
 def as_json(

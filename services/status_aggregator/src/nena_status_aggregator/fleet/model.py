@@ -95,7 +95,7 @@ class MapCache:
 class ModelLimits:
     """Limits of the fleet model."""
 
-    robots: int = 2000
+    robots: int = 10_000
     orders: int = 1000
     silence: float | None = None
     """Time without a state after which a robot is silent, s; None: see ``Robot.silence_limit``."""

@@ -48,6 +48,12 @@ class FleetCollector(Collector):
         yield from self._link()
         yield from self._events()
         yield from self._history()
+        yield _gauge(
+            "nena_event_loop_lag_seconds",
+            "Longest time in the last minute for which the event loop kept work waiting.",
+            (),
+            [((), self._aggregator.loop_lag.longest)],
+        )
 
     def _robots(self) -> Iterator[Metric]:
         counts = Counter(robot.condition for robot in self._model.robots)

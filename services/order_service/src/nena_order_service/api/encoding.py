@@ -1,0 +1,45 @@
+"""Answers as JSON; long ones in slices, between which the event loop does other work."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+from pydantic import BaseModel
+
+SLICE = 25
+"""Objects of a list that are encoded at once: orders, the longest ones, take some 0.2 ms each."""
+
+
+async def encode(body: BaseModel, *, exclude_none: bool = False) -> bytes:
+    """Return an answer as JSON."""
+    long = {name for name, value in body if _is_long(value)}
+    short = body.model_dump_json(by_alias=True, exclude_none=exclude_none, exclude=long or None).encode()
+    if not long:
+        return short
+    parts = [] if short == b"{}" else [short[1:-1]]
+    for name, value in body:
+        if name in long:
+            field = type(body).model_fields[name]
+            alias = field.serialization_alias or field.alias or name
+            parts.append(b'"%s":%s' % (alias.encode(), await _encode_long(value, exclude_none=exclude_none)))
+    return b"{%s}" % b",".join(parts)
+
+
+def _is_long(value: object) -> bool:
+    if isinstance(value, tuple):
+        return len(value) > SLICE and all(isinstance(each, BaseModel) for each in value)
+    return isinstance(value, BaseModel) and any(_is_long(each) for _, each in value)
+
+
+async def _encode_long(value: Any, *, exclude_none: bool) -> bytes:  # noqa: ANN401 - as _is_long has it
+    if isinstance(value, BaseModel):
+        return await encode(value, exclude_none=exclude_none)
+    parts = []
+    for start in range(0, len(value), SLICE):
+        parts += [
+            each.model_dump_json(by_alias=True, exclude_none=exclude_none).encode()
+            for each in value[start : start + SLICE]
+        ]
+        await asyncio.sleep(0)
+    return b"[%s]" % b",".join(parts)

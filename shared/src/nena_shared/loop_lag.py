@@ -1,0 +1,48 @@
+"""How long the event loop keeps work waiting: what holds it holds every request and every robot."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+
+from nena_shared.clock import Clock
+
+INTERVAL = 0.1
+"""Seconds between two measurements: a shorter hold may go unnoticed."""
+
+WINDOW = 60.0
+"""Seconds that a measurement counts."""
+
+
+class LoopLag:
+    """Measures by how much a task that is due runs late."""
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._longest: deque[tuple[float, float]] = deque()
+        """Moments and delays of the measurements that no later one exceeds, the longest first."""
+
+    @property
+    def longest(self) -> float:
+        """The longest delay of the last minute, seconds; 0 before the first measurement."""
+        self._forget(self._clock.monotonic())
+        return self._longest[0][1] if self._longest else 0.0
+
+    def note(self, delay: float) -> None:
+        """Count a measurement, seconds."""
+        now = self._clock.monotonic()
+        self._forget(now)
+        while self._longest and self._longest[-1][1] <= delay:
+            self._longest.pop()
+        self._longest.append((now, delay))
+
+    async def run(self) -> None:
+        """Measure until cancelled."""
+        while True:
+            due = self._clock.monotonic() + INTERVAL
+            await asyncio.sleep(INTERVAL)
+            self.note(max(0.0, self._clock.monotonic() - due))
+
+    def _forget(self, now: float) -> None:
+        while self._longest and self._longest[0][0] < now - WINDOW:
+            self._longest.popleft()
