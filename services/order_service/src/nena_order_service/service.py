@@ -90,7 +90,7 @@ def build(
 
     """
     clock = SystemClock()
-    engine = _make_engine(settings, plant, store, clock)
+    engine = make_engine(settings, plant, store, clock)
     client_id = _client_id(settings, epoch)
     mqtt = MqttLink(
         settings.mqtt,
@@ -98,7 +98,7 @@ def build(
         hooks=LinkHooks(on_connected=lambda: publisher.greeting()),  # noqa: PLW0108 - made below, of this link
         term=term,
     )
-    fleet = _make_fleet(settings, mqtt, engine, clock, epoch=epoch)
+    fleet = make_fleet(settings, mqtt, engine, clock, epoch=epoch)
     hosts = _make_host_services(engine, fleet)
     topics = FleetTopics(settings.topic_prefix)
     plant_json, end_kept = plant.to_json().encode(), settings.end_kept
@@ -122,9 +122,10 @@ def build(
     return OrderService(store, engine, fleet, publisher, sweep, mqtt, app, mqtt_api, stream, hosts, loop_lag)
 
 
-def _make_fleet(
-    settings: OrderServiceSettings, mqtt: MqttLink, engine: Engine, clock: Clock, *, epoch: int
+def make_fleet(
+    settings: OrderServiceSettings, mqtt: MqttLink, engine: Engine, clock: Clock, *, epoch: int = 0
 ) -> FleetLink:
+    """Wire up fleet control over the link ``mqtt``."""
     return FleetLink(
         mqtt,
         addresses=_make_addresses(settings, engine.registry),
@@ -200,7 +201,8 @@ def _make_addresses(settings: OrderServiceSettings, registry: VehicleRegistry) -
     return addresses
 
 
-def _make_engine(settings: OrderServiceSettings, plant: PlantModel, store: Store, clock: Clock) -> Engine:
+def make_engine(settings: OrderServiceSettings, plant: PlantModel, store: Store, clock: Clock) -> Engine:
+    """Wire up the engine over ``store``."""
     router = Router(plant, evaluators(settings.routing.costs, plant))
     any_day = Router(plant, evaluators(settings.routing.costs, plant))
     finder = RouteFinder(plant, router, any_day=any_day)

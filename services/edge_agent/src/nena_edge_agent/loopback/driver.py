@@ -222,6 +222,11 @@ class LoopbackDriver:
         self._stand()
         self._stop_charge_timer()
 
+    @property
+    def moving(self) -> bool:
+        """Whether the robot drives, turns or brakes."""
+        return self._motion is not None
+
     def go_to(self, goal: DriveGoal) -> None:
         """Drive straight to ``goal`` from where the robot is."""
         self._stand()

@@ -1,0 +1,71 @@
+"""``nena simulate``: a plant file goes in; tables, JSON, Markdown and pictures come out."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from defusedxml.ElementTree import fromstring
+from typer.testing import CliRunner
+
+from bench.traffic_halls import two_halls
+from nena_cli.__main__ import app as nena
+from nena_simulate.__main__ import app
+from nena_simulate.heat_map import heat_map
+
+SHORT = ("--hours", "0.02", "--warm-up", "0.2", "--speed", "3", "--work", "2")
+
+
+@pytest.fixture
+def plant(tmp_path: Path) -> Path:
+    file = tmp_path / "halls.json"
+    file.write_text(two_halls().with_robots(2).to_json(), encoding="utf-8")
+    return file
+
+
+def test_fleet_sizes_side_by_side_in_every_form(plant: Path, tmp_path: Path) -> None:
+    files = ("--json", tmp_path / "r.json", "--markdown", tmp_path / "r.md", "--heat-maps", tmp_path / "maps")
+
+    result = CliRunner().invoke(app, [str(plant), "--robots", "2,4", *SHORT, *map(str, files)])
+
+    assert result.exit_code == 0, result.output
+    figures = json.loads((tmp_path / "r.json").read_text())["figures"]
+    assert [each["robots"] for each in figures] == [2, 4]
+    rate = f"{figures[0]['orders_per_hour']:>5}  {figures[1]['orders_per_hour']:>5}"
+    assert rate in result.output
+    assert "| orders per hour |" in (tmp_path / "r.md").read_text()
+    pictures = sorted(each.name for each in (tmp_path / "maps").iterdir())
+    assert pictures == ["waiting-2.svg", "waiting-4.svg"]
+
+
+def test_nena_passes_its_arguments_on(plant: Path) -> None:
+    result = CliRunner().invoke(nena, ["simulate", str(plant), "--robots", "none"])
+
+    assert result.exit_code == 2
+    assert "'none' is no list of fleet sizes" in result.output
+
+
+@pytest.mark.parametrize("text", ["no plant", '{"name": "empty"}'])
+def test_what_is_no_plant_to_drive_in_is_refused_with_a_reason(tmp_path: Path, text: str) -> None:
+    file = tmp_path / "plant.json"
+    file.write_text(text, encoding="utf-8")
+
+    result = CliRunner().invoke(app, [str(file), *SHORT])
+
+    assert result.exit_code == 1
+    assert "nena simulate: " in result.output
+
+
+def test_the_picture_shows_where_waiting_is_longest() -> None:
+    plant = two_halls().plant
+    path, point = plant.paths[0].name, plant.points[5].name
+
+    picture = fromstring(heat_map(plant, {path: 3.0, f"{path}:backward": 1.0, point: 2.0}, "halls & doors"))
+
+    lines = [each for each in picture if each.tag.endswith("line")]
+    assert len(lines) == len(plant.paths)
+    assert lines[-1].get("stroke") == "#c92a2a"
+    assert lines[-1][0].text == f"{path}: 4.0"
+    (circle,) = [each for each in picture if each.tag.endswith("circle")]
+    assert circle[0].text == f"{point}: 2.0"

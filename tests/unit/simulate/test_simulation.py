@@ -1,0 +1,89 @@
+"""The same seed gives the same result; the figures are right, and disturbances show in them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from bench.pibt import bound
+from bench.traffic_halls import SPEED_MM_S, two_halls
+from nena_simulate.demand import Demand, Relation
+from nena_simulate.observation import Doing
+from nena_simulate.simulation import simulate, simulate_all
+from nena_simulate.site import Case, Disturbances
+
+HALL = two_halls()
+MINUTES = 1.5
+CASE = Case(
+    plant=HALL.with_robots(4),
+    demand=Demand(backlog=5),
+    robots=4,
+    hours=MINUTES / 60,
+    warm_up=10.0,
+    speed=SPEED_MM_S / 1000,
+    work_seconds=2.0,
+)
+
+
+@pytest.mark.parametrize("seed", [1])
+@pytest.mark.parametrize("loss", [0.0, 0.02])
+def test_the_same_seed_gives_the_same_result(seed: int, loss: float) -> None:
+    case = replace(CASE, seed=seed, disturbances=Disturbances(loss=loss, speed_spread=0.3))
+
+    assert simulate(case) == simulate(case)
+
+
+def test_processes_of_their_own_give_the_same_result_as_each_other() -> None:
+    one, same, other = simulate_all([CASE, CASE, replace(CASE, seed=2)], jobs=2)
+
+    assert one == same
+    assert one != other
+
+
+def test_one_robot_alone_does_what_nothing_keeps_it_from() -> None:
+    one_by_one = replace(CASE, plant=HALL.with_robots(1), robots=1, hours=0.5, demand=Demand(backlog=1))
+
+    found = simulate(one_by_one)
+
+    assert found.orders_per_hour / 60 == pytest.approx(bound(HALL, 1, turns=True), rel=0.1)
+    assert found.doing[Doing.WAITS] < 0.03
+    assert found.doing[Doing.WORKS] == pytest.approx(found.finished * 4.0 / 1800, rel=0.15)
+    assert 0.3 < found.empty_share < 0.7
+    assert found.failed == 0
+
+
+def test_robots_in_each_others_way_wait_and_it_is_said_where_and_why() -> None:
+    found = simulate(replace(CASE, plant=HALL.with_robots(10), robots=10))
+
+    waited = found.doing[Doing.WAITS] * 10 * 60
+    assert waited > 10
+    assert sum(found.waiting_by_cause.values()) == pytest.approx(waited, rel=0.02)
+    assert sum(found.waiting_by_place.values()) == pytest.approx(waited, rel=0.02)
+    known = HALL.plant.points_by_name.keys() | HALL.plant.paths_by_name.keys()
+    assert found.waiting_by_place.keys() <= known
+    assert not any("Robot" in cause or "robot-" in cause for cause in found.waiting_by_cause)
+
+
+def test_orders_at_a_rate_that_the_fleet_can_do_are_done_soon() -> None:
+    relation = Relation(HALL.stations[0], HALL.stations[-1], 60.0)
+    found = simulate(replace(CASE, demand=Demand(relations=(relation,)), hours=0.2))
+
+    assert found.created == pytest.approx(12, abs=8)
+    assert abs(found.finished - found.created) <= 5
+    assert found.lead_p50 is not None
+    assert 10 < found.lead_p50 < 120
+    assert found.doing[Doing.IDLE] > 0.1
+    assert found.utilisation == pytest.approx(1 - found.doing[Doing.IDLE], abs=0.001)
+
+
+def test_a_robot_that_breaks_down_costs_orders() -> None:
+    alone = replace(CASE, plant=HALL.with_robots(1), robots=1)
+    dead = Disturbances(dead=(0, 15.0, MINUTES * 60))
+
+    assert simulate(replace(alone, disturbances=dead)).finished < simulate(alone).finished / 2
+
+
+def test_more_robots_than_points_are_refused() -> None:
+    with pytest.raises(ValueError, match="do not fit"):
+        simulate(replace(CASE, robots=len(HALL.plant.points)))

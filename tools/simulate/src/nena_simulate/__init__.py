@@ -1,0 +1,1 @@
+"""A site under accelerated time: the real order service and robots, one clock, no broker."""

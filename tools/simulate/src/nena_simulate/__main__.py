@@ -1,0 +1,137 @@
+"""``nena simulate``: what fleets of several sizes get done in a plant, before there are robots."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+from time import perf_counter
+from typing import Annotated
+
+import typer
+
+from nena_shared.plant import PlantModel
+from nena_shared.plant.errors import PlantModelError
+from nena_shared.plant.files import read
+from nena_shared.settings import parse_toml
+from nena_simulate.demand import Demand, read_orders
+from nena_simulate.heat_map import heat_map
+from nena_simulate.report import Figures, Report
+from nena_simulate.simulation import simulate_all
+from nena_simulate.site import Case, Disturbances
+
+app = typer.Typer(add_completion=False)
+
+
+def _sizes(text: str) -> list[int]:
+    try:
+        sizes = [int(each) for each in text.split(",")]
+    except ValueError:
+        sizes = []
+    if not sizes or min(sizes) < 1:
+        message = f"'{text}' is no list of fleet sizes; write 6,8,10"
+        raise typer.BadParameter(message)
+    return sizes
+
+
+def _draw(folder: Path, plant: PlantModel, figures: Iterable[Figures]) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    for each in figures:
+        picture = heat_map(plant, each.waiting_by_place, f"{plant.name}, {each.robots} robots")
+        (folder / f"waiting-{each.robots}.svg").write_text(picture, encoding="utf-8")
+
+
+PlantFile = Annotated[
+    Path, typer.Argument(help="Plant model: openTCS XML, LIF or NeNa JSON.", exists=True, dir_okay=False)
+]
+FleetSizes = Annotated[str, typer.Option(help="Fleet sizes, with commas: 6,8,10.")]
+Hours = Annotated[float, typer.Option(help="Simulated hours.", min=0.01)]
+OrderFile = Annotated[
+    Path | None,
+    typer.Option(help="CSV with from,to,per_hour or at,from,to; or JSON (docs/simulate.md).", exists=True),
+]
+Backlog = Annotated[
+    int, typer.Option(help="Keep so many orders waiting, drawn by the relations' rates.", min=0)
+]
+Seed = Annotated[int, typer.Option(help="What is drawn by lot; the same seed: the same result.")]
+Speed = Annotated[float, typer.Option(help="Speed of the robots, m/s.", min=0.01)]
+Work = Annotated[float, typer.Option(help="Seconds to pick or to drop.", min=0)]
+WarmUp = Annotated[float, typer.Option(help="Minutes before anything counts.", min=0)]
+SettingsFile = Annotated[Path | None, typer.Option(help="Settings of the order service (TOML).", exists=True)]
+Spread = Annotated[
+    float, typer.Option(help="How far robots are slower or faster, by lot: 0.3 is 30 %.", min=0, max=0.9)
+]
+Loss = Annotated[float, typer.Option(help="Share of messages that get lost.", min=0, max=0.5)]
+JsonFile = Annotated[Path | None, typer.Option(help="Write the whole report here.")]
+MarkdownFile = Annotated[Path | None, typer.Option(help="Write the tables here.")]
+PictureFolder = Annotated[
+    Path | None, typer.Option(help="Write an SVG for each fleet size into this folder.")
+]
+Jobs = Annotated[int, typer.Option(help="Fleet sizes that are simulated at the same time.", min=1)]
+
+
+@app.command()
+def simulate(
+    plant: PlantFile,
+    *,
+    robots: FleetSizes = "5",
+    hours: Hours = 1.0,
+    orders: OrderFile = None,
+    backlog: Backlog = 0,
+    seed: Seed = 1,
+    speed: Speed = 1.0,
+    work: Work = 5.0,
+    warm_up: WarmUp = 5.0,
+    settings: SettingsFile = None,
+    speed_spread: Spread = 0.0,
+    loss: Loss = 0.0,
+    json: JsonFile = None,
+    markdown: MarkdownFile = None,
+    heat_maps: PictureFolder = None,
+    jobs: Jobs = 2,
+) -> None:
+    """Simulate a plant with the real order service and robots that only exist here, in accelerated time."""
+    begun = perf_counter()
+    sizes = _sizes(robots)
+    try:
+        model = read(plant.read_bytes()).model
+        given = read_orders(orders, model) if orders else Demand(backlog=max(sizes))
+        case = Case(
+            plant=model,
+            demand=replace(given, backlog=backlog or given.backlog),
+            robots=sizes[0],
+            hours=hours,
+            seed=seed,
+            warm_up=warm_up * 60,
+            speed=speed,
+            work_seconds=work,
+            settings=parse_toml(settings.read_bytes()) if settings else {},
+            disturbances=Disturbances(loss=loss, speed_spread=speed_spread),
+        )
+        figures = simulate_all([replace(case, robots=size) for size in sizes], jobs=jobs)
+    except (PlantModelError, ValueError) as error:
+        typer.echo(f"nena simulate: {error}", err=True)
+        raise typer.Exit(1) from error
+    _write(Report(model.name, seed, tuple(figures)), model, json, markdown, heat_maps)
+    typer.echo(f"{hours * len(figures):g} hours simulated in {perf_counter() - begun:.0f} s", err=True)
+
+
+def _write(
+    report: Report, plant: PlantModel, json: Path | None, markdown: Path | None, pictures: Path | None
+) -> None:
+    typer.echo(report.to_text())
+    if json:
+        json.write_text(report.to_json(), encoding="utf-8")
+    if markdown:
+        markdown.write_text(report.to_markdown(), encoding="utf-8")
+    if pictures:
+        _draw(pictures, plant, report.figures)
+
+
+def main(argv: list[str] | None = None) -> None:
+    """Run the command; it ends the program."""
+    app(argv, prog_name="nena simulate")
+
+
+if __name__ == "__main__":
+    main()

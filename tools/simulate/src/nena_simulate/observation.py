@@ -1,0 +1,141 @@
+"""What becomes of a simulated site: ends of orders, and what each robot does with its time."""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from collections import defaultdict
+from collections.abc import Iterable
+from datetime import datetime
+from enum import StrEnum
+
+from nena_shared.fleet_api.transport_order import (
+    DriveOrderState,
+    OrderSequenceStatus,
+    TransportOrderState,
+    TransportOrderStatus,
+)
+from nena_shared.fleet_api.vehicle import VehicleStatus
+from nena_simulate.site import SimulatedRobot, Site
+
+EACH = 0.5
+"""Seconds between two looks at the robots."""
+
+
+class Doing(StrEnum):
+    """What a robot does."""
+
+    DRIVES_LOADED = "drives with a load"
+    DRIVES_EMPTY = "drives empty"
+    WORKS = "picks or drops"
+    WAITS = "waits"
+    IDLE = "has no order"
+
+
+class Observer:
+    """Looks at a site from the end of the warm-up on."""
+
+    def __init__(self, site: Site) -> None:
+        self.leads: list[float] = []
+        """Seconds from the creation of each order to its end."""
+        self.finishes: list[float] = []
+        """When each of them ended, seconds after the warm-up."""
+        self.failed = 0
+        self.seconds: defaultdict[Doing, float] = defaultdict(float)
+        """Robot seconds, all robots together."""
+        self.causes: defaultdict[str, float] = defaultdict(float)
+        """Robot seconds of waiting, by why."""
+        self.places: defaultdict[str, float] = defaultdict(float)
+        """Robot seconds of waiting, by the path before which, or the point at which."""
+        self.moved: dict[str, dict[bool, float]] = {}
+        self._site = site
+        self._begun: datetime | None = None
+        self._created: set[str] = set()
+        self._orders: dict[str, TransportOrderStatus] = {}
+        """The unfinished ones by their vehicles."""
+        self._words = _Words(each.vehicle.name for each in site.robots)
+        site.engine.unit_of_work.listeners.append(self)
+
+    @property
+    def created(self) -> int:
+        """How many orders hosts have given."""
+        return len(self._created)
+
+    async def watch(self) -> None:
+        """Look at all robots again and again."""
+        site = self._site
+        await asyncio.sleep(site.case.warm_up)
+        self._begun = site.engine.clock.now()
+        before = {each.vehicle.name: dict(each.driven) for each in site.robots}
+        while True:
+            await asyncio.sleep(EACH)
+            for robot in site.robots:
+                self._look(robot)
+                start = before[robot.vehicle.name]
+                self.moved[robot.vehicle.name] = {
+                    loaded: metres - start[loaded] for loaded, metres in robot.driven.items()
+                }
+
+    def order_changed(self, status: TransportOrderStatus) -> None:
+        """Handle the new version of an order."""
+        vehicle = status.processing_vehicle
+        if vehicle and not status.state.final:
+            self._orders[vehicle] = status
+        elif vehicle and (kept := self._orders.get(vehicle)) and kept.name == status.name:
+            del self._orders[vehicle]
+        if status.automatic or self._begun is None:
+            return
+        if status.created >= self._begun:
+            self._created.add(status.name)
+        if status.state is TransportOrderState.FINISHED and status.finished:
+            self.leads.append((status.finished - status.created).total_seconds())
+            self.finishes.append((status.finished - self._begun).total_seconds())
+        elif status.state.final:
+            self.failed += 1
+
+    def sequence_changed(self, status: OrderSequenceStatus) -> None:
+        """Take no notice: sequences are not simulated."""
+
+    def vehicle_changed(self, status: VehicleStatus) -> None:
+        """Take no notice: robots are looked at."""
+
+    def _look(self, robot: SimulatedRobot) -> None:
+        state = self._site.fleet.view(robot.key).state
+        if state is None:
+            return
+        robot.loaded = bool(state.loads)
+        order = self._orders.get(robot.vehicle.name)
+        doing = self._doing(robot, order)
+        self.seconds[doing] += EACH
+        if doing is not Doing.WAITS or order is None:
+            return
+        self.causes[self._words.without_names(order.reason)] += EACH
+        ahead = next((each.edge_id for each in state.edge_states if not each.released), "")
+        self.places[ahead or state.last_node_id or robot.start.name] += EACH
+
+    @staticmethod
+    def _doing(robot: SimulatedRobot, order: TransportOrderStatus | None) -> Doing:
+        if robot.driver.moving:
+            return Doing.DRIVES_LOADED if robot.loaded else Doing.DRIVES_EMPTY
+        if order is None:
+            return Doing.IDLE
+        drive = order.drive_orders[max(order.current_drive_order_index, 0)]
+        return Doing.WORKS if drive.state is DriveOrderState.OPERATING else Doing.WAITS
+
+
+class _Words:
+    """Makes one cause of reasons that differ by the names of robots, points and paths alone."""
+
+    def __init__(self, vehicles: Iterable[str]) -> None:
+        names = sorted(vehicles, key=len, reverse=True)
+        self._names = re.compile(rf"\b({'|'.join(map(re.escape, names))})\b(, )?")
+        self._known: dict[str, str] = {}
+
+    def without_names(self, reason: str) -> str:
+        if reason not in self._known:
+            text = re.sub(r"'[^']*'", "a place", reason)
+            text = self._names.sub("another", text)
+            text = re.sub(r"(another )?(another)+", "another", text)
+            text = re.sub(r"^vehicle another travels to destination \d+ of \d+(, but it )?", "", text)
+            self._known[reason] = re.sub(r"\d+(\.\d+)?", "n", text) or "is between two pieces of its base"
+        return self._known[reason]

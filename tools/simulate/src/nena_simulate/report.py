@@ -1,0 +1,144 @@
+"""The result of a simulation: figures of each fleet size, as text, Markdown and JSON."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from statistics import quantiles
+from typing import Any
+
+from nena_simulate.observation import Doing, Observer
+
+CAUSES, PLACES = 8, 12
+"""How many are named in the text; JSON has them all."""
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """What one fleet size gets done."""
+
+    robots: int
+    hours: float
+    created: int
+    finished: int
+    failed: int
+    waiting: int
+    """Orders without a robot at the end."""
+    orders_per_hour: float
+    lead_p50: float | None
+    """Seconds from an order's creation to its end; None: none has ended."""
+    lead_p95: float | None
+    utilisation: float
+    """Share of the robots' time in which they have an order."""
+    doing: Mapping[str, float]
+    """Share of the robots' time."""
+    driven_km: float
+    empty_share: float
+    """Share of the way that robots drive without a load."""
+    waiting_by_cause: Mapping[str, float]
+    """Robot minutes an hour."""
+    waiting_by_place: Mapping[str, float]
+    """The same by the path before which, or the point at which, robots wait."""
+
+    @classmethod
+    def of(cls, observer: Observer, *, robots: int, hours: float, waiting: int) -> Figures:
+        """Sum up what was seen."""
+        total = sum(observer.seconds.values()) or 1.0
+        doing = {each.value: round(observer.seconds[each] / total, 4) for each in Doing}
+        empty, loaded = (sum(each[load] for each in observer.moved.values()) for load in (False, True))
+        leads = sorted(observer.leads)
+        cuts = quantiles(leads, n=100, method="inclusive") if len(leads) > 1 else None
+        return cls(
+            robots=robots,
+            hours=hours,
+            created=observer.created,
+            finished=len(leads),
+            failed=observer.failed,
+            waiting=waiting,
+            orders_per_hour=round(len(leads) / hours, 1),
+            lead_p50=round(cuts[49], 1) if cuts else None,
+            lead_p95=round(cuts[94], 1) if cuts else None,
+            utilisation=round(1 - doing[Doing.IDLE], 4),
+            doing=doing,
+            driven_km=round((empty + loaded) / 1000, 2),
+            empty_share=round(empty / (empty + loaded), 4) if empty + loaded else 0.0,
+            waiting_by_cause=_per_hour(observer.causes, hours),
+            waiting_by_place=_per_hour(observer.places, hours),
+        )
+
+
+def _per_hour(seconds: Mapping[str, float], hours: float) -> dict[str, float]:
+    """Return robot minutes an hour, the most first."""
+    most_first = sorted(seconds.items(), key=lambda each: (-each[1], each[0]))
+    return {name: round(value / 60 / hours, 2) for name, value in most_first}
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """The figures of all fleet sizes of a simulation, and what they depend on."""
+
+    plant: str
+    seed: int
+    figures: tuple[Figures, ...]
+
+    def to_json(self) -> str:
+        """Return all of it."""
+        return json.dumps(asdict(self), indent=2, ensure_ascii=False) + "\n"
+
+    def to_markdown(self) -> str:
+        """Return tables for a page."""
+        parts = [f"# {self.plant}, seed {self.seed}", _markdown(self._rows())]
+        for each in self.figures:
+            parts.append(f"## Waiting with {each.robots} robots, robot minutes an hour")
+            parts.append(_markdown([("why", "minutes"), *_first(each.waiting_by_cause, CAUSES)]))
+            parts.append(_markdown([("where", "minutes"), *_first(each.waiting_by_place, PLACES)]))
+        return "\n\n".join(parts) + "\n"
+
+    def to_text(self) -> str:
+        """Return tables for a terminal."""
+        parts = [f"{self.plant}, seed {self.seed}", _text(self._rows())]
+        for each in self.figures:
+            parts.append(f"Waiting with {each.robots} robots, robot minutes an hour:")
+            parts.append(_text(_first(each.waiting_by_cause, CAUSES)))
+            parts.append(_text(_first(each.waiting_by_place, PLACES)))
+        return "\n\n".join(filter(None, parts)) + "\n"
+
+    def _rows(self) -> list[tuple[str, ...]]:
+        """Return a table with a column for each fleet size."""
+        shown: list[tuple[str, Callable[[Figures], Any]]] = [
+            ("robots", lambda one: one.robots),
+            ("orders per hour", lambda one: one.orders_per_hour),
+            ("orders finished", lambda one: one.finished),
+            ("orders failed", lambda one: one.failed),
+            ("orders that wait at the end", lambda one: one.waiting),
+            ("lead time p50, s", lambda one: "-" if one.lead_p50 is None else one.lead_p50),
+            ("lead time p95, s", lambda one: "-" if one.lead_p95 is None else one.lead_p95),
+            ("utilisation", lambda one: f"{one.utilisation:.0%}"),
+            *((f"  {each.value}", lambda one, each=each: f"{one.doing[each.value]:.0%}") for each in Doing),
+            ("driven, km", lambda one: one.driven_km),
+            ("driven empty", lambda one: f"{one.empty_share:.0%}"),
+        ]
+        return [(name, *(str(show(each)) for each in self.figures)) for name, show in shown]
+
+
+def _first(values: Mapping[str, float], count: int) -> list[tuple[str, ...]]:
+    shown = list(values.items())[:count]
+    return [(name, f"{value:.1f}") for name, value in shown]
+
+
+def _markdown(rows: Sequence[Sequence[str]]) -> str:
+    head, *rest = rows
+    lines = [head, ["---", *["---:"] * (len(head) - 1)], *rest]
+    return "\n".join(f"| {' | '.join(each)} |" for each in lines)
+
+
+def _text(rows: Sequence[Sequence[str]]) -> str:
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))] if rows else []
+    return "\n".join(
+        "  ".join(
+            cell.rjust(width) if column else cell.ljust(width)
+            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
+        )
+        for row in rows
+    )

@@ -1,0 +1,305 @@
+"""The simulated site: the real order service and edge agents with loopback robots, joined in one process."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Coroutine, Iterator
+from dataclasses import dataclass, field
+from itertools import islice
+from math import hypot
+from pathlib import Path
+from random import Random
+from typing import Any
+
+from nena_edge_agent.__main__ import make_registry
+from nena_edge_agent.actions.plugin import PluginContext
+from nena_edge_agent.actions.robot_ports import RobotPorts
+from nena_edge_agent.actions.settings import default_operations
+from nena_edge_agent.agent import Equipment, RobotAgent
+from nena_edge_agent.driver.port import Pose, PoseReport
+from nena_edge_agent.loopback.control import SimulationControl
+from nena_edge_agent.loopback.driver import LoopbackDriver
+from nena_edge_agent.loopback.settings import LoopbackSettings
+from nena_edge_agent.protocol.events import Event
+from nena_edge_agent.settings import EdgeAgentSettings, IntervalSettings, JournalSettings
+from nena_order_service.fleet import FleetLink
+from nena_order_service.service import make_engine, make_fleet
+from nena_order_service.settings import OrderServiceSettings
+from nena_order_service.store.changes import ChangeNumbers, Changes
+from nena_order_service.store.database import Unfinished
+from nena_order_service.store.store import Store
+from nena_shared.clock import Clock
+from nena_shared.fleet_api.transport_order import TransportOrderRequest
+from nena_shared.mqtt import MqttLink
+from nena_shared.plant import PlantModel, Point, PointType, Vehicle
+from nena_shared.plant import property_keys as keys
+from nena_shared.tasks import Supervisor
+from nena_shared.vda5050.topics import RobotKey
+from nena_simulate.demand import Demand, stations
+from nena_simulate.wire import Broker, Conditions, Link
+
+MANUFACTURER = "NeNa"
+MAP_ID = "simulation"
+LOADING = ("pick", "drop")
+READY_SECONDS = 120.0
+POSE_SECONDS = 1.0
+"""Between two poses while a robot drives; it tells of each node in any case."""
+LOOK = 0.25
+"""Seconds between two looks at the backlog."""
+
+
+@dataclass(frozen=True, slots=True)
+class Disturbances:
+    """What goes wrong on purpose."""
+
+    loss: float = 0.0
+    """Share of the messages that get lost."""
+    speed_spread: float = 0.0
+    """How far robots are slower or faster than their speed, as a share of it, by lot."""
+    dead: tuple[int, float, float] | None = None
+    """A robot by its number from 0, when it stops, and for how long, in seconds."""
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """All that a result depends on."""
+
+    plant: PlantModel
+    demand: Demand
+    robots: int
+    hours: float
+    seed: int = 1
+    warm_up: float = 0.0
+    """Seconds before anything counts."""
+    speed: float = 1.0
+    """m/s"""
+    work_seconds: float = 5.0
+    """What picking and dropping take."""
+    starts: tuple[str, ...] = ()
+    """Points at which robots stand at first; the others: parking positions, then any by lot."""
+    settings: dict[str, Any] = field(default_factory=dict)
+    """Of the order service."""
+    disturbances: Disturbances = Disturbances()
+
+
+class VolatileStore(Store):
+    """Keeps nothing: no simulated program is ever started again. A commit takes as long as a fast disk."""
+
+    def __init__(self, commit_seconds: float) -> None:
+        self.problem = self.lead_problem = ""
+        self.numbers = ChangeNumbers()
+        self._seconds = commit_seconds
+        self._then: list[Callable[[], None]] = []
+
+    @property
+    def why_not_ready(self) -> str:
+        """Return nothing: it is ready always."""
+        return ""
+
+    def commit(self, changes: Changes, then: Callable[[], None]) -> None:
+        """Call ``then`` a moment later, in the order of the commits."""
+        if not changes and not self._then:
+            then()
+            return
+        if not self._then:
+            asyncio.get_running_loop().call_later(self._seconds, self._committed)
+        self._then.append(then)
+
+    async def unfinished(self) -> Unfinished:
+        """Return nothing."""
+        return Unfinished((), {}, 0)
+
+    def _committed(self) -> None:
+        waiting, self._then = self._then, []
+        for each in waiting:
+            each()
+
+
+COMMIT_SECONDS = 0.004
+
+
+class SimulatedRobot:
+    """A loopback robot with its agent, and how far it has driven."""
+
+    def __init__(self, vehicle: Vehicle, start: Point, case: Case, broker: Broker, random: Random) -> None:
+        self.vehicle = vehicle
+        self.loaded = False
+        """Whether it carries something; who looks at its states says so."""
+        self.driven = {False: 0.0, True: 0.0}
+        """Metres without and with a load."""
+        self._last: Pose | None = None
+        self.start = start
+        self._pose = Pose(start.x_m, start.y_m, 0.0, vehicle.map_id or start.map_id or MAP_ID)
+        spread = case.disturbances.speed_spread
+        self._speed = case.speed * random.uniform(1 - spread, 1 + spread)
+        self.driver: LoopbackDriver
+        self.agent: RobotAgent
+        self.control = SimulationControl()
+        self._settings = EdgeAgentSettings(
+            manufacturer=vehicle.manufacturer or MANUFACTURER,
+            serial_number=vehicle.serial_number or vehicle.name,
+            map_id=self._pose.map_id,
+            driver="loopback",
+            journal=JournalSettings(enabled=False),
+            interval=IntervalSettings(visualization=0.0),
+            loopback=LoopbackSettings(drain=0.0, pose_interval=POSE_SECONDS),
+            operations=tuple(
+                each.model_copy(update={"seconds": case.work_seconds})
+                if each.action_type in LOADING
+                else each
+                for each in default_operations()
+            ),
+        )
+        self._broker = broker
+
+    @property
+    def key(self) -> RobotKey:
+        """The robot as VDA 5050 has it."""
+        return RobotKey(self._settings.manufacturer, self._settings.serial_number)
+
+    async def run(self, clock: Clock) -> None:
+        """Serve until cancelled."""
+        settings = self._settings
+        ports = RobotPorts(None, settings.actions)
+        registry = make_registry(settings, self.control, context=PluginContext(self.key, ports.drive, None))
+
+        def make_driver(put: Callable[[Event], None], _: Pose | None) -> LoopbackDriver:
+            def emit(event: Event) -> None:
+                if isinstance(event, PoseReport):
+                    self._count(event.pose)
+                put(event)
+
+            self.driver = LoopbackDriver(
+                settings.loopback, self._pose, emit=emit, clock=clock, speed=self._speed
+            )
+            self.control.attach(self.driver, put)
+            return self.driver
+
+        self.agent = RobotAgent(
+            settings,
+            settings.serial_number,
+            Equipment(ports.joined(make_driver), registry),
+            clock=clock,
+            make_link=Link.maker(self._broker),
+        )
+        self.control.cut_link = self.agent.cut_link
+        await self.agent.run(asyncio.Event())
+
+    async def die(self, at: float, seconds: float) -> None:
+        """Stand still and be silent from a moment on, for so long."""
+        await asyncio.sleep(at)
+        self.driver.set_navigation(available=False, reason="it has broken down")
+        self.agent.cut_link(seconds)
+        await asyncio.sleep(seconds)
+        self.driver.set_navigation(available=True, reason="")
+
+    def _count(self, pose: Pose) -> None:
+        if self._last is not None:
+            self.driven[self.loaded] += hypot(pose.x - self._last.x, pose.y - self._last.y)
+        self._last = pose
+
+
+class Site:
+    """Order service and robots of a case; the engine and the robots are there to be looked at."""
+
+    def __init__(self, case: Case, clock: Clock) -> None:
+        self.case = case
+        self._clock = clock
+        self._random = _lot(case.seed)
+        plant, places = staffed(case, self._random)
+        self.plant = plant
+        broker = Broker(Conditions(loss=case.disturbances.loss), _lot(self._random.random()))
+        settings = OrderServiceSettings(plant=Path("-"), **case.settings)
+        self.engine = make_engine(settings, plant, VolatileStore(COMMIT_SECONDS), clock)
+        self._mqtt: MqttLink = Link(broker)
+        self.fleet: FleetLink = make_fleet(settings, self._mqtt, self.engine, clock)
+        self.robots = [
+            SimulatedRobot(vehicle, place, case, broker, self._random)
+            for vehicle, place in zip(plant.vehicles, places, strict=True)
+        ]
+
+    async def run(self, seconds: float, watch: Callable[[], Coroutine[Any, Any, None]]) -> None:
+        """Serve for so long after all robots are there; ``watch`` looks on meanwhile."""
+        async with Supervisor() as supervisor:
+            await self.engine.start(self.fleet)
+            supervisor.start("mqtt", self._mqtt.run())
+            supervisor.start("fleet control", self.fleet.run())
+            supervisor.start("kernel", self.engine.run())
+            for robot in self.robots:
+                supervisor.start(f"robot {robot.key}", robot.run(self._clock))
+            await self._all_there()
+            supervisor.start("observer", watch(), vital=False)
+            supervisor.start("hosts", self._give_orders(), vital=False)
+            if dead := self.case.disturbances.dead:
+                supervisor.start("death", self.robots[dead[0]].die(*dead[1:]), vital=False)
+            await asyncio.sleep(seconds)
+
+    async def _all_there(self) -> None:
+        async with asyncio.timeout(READY_SECONDS):
+            while any(self.fleet.view(each.key).state is None for each in self.robots):  # noqa: ASYNC110 - they send it
+                await asyncio.sleep(LOOK)
+
+    async def _give_orders(self) -> None:
+        """Do what hosts do."""
+        draw, begin = _lot(self._random.random()), self._clock.monotonic()
+        demand = self.case.demand
+        if demand.backlog:
+            await self._keep_waiting(demand.waiting(self.plant, draw))
+        for order in demand.timed(self.plant, draw):
+            await asyncio.sleep(begin + order.at - self._clock.monotonic())
+            self._create(order.request)
+
+    async def _keep_waiting(self, requests: Iterator[TransportOrderRequest]) -> None:
+        while True:
+            waiting = len(self.engine.state.orders.dispatchable())
+            for request in islice(requests, max(0, self.case.demand.backlog - waiting)):
+                self._create(request)
+            await asyncio.sleep(LOOK)
+
+    def _create(self, request: TransportOrderRequest) -> None:
+        number = self.engine.state.orders.last_number + 1
+        self.engine.create(request, f"TOrder-{number:06d}")
+
+
+def _lot(seed: float) -> Random:
+    return Random(seed)  # noqa: S311 - it makes examples, no keys
+
+
+def staffed(case: Case, random: Random) -> tuple[PlantModel, list[Point]]:
+    """Return the plant with as many vehicles as the case has robots, and where each stands at first.
+
+    Robots live in the plant's frame; what the model says of their maps' frames does not count.
+    """
+    plant = case.plant
+    vehicles = [_own(each) for each in plant.vehicles[: case.robots]]
+    pattern = vehicles[-1] if vehicles else Vehicle(name="Robot", max_velocity_mm_s=round(case.speed * 1000))
+    taken = {each.name for each in plant.vehicles}
+    names = (name for number in range(1, 10**6) if (name := f"Robot-{number:02d}") not in taken)
+    for name in islice(names, case.robots - len(vehicles)):
+        properties = {**pattern.properties, keys.VDA5050_SERIAL_NUMBER: name}
+        vehicles.append(_own(pattern.model_copy(update={"name": name, "properties": properties})))
+    own = {key: value for key, value in plant.properties.items() if not key.startswith(keys.MAP_TRANSFORM)}
+    return (
+        plant.model_copy(update={"vehicles": tuple(vehicles), "properties": own}),
+        _places(case, random),
+    )
+
+
+def _own(vehicle: Vehicle) -> Vehicle:
+    """Name the robot's map, which is the one of the simulation, unless the model names one."""
+    more = {keys.VDA5050_MAP_ID: vehicle.map_id or MAP_ID, keys.VDA5050_VERSION: "2.1.0"}
+    return vehicle.model_copy(update={"properties": {**vehicle.properties, **more}})
+
+
+def _places(case: Case, random: Random) -> list[Point]:
+    plant = case.plant
+    named = [plant.point(each) for each in case.starts]
+    served = {link.point for name in stations(plant) for link in plant.location(name).links}
+    parking = [each for each in plant.points if each.type is PointType.PARK_POSITION]
+    free = [each for each in plant.points if each.name not in served]
+    places = {each.name: each for each in (*named, *parking, *random.sample(free, len(free)))}
+    chosen = list(places.values())[: case.robots]
+    if len(chosen) < case.robots:
+        message = f"{case.robots} robots do not fit: only {len(chosen)} points are free at first"
+        raise ValueError(message)
+    return chosen

@@ -1,0 +1,101 @@
+"""An event loop whose time jumps to the next timer as soon as nothing else is left to do."""
+
+from __future__ import annotations
+
+import asyncio
+import selectors
+from collections.abc import Callable, Coroutine
+from concurrent.futures import Executor
+from datetime import UTC, datetime, timedelta
+from typing import Any, TypeVar, TypeVarTuple
+
+T = TypeVar("T")
+Ts = TypeVarTuple("Ts")
+
+BEGINNING = datetime(2026, 1, 5, 6, 0, tzinfo=UTC)
+"""The time of day at which every simulation begins: a Monday, early."""
+
+TURN_SECONDS = 1e-6
+
+
+class TimeStoodStillError(Exception):
+    """Nothing is left that could ever happen."""
+
+
+class _Selector(selectors.SelectSelector):
+    """Lets time pass instead of waiting."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.now = 0.0
+
+    def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
+        """Let ``timeout`` seconds pass; nothing comes from outside.
+
+        A turn of the loop takes time in any case, as it does on a real machine: code that asks for a timer in
+        less than the clock can count would ask for it again for ever.
+        """
+        if timeout is None:
+            message = "the simulation waits for something that cannot happen"
+            raise TimeStoodStillError(message)
+        self.now += max(timeout, TURN_SECONDS)
+        return []
+
+
+class VirtualLoop(asyncio.SelectorEventLoop):
+    """Runs unmodified asyncio code; timers fire in their order, at their exact time, and at once.
+
+    There are no threads: what code gives to an executor is done on the spot. So the same code with the same
+    seed always runs in the same order.
+    """
+
+    def __init__(self) -> None:
+        self._passing = _Selector()
+        super().__init__(self._passing)
+
+    def time(self) -> float:
+        """Return the seconds since the beginning."""
+        return self._passing.now
+
+    def run_in_executor(
+        self, executor: Executor | None, func: Callable[[*Ts], T], *args: *Ts
+    ) -> asyncio.Future[T]:
+        """Call ``func`` here and now."""
+        del executor
+        future: asyncio.Future[T] = self.create_future()
+        try:
+            future.set_result(func(*args))
+        except Exception as error:  # noqa: BLE001 - it belongs to who awaits the future
+            future.set_exception(error)
+        return future
+
+
+class VirtualClock:
+    """The clock of all programs of a simulation."""
+
+    def __init__(self, loop: VirtualLoop) -> None:
+        self._loop = loop
+
+    def monotonic(self) -> float:
+        """Return the seconds since the beginning."""
+        return self._loop.time()
+
+    def now(self) -> datetime:
+        """Return the time of day, in UTC."""
+        return BEGINNING + timedelta(seconds=self._loop.time())
+
+
+def run(work: Callable[[VirtualClock], Coroutine[Any, Any, T]]) -> T:
+    """Run ``work`` to its end, however long it takes by its own clock.
+
+    Raises:
+        TimeStoodStillError: it waits for something that cannot happen.
+
+    """
+    loop = VirtualLoop()
+    asyncio.set_event_loop(loop)
+    try:
+        return loop.run_until_complete(work(VirtualClock(loop)))
+    finally:
+        asyncio.set_event_loop(None)
+        loop.close()

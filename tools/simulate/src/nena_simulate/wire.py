@@ -1,0 +1,166 @@
+"""A broker within the process: topics, retained messages, a delay, and messages that are lost."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from random import Random
+
+from paho.mqtt.client import topic_matches_sub
+
+from nena_shared.mqtt import Handler, Inbound, LinkHooks, LinkState, MqttLink, Outbound
+
+SUBSCRIBING_SECONDS = 0.05
+"""What it takes to connect and to subscribe."""
+
+
+@dataclass(frozen=True, slots=True)
+class Conditions:
+    """How good the network is."""
+
+    delay: float = 0.003
+    """Seconds from who publishes to who hears."""
+    loss: float = 0.0
+    """Share of the messages that get lost; retained ones never do."""
+
+
+class Broker:
+    """Delivers each message to who has subscribed to its topic, in the order of publication."""
+
+    def __init__(self, conditions: Conditions, random: Random) -> None:
+        self._conditions = conditions
+        self._random = random
+        self._links: list[Link] = []
+        self._retained: dict[str, Outbound] = {}
+        self._under_way: deque[tuple[float, Callable[[], None]]] = deque()
+        self._hearers: dict[str, tuple[Link, ...]] = {}
+
+    def join(self, link: Link) -> None:
+        """Deliver to ``link`` from now on, first of all what is retained."""
+        self._links.append(link)
+        self._hearers.clear()
+        for message in self._retained.values():
+            if link.wants(message.topic):
+                self._send(link, message, retained=True)
+
+    def leave(self, link: Link) -> None:
+        """Deliver nothing to ``link`` any more."""
+        if link in self._links:
+            self._links.remove(link)
+            self._hearers.clear()
+
+    def publish(self, message: Outbound) -> None:
+        """Take a message."""
+        if message.retain:
+            self._retained[message.topic] = message
+        elif self._conditions.loss and self._random.random() < self._conditions.loss:
+            return
+        hearers = self._hearers.get(message.topic)
+        if hearers is None:
+            hearers = self._hearers[message.topic] = tuple(
+                each for each in self._links if each.wants(message.topic)
+            )
+        for each in hearers:
+            self._send(each, message, retained=False)
+
+    def _send(self, link: Link, message: Outbound, *, retained: bool) -> None:
+        loop = asyncio.get_running_loop()
+        inbound = Inbound(message.topic, message.payload, retained, message.qos)
+        if not self._under_way:
+            loop.call_later(self._conditions.delay, self._deliver)
+        self._under_way.append((loop.time() + self._conditions.delay, lambda: link.hear(inbound)))
+
+    def _deliver(self) -> None:
+        """Deliver what has arrived; all are under way equally long, so the oldest arrives first."""
+        loop = asyncio.get_running_loop()
+        while self._under_way and self._under_way[0][0] <= loop.time() + 1e-9:
+            self._under_way.popleft()[1]()
+        if self._under_way:
+            loop.call_at(self._under_way[0][0], self._deliver)
+
+
+class Link(MqttLink):
+    """Takes the place of a program's link to a broker."""
+
+    def __init__(self, broker: Broker, hooks: LinkHooks | None = None) -> None:
+        self.state = LinkState()
+        self._broker = broker
+        self._events = hooks or LinkHooks()
+        self._topics: list[tuple[str, Handler]] = []
+        self._by_topic: dict[str, tuple[Handler, ...]] = {}
+        self._away = asyncio.Event()
+        self._away_for = 0.0
+
+    @classmethod
+    def maker(cls, broker: Broker) -> Callable[..., MqttLink]:
+        """Return what makes a link as :class:`MqttLink` is made."""
+
+        def make(_settings: object, *, client_id: str, hooks: LinkHooks) -> MqttLink:
+            del client_id
+            return cls(broker, hooks)
+
+        return make
+
+    def subscribe(self, topic_filter: str, handler: Handler, *, qos: int = 1) -> None:
+        """Call ``handler`` with each message under ``topic_filter``."""
+        del qos
+        self._topics.append((topic_filter, handler))
+
+    def publish(self, message: Outbound) -> None:
+        """Send ``message``, if the link is up."""
+        if self.state.connected:
+            self.state.published += 1
+            self._broker.publish(message)
+        else:
+            self.state.dropped += 1
+
+    def wants(self, topic: str) -> bool:
+        """Return whether the program has subscribed to a topic."""
+        return bool(self._handlers_of(topic))
+
+    def hear(self, message: Inbound) -> None:
+        """Take a message of the broker's."""
+        if not self.state.connected:
+            return
+        self.state.received += 1
+        for handler in self._handlers_of(message.topic):
+            handler(message)
+
+    async def run(self) -> None:
+        """Keep the link up until cancelled, but for the times in which it is cut."""
+        while True:
+            await asyncio.sleep(SUBSCRIBING_SECONDS)
+            self.state.connected = True
+            self.state.connects += 1
+            for message in self._events.on_connected():
+                self._broker.publish(message)
+            self._broker.join(self)
+            self._events.on_subscribed()
+            self._away.clear()
+            await self._away.wait()
+            self.state.connected = False
+            self._broker.leave(self)
+            if will := self._events.will():
+                self._broker.publish(will)
+            self._events.on_lost()
+            await asyncio.sleep(self._away_for)
+
+    def cut(self, seconds: float) -> None:
+        """Break the link for ``seconds``."""
+        self._away_for = seconds
+        self._away.set()
+
+    async def drain(self, seconds: float) -> bool:
+        """Return at once: nothing waits here."""
+        del seconds
+        return self.state.connected
+
+    def _handlers_of(self, topic: str) -> tuple[Handler, ...]:
+        handlers = self._by_topic.get(topic)
+        if handlers is None:
+            handlers = self._by_topic[topic] = tuple(
+                handler for each, handler in self._topics if topic_matches_sub(each, topic)
+            )
+        return handlers
