@@ -14,9 +14,9 @@ import pytest
 import yaml  # type: ignore[import-untyped]  # its stubs would be one more dependency
 
 from nena_order_service.settings import OrderServiceSettings
+from nena_shared.fleet_api.base import Role
 from nena_shared.settings import ServiceSettings, load
 from nena_shared.web.settings import check_exposure
-from nena_shared.web.users import Role
 from nena_status_aggregator.api.session import make_rule
 from nena_status_aggregator.settings import AggregatorSettings, Share
 

@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 from playwright.async_api import Browser, Page, expect
 
+from nena_shared.fleet_api.base import Role
 from nena_shared.vda5050.topics import Topic
-from nena_shared.web.users import Role, User, hash_of, new_token, write_users
+from nena_shared.web.users import User, hash_of, new_token, write_users
 from support.broker import free_port
 from support.fleet_examples import connection, position, state
 from support.panel import Hall, findings, opened, picture, seconds_now

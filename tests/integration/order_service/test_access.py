@@ -11,8 +11,9 @@ import httpx
 import pytest
 
 from nena_order_service.app import serve
+from nena_shared.fleet_api.base import Role
 from nena_shared.settings import ConfigurationError
-from nena_shared.web.users import Role, User, hash_of, read_users, write_users
+from nena_shared.web.users import User, hash_of, read_users, write_users
 from support.broker import free_port
 from support.certificates import Authority
 from support.order_service_fleet import Fleet, running

@@ -12,8 +12,9 @@ import httpx
 import pytest
 
 from nena_shared.clock import SystemClock
+from nena_shared.fleet_api.base import Role
 from nena_shared.web.server_sent_events import HEARTBEAT
-from nena_shared.web.users import Role, User, hash_of, write_users
+from nena_shared.web.users import User, hash_of, write_users
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.api.app import make_app
 from nena_status_aggregator.settings import (

@@ -10,7 +10,8 @@ import httpx
 import pytest
 
 from nena_demo.plants import sample_plant_path
-from nena_shared.web.users import Role, User, hash_of, write_users
+from nena_shared.fleet_api.base import Role
+from nena_shared.web.users import User, hash_of, write_users
 from support.broker import Broker, free_port
 from support.oidc_issuer import AUDIENCE, oidc_issuer
 from support.programs import Program

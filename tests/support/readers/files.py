@@ -29,12 +29,13 @@ from nena_edge_agent.journal import Journal, UnreadableJournalError
 from nena_edge_agent.map_store import FolderMapStore
 from nena_edge_agent.nav2.session_control import SessionStore
 from nena_edge_agent.nav2.settings import RosAddress, RosSettings
+from nena_shared.fleet_api.base import Role
 from nena_shared.fleet_api.transport_order import Problem
 from nena_shared.settings import ConfigurationError
 from nena_shared.vda5050.state import Map, MapStatus
 from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.v3_0 import CODEC
-from nena_shared.web.users import Role, User, hash_of, read_users, write_users
+from nena_shared.web.users import User, hash_of, read_users, write_users
 from support.conversations import FOLDER
 from support.damage import damaged_text
 from support.plants import path, plant

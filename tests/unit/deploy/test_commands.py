@@ -13,9 +13,10 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from nena_deploy.commands import app
+from nena_shared.fleet_api.base import Role
 from nena_shared.mqtt.identity import tls_context
 from nena_shared.settings import MqttSettings
-from nena_shared.web.users import Role, UserBook
+from nena_shared.web.users import UserBook
 from support.waiting import PATIENCE
 
 

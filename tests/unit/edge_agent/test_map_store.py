@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from nena_edge_agent.map_store import DuplicateMapError, FolderMapStore, MapRefusedError, map_store
+from nena_edge_agent.map_store import DuplicateMapError, FolderMapStore, MapRefusedError
+from nena_edge_agent.nav2_maps import map_store
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.program import StartError
 from nena_shared.settings import ConfigurationError

@@ -10,22 +10,24 @@ from dataclasses import replace
 from nena_edge_agent.actions.builtin import LogReport, MapTransforms, Wait, ZoneSetDownload
 from nena_edge_agent.actions.maps import map_actions
 from nena_edge_agent.actions.plugin import ActionPlugin, PluginContext
-from nena_edge_agent.actions.ready_made import operations_beside, ready_made
-from nena_edge_agent.actions.registry import ActionRegistry, installed
+from nena_edge_agent.actions.ready_made import ready_made
+from nena_edge_agent.actions.registry import ActionRegistry, Installed, installed
 from nena_edge_agent.actions.robot_ports import RobotPorts
 from nena_edge_agent.actions.ros_port import PluginRos
 from nena_edge_agent.actions.ros_session import SessionSwitch, session_actions, session_switch
+from nena_edge_agent.actions.settings import AnyOperation
 from nena_edge_agent.agent import Equipment, RobotAgent
+from nena_edge_agent.driver.plant_frame import PlantFrame
 from nena_edge_agent.drivers import driver_maker
 from nena_edge_agent.fleet import run_fleet
 from nena_edge_agent.journal import sole_user
 from nena_edge_agent.loopback.actions import ChargingWatch, simulated_actions
 from nena_edge_agent.loopback.control import ControlApi, SimulationControl
-from nena_edge_agent.map_store import MapStore, folder_of, map_store
+from nena_edge_agent.map_store import MapStore
 from nena_edge_agent.nav2.map_image import MapWatch
 from nena_edge_agent.nav2.map_server import MapServer
 from nena_edge_agent.nav2.offers import LOAD_MAP, NO_OFFERS, interface, nav2_offers
-from nena_edge_agent.nav2_maps import Nav2MapStore
+from nena_edge_agent.nav2_maps import map_store
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import Clock, SystemClock
 from nena_shared.log import get_logger
@@ -81,13 +83,13 @@ def _agent_maker(
     journal = settings.journal.folder if settings.journal.enabled else None
     switch = session_switch(settings.ros, journal, robot)
     map_server = _map_server(settings)
-    map_watch = MapWatch.of(settings, map_server)
+    map_watch = watch_of_map(settings, map_server)
     extensions = (ros, map_watch) if ros else ()
     offers = nav2_offers(settings.ros) if ros else NO_OFFERS
     driver = driver_maker(
         settings, index, clock, control, switch, extensions=extensions, map_server=map_server
     )
-    store = _map_store(settings, robot, map_server)
+    store = map_store(settings, robot, map_server)
     context = PluginContext(robot, ports.drive, ros)
     registry = make_registry(settings, control, store, switch, context)
 
@@ -105,6 +107,15 @@ def _agent_maker(
     return make
 
 
+def watch_of_map(settings: EdgeAgentSettings, server: MapServer | None) -> MapWatch:
+    """Return the watch of a robot's map; ``server`` says which map it has."""
+
+    def map_id() -> str:
+        return server.map_id if server is not None else settings.map_id
+
+    return MapWatch(settings.ros.names.map, map_id, PlantFrame.of(settings.map_transforms))
+
+
 def _map_server(settings: EdgeAgentSettings) -> MapServer | None:
     """Return Nav2's map_server where the robot's maps go to it.
 
@@ -120,11 +131,11 @@ def _map_server(settings: EdgeAgentSettings) -> MapServer | None:
     return MapServer(settings.ros, settings.map_id)
 
 
-def _map_store(settings: EdgeAgentSettings, robot: RobotKey, server: MapServer | None) -> MapStore | None:
-    if server is None:
-        return map_store(settings, robot)
-    folder, first = folder_of(settings, robot)
-    return Nav2MapStore(folder, first, maximum=settings.maps.maximum, server=server)
+def operations_beside(found: Installed, settings: EdgeAgentSettings) -> tuple[AnyOperation, ...]:
+    """Return the operations of the settings; installed plug-ins replace default ones of their action type."""
+    if "operations" in settings.model_fields_set:
+        return settings.operations
+    return tuple(each for each in settings.operations if each.action_type not in found.action_types)
 
 
 def make_registry(
@@ -189,9 +200,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
         return doctor.main(arguments[1:])
     if arguments[:1] == ["check-plugin"]:
-        from nena_edge_agent.actions import check_plugin  # noqa: PLC0415
+        from nena_edge_agent.plugin_check import command  # noqa: PLC0415
 
-        return check_plugin.main(arguments[1:])
+        return command.main(arguments[1:])
     return run(EdgeAgentSettings, serve, program=PROGRAM, description=DESCRIPTION, argv=arguments)
 
 

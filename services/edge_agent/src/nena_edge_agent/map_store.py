@@ -5,17 +5,13 @@ from __future__ import annotations
 import asyncio
 import os
 from collections.abc import Iterable, Mapping
-from importlib.metadata import entry_points
 from pathlib import Path
 from shutil import rmtree
 from typing import Protocol
 from urllib.parse import quote, unquote
 
-from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.program import StartError
-from nena_shared.settings import ConfigurationError
 from nena_shared.vda5050.state import Map, MapStatus
-from nena_shared.vda5050.topics import RobotKey
 
 
 class MapRefusedError(Exception):
@@ -223,38 +219,3 @@ def _write_through(path: Path, content: bytes) -> None:
 def _name(text: str) -> str:
     """Return the name of a folder; with its first letter none is a relative path or one of our own files."""
     return "=" + quote(text, safe=" ").replace(".", "%2E")
-
-
-GROUP = "nena.maps"
-
-
-def folder_of(settings: EdgeAgentSettings, robot: RobotKey) -> tuple[Path, Map]:
-    """Return the folder of a robot's maps, and its first map."""
-    first = Map(map_id=settings.map_id, map_version=settings.map_version, map_status=MapStatus.ENABLED)
-    return settings.maps.folder / quote(str(robot), safe=" :").replace(".", "%2E"), first
-
-
-def map_store(settings: EdgeAgentSettings, robot: RobotKey) -> MapStore | None:
-    """Return the store that the settings name, None: the robot has its one map and no other.
-
-    That of Nav2 is made elsewhere (:mod:`nena_edge_agent.nav2_maps`).
-
-    A plug-in is called with the settings and the robot, and gives a :class:`MapStore`.
-
-    Raises:
-        ConfigurationError: no plug-in has that name.
-        StartError: the folder cannot be used.
-
-    """
-    maps = settings.maps
-    if maps.store == "fixed":
-        return None
-    if maps.store == "folder":
-        folder, first = folder_of(settings, robot)
-        return FolderMapStore(folder, first, maximum=maps.maximum)
-    found = next(iter(entry_points(group=GROUP, name=maps.store)), None)
-    if found is None:
-        message = f"maps.store: there is no plug-in '{maps.store}' of the entry points {GROUP}"
-        raise ConfigurationError([message])
-    store: MapStore = found.load()(settings, robot)
-    return store

@@ -5,12 +5,17 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Mapping
+from importlib.metadata import entry_points
 from pathlib import Path
+from urllib.parse import quote
 
-from nena_edge_agent.map_store import CONTENT, FolderMapStore, MapRefusedError
+from nena_edge_agent.map_store import CONTENT, FolderMapStore, MapRefusedError, MapStore
 from nena_edge_agent.nav2.map_bundle import BadBundleError, MapBundle
 from nena_edge_agent.nav2.map_server import MapNotLoadedError, MapServer
-from nena_shared.vda5050.state import Map
+from nena_edge_agent.settings import EdgeAgentSettings
+from nena_shared.settings import ConfigurationError
+from nena_shared.vda5050.state import Map, MapStatus
+from nena_shared.vda5050.topics import RobotKey
 
 DESCRIPTION = "map.yaml"
 CURRENT = "current"
@@ -83,3 +88,41 @@ class Nav2MapStore(FolderMapStore):
 
     def _is_enabled(self, map_id: str, map_version: str) -> bool:
         return self._current == (map_id, map_version)
+
+
+GROUP = "nena.maps"
+
+
+def folder_of(settings: EdgeAgentSettings, robot: RobotKey) -> tuple[Path, Map]:
+    """Return the folder of a robot's maps, and its first map."""
+    first = Map(map_id=settings.map_id, map_version=settings.map_version, map_status=MapStatus.ENABLED)
+    return settings.maps.folder / quote(str(robot), safe=" :").replace(".", "%2E"), first
+
+
+def map_store(
+    settings: EdgeAgentSettings, robot: RobotKey, server: MapServer | None = None
+) -> MapStore | None:
+    """Return the store that the settings name; None: the robot has its one map and no other.
+
+    ``server`` is Nav2's map_server where the maps go to it. A plug-in is called with the settings and the
+    robot, and returns a :class:`MapStore`.
+
+    Raises:
+        ConfigurationError: no plug-in has that name.
+        StartError: the folder cannot be used.
+
+    """
+    maps = settings.maps
+    if maps.store == "fixed":
+        return None
+    folder, first = folder_of(settings, robot)
+    if server is not None:
+        return Nav2MapStore(folder, first, maximum=maps.maximum, server=server)
+    if maps.store == "folder":
+        return FolderMapStore(folder, first, maximum=maps.maximum)
+    found = next(iter(entry_points(group=GROUP, name=maps.store)), None)
+    if found is None:
+        message = f"maps.store: there is no plug-in '{maps.store}' of the entry points {GROUP}"
+        raise ConfigurationError([message])
+    store: MapStore = found.load()(settings, robot)
+    return store

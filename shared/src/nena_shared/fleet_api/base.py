@@ -3,12 +3,24 @@
 from __future__ import annotations
 
 from datetime import datetime
+from enum import IntEnum
 from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainSerializer
 from pydantic.alias_generators import to_camel
 
 from nena_shared.clock import in_utc, iso
+
+
+class Role(IntEnum):
+    """What somebody may do; each role may do what those before it may."""
+
+    VIEWER = 1
+    """Read everything."""
+    OPERATOR = 2
+    """Give orders and commands."""
+    ADMIN = 3
+    """Change how the fleet works: plant model and zone sets."""
 
 
 class CamelCase(BaseModel):

@@ -14,7 +14,7 @@ from http import HTTPStatus
 from typing import Any, Final, Generic, Literal, TypeVar
 from urllib.parse import quote
 
-from nena_shared.fleet_api.base import ObjectName
+from nena_shared.fleet_api.base import ObjectName, Role
 from nena_shared.fleet_api.plant import PathStatus, PlantModelChange, ZoneSetList, ZoneSetStatus
 from nena_shared.fleet_api.requests import (
     AssignmentQuery,
@@ -48,7 +48,6 @@ from nena_shared.fleet_api.transport_order import (
 )
 from nena_shared.fleet_api.vehicle import ReroutingAnswer, VehicleStatus
 from nena_shared.plant.exchange import JSON_LIMITS
-from nena_shared.web.users import Role
 
 A = TypeVar("A")
 

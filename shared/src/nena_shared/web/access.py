@@ -15,13 +15,14 @@ from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from nena_shared.clock import Clock, SystemClock
+from nena_shared.fleet_api.base import Role
 from nena_shared.log import get_logger
 from nena_shared.settings import ConfigurationError
 from nena_shared.web.oidc.users import IssuerAwayError, NoRoleError, OidcUser, TokenRefusedError
 from nena_shared.web.problem import refusal
 from nena_shared.web.server_sent_events import LastingAnswer
 from nena_shared.web.settings import HttpSettings
-from nena_shared.web.users import Role, User, UserBook, users_of
+from nena_shared.web.users import User, UserBook, users_of
 
 if TYPE_CHECKING:
     from nena_shared.web.oidc.issuer import AccessTokens

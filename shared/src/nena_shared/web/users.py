@@ -18,13 +18,13 @@ import re
 import secrets
 import stat
 from collections.abc import Iterable
-from enum import IntEnum
 from pathlib import Path
 from typing import Annotated
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from nena_shared import settings
+from nena_shared.fleet_api.base import Role
 from nena_shared.log import get_logger
 from nena_shared.misfits import in_words
 from nena_shared.settings import ConfigurationError
@@ -37,17 +37,6 @@ NAME = re.compile(r"[A-Za-z0-9_.@-]{1,64}")
 
 TOKEN_PREFIX = "nena_"  # noqa: S105 - what secret scanners know our tokens by
 TOKEN_BYTES = 32
-
-
-class Role(IntEnum):
-    """What somebody may do; each role may do what those before it may."""
-
-    VIEWER = 1
-    """Read everything."""
-    OPERATOR = 2
-    """Give orders and commands."""
-    ADMIN = 3
-    """Change how the fleet works: plant model and zone sets."""
 
 
 def _role(value: object) -> object:

@@ -12,13 +12,13 @@ import pytest
 from std_msgs.msg import String
 from std_srvs.srv import SetBool
 
-from nena_edge_agent.actions.check_plugin import DryDrive
 from nena_edge_agent.actions.plugin import Fields, PluginContext, RosError, TopicQos
 from nena_edge_agent.actions.ready_made import ready_made
 from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.actions.ros_port import PluginRos
 from nena_edge_agent.actions.run import ActionRunner
 from nena_edge_agent.nav2.session import RosSession
+from nena_edge_agent.plugin_check.command import DryDrive
 from nena_edge_agent.protocol.events import ActionReport, CancelAction, StartAction
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.vda5050.action import Action

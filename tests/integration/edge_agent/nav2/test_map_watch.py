@@ -8,6 +8,7 @@ from math import pi
 
 import pytest
 
+from nena_edge_agent.__main__ import watch_of_map
 from nena_edge_agent.driver.plant_frame import PlantFrame
 from nena_edge_agent.nav2.map_image import MapWatch
 from nena_edge_agent.nav2.session import RosSession
@@ -87,6 +88,6 @@ def test_the_settings_say_where_the_map_is_and_how_the_plant_lies_on_it() -> Non
             "map_transforms": {"hall": "scale=2"},
         }
     )
-    found = MapWatch.of(settings).read(map_message(grid(), "map", 0))
+    found = watch_of_map(settings, None).read(map_message(grid(), "map", 0))
     assert found is not None
     assert (found.map_id, found.resolution) == ("hall", 0.25)

@@ -10,7 +10,6 @@ import pytest
 
 from nena_edge_agent.actions import registry as module
 from nena_edge_agent.actions.builtin import Wait
-from nena_edge_agent.actions.check_plugin import DryDrive
 from nena_edge_agent.actions.plugin import PluginContext, PluginUnavailableError
 from nena_edge_agent.actions.registry import (
     GROUP,
@@ -21,6 +20,7 @@ from nena_edge_agent.actions.registry import (
     make,
 )
 from nena_edge_agent.actions.settings import ActionSettings
+from nena_edge_agent.plugin_check.command import DryDrive
 from nena_edge_agent.protocol.declaration import ActionDeclaration
 from nena_shared.settings import ConfigurationError
 from nena_shared.vda5050.action import Action

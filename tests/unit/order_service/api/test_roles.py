@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from nena_order_service.api.rest import role_needed
-from nena_shared.web.users import Role
+from nena_shared.fleet_api.base import Role
 
 
 @pytest.mark.parametrize(

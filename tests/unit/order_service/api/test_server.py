@@ -13,11 +13,12 @@ from starlette.responses import PlainTextResponse, Response
 from starlette.routing import Route
 
 from nena_order_service.api.server import RestServer, make_standby_app, make_starting_app
+from nena_shared.fleet_api.base import Role
 from nena_shared.fleet_api.transport_order import Problem
 from nena_shared.tasks import Supervisor
 from nena_shared.web.access import WRONG_TOKENS_AT_ONCE
 from nena_shared.web.settings import HttpSettings
-from nena_shared.web.users import Role, User, hash_of, write_users
+from nena_shared.web.users import User, hash_of, write_users
 from support.waiting import PATIENCE
 
 PATH = "/v1/vehicles"

@@ -9,11 +9,12 @@ import pytest
 from starlette.types import Receive, Scope, Send
 
 from nena_order_service.service import OrderService
+from nena_shared.fleet_api.base import Role
 from nena_shared.fleet_api.requests import BY_LIMIT
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.web.access import KnownUser
 from nena_shared.web.oidc.users import OidcUser
-from nena_shared.web.users import Role, User, hash_of
+from nena_shared.web.users import User, hash_of
 from support.problems import problem
 
 ORDERS = "/v1/transportOrders"

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from nena_shared.fleet_api.base import Role
 from nena_shared.settings import ConfigurationError
 from nena_shared.web.settings import HttpSettings
 from nena_shared.web.users import (
-    Role,
     User,
     UserBook,
     hash_of,

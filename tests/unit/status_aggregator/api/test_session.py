@@ -7,9 +7,10 @@ import httpx
 import pytest
 
 from nena_shared.clock import ManualClock
+from nena_shared.fleet_api.base import Role
 from nena_shared.web.access import COOKIE, WRONG_TOKENS_AT_ONCE
 from nena_shared.web.settings import HttpSettings
-from nena_shared.web.users import Role, User, hash_of, write_users
+from nena_shared.web.users import User, hash_of, write_users
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.api.app import make_app
 from nena_status_aggregator.api.session import make_rule

@@ -17,9 +17,10 @@ from rich.table import Table
 from nena_deploy.authority import expiry
 from nena_deploy.identities import IdentityError, Kind, SiteTopics, host_name, robot_name
 from nena_deploy.site import LONGEST_MESSAGE, BrokerError, BusyError, Site, SiteError, locked
+from nena_shared.fleet_api.base import Role
 from nena_shared.settings import ConfigurationError
 from nena_shared.vda5050.topics import RobotKey
-from nena_shared.web.users import NAME, Role, User, hash_of, new_token, read_users, write_users
+from nena_shared.web.users import NAME, User, hash_of, new_token, read_users, write_users
 
 WRONG = 2
 """Exit status of a command that failed."""

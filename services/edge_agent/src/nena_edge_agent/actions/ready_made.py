@@ -9,7 +9,6 @@ from nena_edge_agent.actions.builtin import Rehearsed, TimedOperation, Unavailab
 from nena_edge_agent.actions.docking import Docking
 from nena_edge_agent.actions.messages import Record, UnknownTypeError, message_type, service_type
 from nena_edge_agent.actions.plugin import ActionPlugin, PluginContext, RosPort
-from nena_edge_agent.actions.registry import Installed
 from nena_edge_agent.actions.ros_operations import ActionValues, Answer, Call, Command, RosOperation, Steps
 from nena_edge_agent.actions.settings import (
     ActionSettings,
@@ -28,7 +27,6 @@ from nena_edge_agent.actions.settings import (
     TurnSignalSettings,
 )
 from nena_edge_agent.protocol.declaration import ActionDeclaration
-from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.settings import ConfigurationError
 from nena_shared.vda5050.factsheet import ActionScope
 
@@ -46,13 +44,6 @@ def ready_made(
     """
     for number, operation in enumerate(operations):
         yield _made(operation, f"operations.{number}", context, settings)
-
-
-def operations_beside(found: Installed, settings: EdgeAgentSettings) -> tuple[AnyOperation, ...]:
-    """Return the configured operations; plug-ins replace default ones."""
-    if "operations" in settings.model_fields_set:
-        return settings.operations
-    return tuple(each for each in settings.operations if each.action_type not in found.action_types)
 
 
 @dataclass(frozen=True, slots=True)

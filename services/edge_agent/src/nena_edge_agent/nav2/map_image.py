@@ -9,7 +9,7 @@ import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from math import atan2
-from typing import TYPE_CHECKING, Any, Final, Self
+from typing import TYPE_CHECKING, Any, Final
 
 from nena_edge_agent.driver.plant_frame import PlantFrame
 from nena_shared.fleet_api.plant import PNG_LIMIT, SIDE_LIMIT, MapImage
@@ -17,9 +17,7 @@ from nena_shared.log import get_logger
 from nena_shared.plant.geometry import MapPose
 
 if TYPE_CHECKING:
-    from nena_edge_agent.nav2.map_server import MapServer
     from nena_edge_agent.nav2.session import RosSession
-    from nena_edge_agent.settings import EdgeAgentSettings
 
 
 UNKNOWN: Final = 255
@@ -102,15 +100,6 @@ class MapWatch:
         self._frame = frame
         self._digest = ""
         self.tell: Callable[[MapImage], None] = lambda _: None
-
-    @classmethod
-    def of(cls, settings: EdgeAgentSettings, server: MapServer | None = None) -> Self:
-        """Build the watch of a robot with these settings; ``server`` says which map it has."""
-
-        def map_id() -> str:
-            return server.map_id if server is not None else settings.map_id
-
-        return cls(settings.ros.names.map, map_id, PlantFrame.of(settings.map_transforms))
 
     def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401 - rclpy carries no types
         """Subscribe on a new node."""

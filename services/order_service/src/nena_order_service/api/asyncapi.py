@@ -54,14 +54,7 @@ def channels(topics: FleetTopics) -> tuple[Channel, ...]:
     """Return all channels."""
     host = "{host}"
     return (
-        Channel(
-            "create",
-            topics.creation_request(host),
-            "receive",
-            TransportOrderRequest,
-            table.CREATE_ORDER.summary,
-            refusals=table.CREATE_ORDER.refusals,
-        ),
+        _command("create", topics.creation_request(host), TransportOrderRequest, table.CREATE_ORDER),
         Channel("createAnswer", topics.creation_answer(host), "send", CreationAnswer, "Answers create."),
         *_commands(topics),
         Channel(
@@ -105,10 +98,13 @@ def channels(topics: FleetTopics) -> tuple[Channel, ...]:
 
 def _commands(topics: FleetTopics) -> Iterator[Channel]:
     for name, body in COMMANDS.items():
-        operation, topic = table.COMMANDS[name], topics.command("{host}", name)
-        yield Channel(name, topic, "receive", body, operation.summary, refusals=operation.refusals)
+        yield _command(name, topics.command("{host}", name), body, table.COMMANDS[name])
         answer = topics.command_answer("{host}", name)
         yield Channel(f"{name}Answer", answer, "send", CommandAnswer, f"Answers {name}.")
+
+
+def _command(name: str, topic: str, body: type[BaseModel], operation: table.Operation[Any]) -> Channel:
+    return Channel(name, topic, "receive", body, operation.summary, refusals=operation.refusals)
 
 
 def document(topics: FleetTopics) -> dict[str, Any]:

@@ -28,7 +28,7 @@ from nena_order_service.api.host_requests import ETag
 from nena_order_service.api.operations import Call, Handler, HostOperations, Reply
 from nena_order_service.plant_change import ChangePlant
 from nena_order_service.plant_file import read_plant
-from nena_shared.fleet_api.base import ObjectName
+from nena_shared.fleet_api.base import ObjectName, Role
 from nena_shared.fleet_api.operations import (
     CHANGE_PLANT,
     OPERATIONS,
@@ -42,7 +42,6 @@ from nena_shared.fleet_api.requests import BY_LIMIT, SOMEBODY, Readiness
 from nena_shared.web.access import KnownUser
 from nena_shared.web.problem import describe_problems, problem_response, refusal
 from nena_shared.web.server_sent_events import HEADERS
-from nena_shared.web.users import Role
 
 OPEN = frozenset({"/healthz", "/readyz"})
 READING = frozenset({"GET", "HEAD", "OPTIONS"})

@@ -11,9 +11,9 @@ from http import HTTPStatus
 from fastapi import APIRouter, Request, Response
 from typing_extensions import TypedDict
 
+from nena_shared.fleet_api.base import Role
 from nena_shared.web.access import COOKIE, KnownUser, RoleNeeded, token_of
 from nena_shared.web.settings import HttpSettings
-from nena_shared.web.users import Role
 from nena_status_aggregator.api.problems import ProblemError
 
 API = "/api/"

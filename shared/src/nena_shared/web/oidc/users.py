@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
+from nena_shared.fleet_api.base import Role
 from nena_shared.web.settings import OidcSettings
-from nena_shared.web.users import Role
 
 
 class TokenRefusedError(Exception):

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from nena_shared.fleet_api.base import Role
 from nena_shared.web.oidc.users import NoRoleError, TokenRefusedError, user_of, values_of
 from nena_shared.web.settings import OidcSettings
-from nena_shared.web.users import Role
 
 END = 1_790_000_000
 CLAIMS: dict[str, Any] = {"sub": "17", "exp": END, "preferred_username": "ann", "roles": ["nena-operator"]}

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from nena_edge_agent.actions.check_plugin import DryDrive, DryRos, main, report
-from nena_edge_agent.actions.contract import Finding, Verdict
 from nena_edge_agent.actions.plugin import RosError
 from nena_edge_agent.driver.port import Pose
+from nena_edge_agent.plugin_check.command import DryDrive, DryRos, main, report
+from nena_edge_agent.plugin_check.contract import Finding, Verdict
 
 SETTINGS = """
 [[operations]]

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import pytest
 from pydantic import JsonValue
 
-from nena_edge_agent.actions.check_plugin import findings_of
-from nena_edge_agent.actions.contract import (
+from nena_edge_agent.actions.plugin import ActionPlugin, ActionTimeouts
+from nena_edge_agent.plugin_check.command import findings_of
+from nena_edge_agent.plugin_check.contract import (
     CHECKS,
     BrokenError,
     Check,
@@ -19,7 +20,6 @@ from nena_edge_agent.actions.contract import (
     ends,
     sample,
 )
-from nena_edge_agent.actions.plugin import ActionPlugin, ActionTimeouts
 from nena_edge_agent.protocol.declaration import ActionDeclaration, Parameter
 from nena_shared.vda5050.action import BlockingType
 from nena_shared.vda5050.factsheet import ActionScope, ValueDataType

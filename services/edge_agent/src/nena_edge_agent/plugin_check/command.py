@@ -13,7 +13,6 @@ from pydantic import JsonValue
 from pydantic_core import from_json
 
 from nena_edge_agent.actions.builtin import Wait
-from nena_edge_agent.actions.contract import CHECKS, Check, Finding, Subject, Verdict, examine
 from nena_edge_agent.actions.messages import (
     FieldError,
     Record,
@@ -36,6 +35,7 @@ from nena_edge_agent.actions.ready_made import ready_made
 from nena_edge_agent.actions.registry import PluginBrokenError, make, names_installed
 from nena_edge_agent.actions.run import Watchdog
 from nena_edge_agent.driver.port import Pose
+from nena_edge_agent.plugin_check.contract import CHECKS, Check, Finding, Subject, Verdict, examine
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared import log
 from nena_shared.program import EXIT_FAILED, EXIT_MISCONFIGURED

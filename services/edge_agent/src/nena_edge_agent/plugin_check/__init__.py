@@ -1,0 +1,1 @@
+"""Tries a plug-in for actions as the agent would use it."""
