@@ -1,35 +1,35 @@
-# NeNa: every command a developer or user needs. `make` alone lists them.
+# NeNa: all commands for developers and users. `make` alone lists them.
 SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 VENV := .venv
 BIN := $(VENV)/bin
-# The first interpreter in range that really runs; `make PYTHON=...` overrides it.
+# The first supported interpreter that runs; `make PYTHON=...` overrides it.
 PYTHON ?= $(shell for p in python3.12 python3.13 python3.11 python3; do \
 	$$p -c 'import sys, venv, ensurepip; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && command -v $$p && break; done)
 DISTRIBUTIONS := shared $(addprefix services/,order_service edge_agent status_aggregator robot_simulator) $(addprefix tools/,conversations cli demo deploy simulate)
 SOURCES := $(DISTRIBUTIONS:%=%/src)
-# Processes that run tests side by side; ROS, brokers and ports are their own in each test.
+# Processes that run tests in parallel; each test has its own ROS domain, broker and ports.
 WORKERS ?= 2
-# Whole sites stand at the head of the list: who has done his half takes from the other's, or one worker had all of them.
+# Tests of whole sites come first in the list; workstealing then spreads them over the workers.
 SHARED_OUT := -n $(WORKERS) --dist worksteal
 COVERED := --cov --cov-report=xml --cov-fail-under=85
-# Tests of which more examples find more.
+# Property tests: more examples find more.
 SOAK := tests/unit/edge_agent/protocol/test_robot_machine.py tests/unit/edge_agent/nav2/test_goal_tracker_property.py \
 	tests/unit/robot_simulator/test_navigator.py \
 	tests/unit/order_service/traffic/test_simulation.py tests/unit/order_service/test_traffic_simulation.py \
 	tests/unit/edge_agent/test_restart_safety.py tests/integration/edge_agent/nav2/test_kills.py \
 	tests/integration/edge_agent/nav2/test_session.py tests/faults/test_recovery.py
-# Readers of what comes from outside.
+# Parsers of external input.
 FUZZED := tests/fuzz tests/unit/shared/plant/lif/test_damaged_files.py tests/unit/shared/plant/opentcs_xml/test_damaged_files.py
 STAMP := $(VENV)/.set-up
 
 .DEFAULT_GOAL := help
 .PHONY: help setup action-types lock format lint test test-unit test-all soak soak-cores soak-site compose-test colcon-test smoke demo bench conversations hooks clean broker browser sbom fuzz faults conformance reference
 
-help: ## this list
+help: ## list these commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F':.*## ' '{printf "  make %-13s %s\n", $$1, $$2}'
 
-setup: $(STAMP) action-types ## prepare .venv with every service in it
+setup: $(STAMP) action-types ## create .venv with all services
 
 $(STAMP): requirements/dev.txt $(DISTRIBUTIONS:%=%/pyproject.toml)
 	@[ -n "$(PYTHON)" ] || { echo "NeNa needs CPython 3.11, 3.12 or 3.13 with venv. On Debian or Ubuntu: apt-get install python3 python3-venv. Or name one: make PYTHON=/path/to/python3.12 setup" >&2; exit 1; }
@@ -38,25 +38,25 @@ $(STAMP): requirements/dev.txt $(DISTRIBUTIONS:%=%/pyproject.toml)
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation $(DISTRIBUTIONS:%=-e %)
 	@touch $@
 
-# For the simulator and the tests alone: robots have the real ones. Looks in no time whether they are there.
-action-types: $(STAMP) ## make Nav2's action types in .venv, which needs a compiler; without them: topics only
+# For the simulator and the tests only: robots have the real ones.
+action-types: $(STAMP) ## build Nav2's action types in .venv (needs a compiler; without them only topics are used)
 	@$(BIN)/python -m nena_robot_simulator.interfaces
 
-lock: $(STAMP) ## pin requirements/dev.in with hashes again
+lock: $(STAMP) ## pin requirements/dev.in again, with hashes
 	$(BIN)/uv pip compile requirements/dev.in --universal --python-version 3.11 --generate-hashes \
 		--no-emit-index-url --no-emit-find-links --quiet --custom-compile-command "make lock" -o requirements/dev.txt
 	deploy/containers/lock
 
-format: $(STAMP) ## put the code into the agreed form
+format: $(STAMP) ## format the code
 	$(BIN)/ruff check --fix --quiet . ; $(BIN)/ruff format --quiet .
 
-sbom: $(STAMP) ## write what each program is made of (CycloneDX) to build/sbom
+sbom: $(STAMP) ## write the bill of materials of each program (CycloneDX) to build/sbom
 	@mkdir -p build/sbom
 	for each in order_service status_aggregator edge_agent-ros robot_simulator-ros; do \
 		$(BIN)/cyclonedx-py requirements requirements/$$each.txt --pyproject services/$${each%-ros}/pyproject.toml \
 			--mc-type application --output-reproducible -o build/sbom/$$each.json; done
 
-lint: $(STAMP) ## style, types, import rules, what is known to be unsafe
+lint: $(STAMP) ## check style, types, import rules and known vulnerabilities
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
@@ -74,43 +74,43 @@ test-all: $(STAMP) action-types broker browser ## all tests, with long and quara
 	$(BIN)/pytest $(SHARED_OUT) $(COVERED) --long
 	$(MAKE) soak-cores fuzz faults
 
-conformance: $(STAMP) ## write docs/vda5050.md anew: how the standard is kept, and which tests show it
+conformance: $(STAMP) ## regenerate docs/vda5050.md: conformance clause by clause, with its tests
 	PYTHONPATH=tests $(BIN)/python -m conformance.table
 
-reference: $(STAMP) ## write docs/configuration.md anew: every setting of every program
+reference: $(STAMP) ## regenerate docs/configuration.md: every setting of every program
 	PYTHONPATH=tests $(BIN)/python -m reference.configuration
 
-soak: soak-site soak-cores ## both of the following, one after the other
+soak: soak-site soak-cores ## soak-site, then soak-cores
 
-soak-cores: $(STAMP) broker ## the tests that guard the cores, with many more examples: about two hours on two cores
+soak-cores: $(STAMP) broker ## property tests of the cores with many more examples: about two hours on two cores
 	NENA_EXAMPLES=100000 NENA_PLANTS=400 NENA_KERNEL_PLANTS=400 NENA_RESTARTS=1000 NENA_KILLS=40 NENA_SESSIONS=200 NENA_ORDER_KILLS=50 $(BIN)/pytest --long -n $(WORKERS) --timeout 7200 $(SOAK)
 
-# Robots behind a line that is cut and full disks need root; without it these tests say so and are left out.
-faults: $(STAMP) broker ## every kind of fault under a site at work, about an hour; writes docs/recovery.md
+# Cut network links and full disks need root; without it these tests are skipped with a message.
+faults: $(STAMP) broker ## inject every kind of fault into a working site, about an hour; writes docs/recovery.md
 	rm -f build/recovery.jsonl
 	NENA_FAULTS=3 $(BIN)/pytest tests/faults --long --timeout 3600
 	PYTHONPATH=tests $(BIN)/python -m faults.table
 
 MINUTES ?= 120
-soak-site: $(STAMP) broker ## a site at work for two hours (or MINUTES=10): memory, latency, drift; writes docs/soak.md
+soak-site: $(STAMP) broker ## run a site for two hours (or MINUTES=10): memory, latency, drift; writes docs/soak.md
 	PYTHONPATH=tests $(BIN)/python -m faults.soak --minutes $(MINUTES)
 
-# Messages and files go wrong in the same ways each time; NENA_FUZZ_SEED=anything chooses others.
-fuzz: $(STAMP) broker ## every parser and both HTTP interfaces against damaged and generated input, for long
+# The damage is the same on each run; NENA_FUZZ_SEED=anything chooses other damage.
+fuzz: $(STAMP) broker ## fuzz every parser and both HTTP interfaces, for a long time
 	NENA_FUZZ_EXAMPLES=200 NENA_FUZZ_MESSAGES=20000 NENA_FUZZ_FILES=5000 $(BIN)/pytest --long -n $(WORKERS) --timeout 7200 $(FUZZED)
 
-# A command that makes the base images ready first, where no registry does: make compose-test IMAGES=...
+# IMAGES=... is a command that provides the base images first, where there is no registry.
 IMAGES ?=
-compose-test: $(STAMP) ## build every image, start the stack by docker-compose, have a robot in it do orders
+compose-test: $(STAMP) ## build every image, start the stack with docker-compose, and run orders on a robot in it
 	$(IMAGES)
 	NENA_COMPOSE_TEST=1 $(BIN)/pytest tests/deploy/test_compose.py tests/deploy/test_compose_site.py tests/deploy/test_image_on_ros.py tests/deploy/test_images_of_others.py
 
-colcon-test: $(STAMP) broker ## build the edge agent as a ROS package by colcon, and start what that installs
+colcon-test: $(STAMP) broker ## build the edge agent as a ROS package with colcon, and start the installed agent
 	@[ -x $(VENV)/colcon/bin/colcon ] || { $(BIN)/python -m venv $(VENV)/colcon && \
 		$(VENV)/colcon/bin/pip install --quiet --require-hashes -r requirements/colcon.txt; }
 	COLCON=$(abspath $(VENV))/colcon/bin/colcon $(BIN)/pytest tests/deploy/test_ros_package.py
 
-smoke: $(STAMP) action-types broker ## the demo without a person: two robots, two orders, then the end state is checked
+smoke: $(STAMP) action-types broker ## the demo unattended: two robots, two orders, a check of the final state
 	$(BIN)/nena-demo smoke
 
 demo: $(STAMP) action-types broker ## start everything on this machine, run the main job, and keep it running until Ctrl-C
@@ -119,11 +119,11 @@ demo: $(STAMP) action-types broker ## start everything on this machine, run the 
 bench: $(STAMP) action-types broker ## measure latencies, CPU per message and memory; writes bench.json (ENTRIES="edge_agent ..." for some)
 	PYTHONPATH=tests $(BIN)/python -m bench.run --output bench.json $(if $(ENTRIES),--entries $(ENTRIES))
 
-conversations: $(STAMP) broker ## record the conversations in tests/fixtures anew, from real agents
+conversations: $(STAMP) broker ## record the conversations in tests/fixtures again, from real agents
 	PYTHONPATH=tests $(BIN)/python -m support.conversations
 
-# Real parts that come from the system's packages. Where they cannot be installed, the demo takes the Python
-# broker, and tests say what is missing.
+# Parts from the system's packages. Where they cannot be installed, the demo uses the Python broker, and
+# tests report what is missing.
 broker:
 	@PATH=$$PATH:/usr/sbin; { command -v mosquitto && command -v mosquitto_pub; } >/dev/null || $(call install,mosquitto mosquitto-clients)
 
@@ -137,8 +137,8 @@ define install
   || echo "$(1) is not on this machine and could not be installed; by hand: apt-get install $(1)" >&2; }
 endef
 
-hooks: $(STAMP) ## check each commit before it is made
+hooks: $(STAMP) ## install the pre-commit hooks
 	$(BIN)/pre-commit install
 
-clean: ## remove what make setup made
+clean: ## remove what make setup created
 	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis htmlcov .coverage*

@@ -76,7 +76,8 @@ class Summary:
 
     def pytest_terminal_summary(self, terminalreporter: Any, config: pytest.Config) -> None:
         """Print it."""
-        for line in lines(self._of_workers or config.stash.get(LEFT_OUT, {}), quarantine(config.rootpath)):
+        left_out = self._of_workers or config.stash.get(LEFT_OUT, {})
+        for line in lines(left_out, quarantine(config.rootpath)):
             terminalreporter.write_line(line)
 
 
