@@ -8,7 +8,14 @@ from typing import Any
 
 from pydantic import JsonValue
 
-from nena_edge_agent.actions.plugin import Fields, Publisher, RosError, ServiceClient, TopicQos
+from nena_edge_agent.actions.plugin import (
+    Fields,
+    Publisher,
+    RosActionClient,
+    RosError,
+    ServiceClient,
+    TopicQos,
+)
 
 
 class ScriptedRos:
@@ -40,6 +47,9 @@ class ScriptedRos:
     def client(self, service: str, type_name: str) -> ServiceClient:  # noqa: ARG002
         return _Client(self, service)
 
+    def action(self, name: str, type_name: str) -> RosActionClient:  # noqa: ARG002
+        return _Action(self, name)
+
     def say(self, topic: str, **fields: Any) -> None:
         """Let a message come."""
         for handle in self._handlers[topic]:
@@ -62,6 +72,15 @@ class _Publisher:
         self._ros.published.append((self._topic, dict(fields)))
         if reply := self._ros.replies.get(self._topic):
             reply(dict(fields))
+
+
+class _Action:
+    def __init__(self, ros: ScriptedRos, name: str) -> None:
+        self._ros = ros
+        self._name = name
+
+    async def run(self, fields: Mapping[str, JsonValue]) -> Fields:
+        return await _Client(self._ros, self._name).call(fields, seconds=0.0)
 
 
 class _Client:

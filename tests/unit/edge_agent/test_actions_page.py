@@ -31,15 +31,18 @@ def made(settings: EdgeAgentSettings) -> list[str]:
 def test_its_operations_make_actions() -> None:
     types = [made(EdgeAgentSettings(**tomllib.loads(block))) for block in BLOCKS]
 
-    assert types[:3] == [
+    assert types[:5] == [
         ["pick"],
         ["clamp"],
         ["waitForDoor", "startCharging", "dock", "setTurnSignal"],
+        ["startCharging", "stopCharging", "turn", "backUp"],
+        ["assistedTeleopOff"],
     ]
 
 
 def test_its_load_sensor_is_one() -> None:
-    settings = EdgeAgentSettings(**tomllib.loads(BLOCKS[3]))
+    (block,) = (each for each in BLOCKS if "load_sensor" in each)
+    settings = EdgeAgentSettings(**tomllib.loads(block))
 
     assert settings.actions.load_sensor is not None
     LoadSensor(settings.actions.load_sensor, DryRos())

@@ -204,7 +204,7 @@ class EdgeAgentSettings(ServiceSettings):
     operations: tuple[AnyOperation, ...] = Field(
         default_factory=default_operations,
         description="Ready-made actions: [[operations]] tables, each of a kind: time, topic, service, "
-        "signal, charge, turn_signal or dock.",
+        "signal, charge, turn_signal, dock or nav2.",
     )
     actions: ActionSettings = Field(
         default_factory=ActionSettings, description="Plug-ins for actions, and what all actions have."

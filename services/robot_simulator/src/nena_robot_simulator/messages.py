@@ -129,14 +129,18 @@ def path_message(poses: Iterable[Pose], frame_id: str, nanoseconds: int) -> Path
     return path
 
 
-def battery_message(battery: Battery, scale: Scale, nanoseconds: int) -> BatteryState:
+def battery_message(
+    battery: Battery, scale: Scale, nanoseconds: int, *, charging: bool = False
+) -> BatteryState:
     """Return a sensor_msgs/BatteryState."""
     message = BatteryState(
         present=True,
         percentage=float(battery.percentage(scale)),
         voltage=float(battery.voltage),
         current=float(battery.current),
-        power_supply_status=BatteryState.POWER_SUPPLY_STATUS_DISCHARGING,
+        power_supply_status=BatteryState.POWER_SUPPLY_STATUS_CHARGING
+        if charging
+        else BatteryState.POWER_SUPPLY_STATUS_DISCHARGING,
     )
     message.header.stamp = stamp_of(nanoseconds)
     return message

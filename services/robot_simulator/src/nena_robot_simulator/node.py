@@ -25,6 +25,7 @@ from std_srvs.srv import Empty
 
 from nena_robot_simulator import faults, messages
 from nena_robot_simulator.action_server import LATCHED, NavigatorEndpoints, action_types
+from nena_robot_simulator.behaviours import BEHAVIOURS, DOCKING, RECOVERIES, Behaviours
 from nena_robot_simulator.faults import disturbed
 from nena_robot_simulator.goals import Action, GoalEntry, Snapshot
 from nena_robot_simulator.motion import GridMap, Pose
@@ -98,8 +99,10 @@ class RobotNode:
         self._odom = self._session.publisher(Odometry, "odom", BEST_EFFORT)
         self._session.subscribe(String, "simulator/fault", self._on_fault, FAULTS)
         self._make_timers()
+        self._behaviours = Behaviours(self._session, self._robot, settings.docks, self._loop.reset)
         self._endpoints = Offers(self._session, self._robot) if self._offers else None
         if self._offers:
+            self._behaviours.open(DOCKING)
             costmap_services(self._session, lambda name: self._log.info("costmap cleared", costmap=name))
         for fault in (*simulator.faults, *settings.faults):
             self._apply(fault)
@@ -130,7 +133,7 @@ class RobotNode:
         )
         work = {
             Server.CONTROLLER: lambda: self._cancelled_by(Server.CONTROLLER, ("follow_path",)),
-            Server.BEHAVIOURS: lambda: self._cancelled_by(Server.BEHAVIOURS, ("spin", "backup")),
+            Server.BEHAVIOURS: self._open_behaviours,
             Server.PLANNER: self._open_planner,
             Server.LOCALISATION: self._open_localisation,
             Server.MAPS: self._open_maps,
@@ -140,7 +143,7 @@ class RobotNode:
         )
 
     def _cancelled_by(self, server: Server, actions: Iterable[str]) -> list[Any]:
-        cancel = self._robot.cancel_controller if server is Server.CONTROLLER else self._robot.cancel_recovery
+        cancel = self._robot.cancel_controller if server is Server.CONTROLLER else self._cancel_behaviour
 
         def on_cancel(_request: CancelGoal.Request, response: CancelGoal.Response) -> None:
             """Cancel the server's goal, whichever is named: it has one at most."""
@@ -152,6 +155,13 @@ class RobotNode:
             self._servers.serve(server, CancelGoal, f"{each}/_action/cancel_goal", on_cancel)
             for each in actions
         ]
+
+    def _open_behaviours(self) -> list[Any]:
+        found = self._cancelled_by(Server.BEHAVIOURS, RECOVERIES)
+        return [*found, *(self._behaviours.open(BEHAVIOURS) if self._offers else [])]
+
+    def _cancel_behaviour(self) -> bool:
+        return self._robot.cancel_recovery() or self._behaviours.cancel(*RECOVERIES)
 
     def _open_planner(self) -> list[Any]:
         self._plan = self._session.publisher(Path, "plan", RELIABLE)
@@ -346,7 +356,10 @@ class RobotNode:
         scale = self._settings.battery.scale
         if self._robot.faults.on(faults.BatteryScale):
             scale = "fraction" if scale == "percent" else "percent"
-        self._publish(self._battery, messages.battery_message(self._robot.battery, scale, self._stamp()))
+        message = messages.battery_message(
+            self._robot.battery, scale, self._stamp(), charging=self._robot.docked
+        )
+        self._publish(self._battery, message)
 
     def _publish_map(self) -> None:
         self._publish(self._map, messages.map_message(self._hall, self._settings.map_frame, self._stamp()))

@@ -88,6 +88,9 @@ class Robot:
         self._motion = Motion(start)
         self._odom_origin = start
         self._drive: Drive | None = None
+        self.behaviour: tuple[float, float] | None = None
+        """Velocity that a behaviour or the docking server commands, m/s and rad/s; None: neither does."""
+        self.docked = False
         self._stuck_for = self._unlocalised_for = 0.0
         self._places_told = 1
         self._advanced_at = self._commanded_at = now
@@ -119,7 +122,7 @@ class Robot:
     @property
     def resting(self) -> bool:
         """Whether the robot stands still without a goal; only a request can change that."""
-        if self._drive is not None:
+        if self._drive is not None or self.behaviour is not None:
             return False
         return self._motion.standing and not any(each.busy for each in self._navigators.values())
 
@@ -391,13 +394,17 @@ class Robot:
             self._commanded_at = now
         for _ in range(steps):
             self._motion = self._moved(seconds / steps, now)
-        self.battery.drain(before.distance(self.pose), seconds)
+        if not self.docked:
+            self.battery.drain(before.distance(self.pose), seconds)
 
     def _moved(self, seconds: float, now: float) -> Motion:
         """Return the motion after a step, as the controller, a recovery or nothing commands it."""
         motion, limits, drive = self._motion, self._limits, self._drive
         recovery = drive.recovery if drive is not None else None
-        if drive is None or self.faults.on(faults.Stuck) or self.faults.on(faults.CollisionStop):
+        stuck = self.faults.on(faults.Stuck) or self.faults.on(faults.CollisionStop)
+        if drive is None and self.behaviour is not None and not stuck:
+            return obey(motion, self.behaviour, limits, seconds)
+        if drive is None or stuck:
             return step(motion, None, limits, seconds)
         if recovery is not None:
             works = self.servers.works(Server.BEHAVIOURS)

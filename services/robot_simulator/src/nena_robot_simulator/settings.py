@@ -104,6 +104,7 @@ class RobotSettings(SettingsGroup):
     localisation: LocalisationSettings = Field(
         default_factory=LocalisationSettings, description="Localisation."
     )
+    docks: tuple[str, ...] = Field(("dock",), description="Docks that the docking server knows, by name.")
     map_frame: str = Field("map", min_length=1, description="Frame of map, goals and pose estimates.")
     odom_frame: str = Field("odom", min_length=1, description="Frame of the odometry.")
     base_frame: str = Field("base_link", min_length=1, description="Frame of the robot.")

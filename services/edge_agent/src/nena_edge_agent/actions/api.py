@@ -1,6 +1,7 @@
 """All that an author of action plug-ins needs, in one import; it changes by announcement only."""
 
 from nena_edge_agent.actions.plugin import (
+    ActionFailedError,
     ActionPlugin,
     BackgroundAction,
     DriveError,
@@ -11,6 +12,7 @@ from nena_edge_agent.actions.plugin import (
     PluginUnavailableError,
     Publisher,
     Report,
+    RosActionClient,
     RosError,
     RosPort,
     RunningAction,
@@ -28,6 +30,7 @@ from nena_shared.vda5050.state import Load
 __all__ = [
     "Action",
     "ActionDeclaration",
+    "ActionFailedError",
     "ActionPlugin",
     "ActionReport",
     "ActionScope",
@@ -46,6 +49,7 @@ __all__ = [
     "Pose",
     "Publisher",
     "Report",
+    "RosActionClient",
     "RosError",
     "RosPort",
     "RunningAction",

@@ -264,12 +264,19 @@ def _listed(record: Record) -> str:
     return ", ".join(record.fields) or "none"
 
 
-_NAME: Final = re.compile(r"([a-z][a-z0-9_]*)/(msg|srv)/([A-Z][A-Za-z0-9]*)")
+_NAME: Final = re.compile(r"([a-z][a-z0-9_]*)/(msg|srv|action)/([A-Z][A-Za-z0-9]*)")
 _SEQUENCE: Final = re.compile(r"sequence<(?P<item>.+?)(?:, (?P<most>\d+))?>")
 _ARRAY: Final = re.compile(r"(?P<item>.+)\[(?P<exactly>\d+)\]")
 _TEXT: Final = re.compile(r"w?string(?:<=?(?P<longest>\d+)>?)?")
 PADDING: Final = "structure_needs_at_least_one_member"
 """The field that some distributions show in a message without fields."""
+
+
+EXAMPLES: Final = {
+    "msg": "std_msgs/msg/String",
+    "srv": "std_srvs/srv/Trigger",
+    "action": "nav2_msgs/action/Spin",
+}
 
 
 class UnknownTypeError(Exception):
@@ -297,6 +304,17 @@ def service_type(name: str) -> tuple[Record, Record]:
     """
     kind = _load(name, "srv")
     return _record_of(kind.Request, f"{name} request"), _record_of(kind.Response, f"{name} response")
+
+
+def action_type(name: str) -> tuple[Record, Any]:
+    """Return the goal's shape of an action type, and the type.
+
+    Raises:
+        UnknownTypeError: it is not installed, or no name of a type.
+
+    """
+    kind = _load(name, "action")
+    return _record_of(kind.Goal, name), kind
 
 
 def class_of(name: str) -> Any:  # noqa: ANN401 - rclpy carries no types
@@ -327,7 +345,7 @@ def _plain(value: Any) -> Any:  # noqa: ANN401
 def _load(name: str, kind: str) -> Any:  # noqa: ANN401
     found = _NAME.fullmatch(name)
     if found is None or found.group(2) != kind:
-        example = "std_msgs/msg/String" if kind == "msg" else "std_srvs/srv/Trigger"
+        example = EXAMPLES[kind]
         text = f"'{name}' is no name of a type such as {example}"
         raise UnknownTypeError(text)
     prepare_environment()

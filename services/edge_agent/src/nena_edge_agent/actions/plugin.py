@@ -35,6 +35,14 @@ class RosError(Exception):
     """ROS did not do what it was asked; the text says why."""
 
 
+class ActionFailedError(RosError):
+    """A goal of a ROS action has not succeeded; ``result`` holds the fields of its result."""
+
+    def __init__(self, message: str, result: Fields) -> None:
+        super().__init__(message)
+        self.result = result
+
+
 class DriveError(Exception):
     """A drive of an action did not get there; the text says why."""
 
@@ -82,6 +90,21 @@ class ServiceClient(Protocol):
         ...
 
 
+class RosActionClient(Protocol):
+    """Gives goals to one ROS action."""
+
+    async def run(self, fields: Mapping[str, JsonValue]) -> Fields:
+        """Give a goal, wait for its end, and return its result; cancelled, it cancels the goal first.
+
+        Raises:
+            ActionFailedError: the goal was aborted, or cancelled by somebody else.
+            RosError: there is no ROS session now, no node offers the action, or it refuses the goal, or the
+                fields do not fit the type.
+
+        """
+        ...
+
+
 class RosPort(Protocol):
     """ROS in the robot's namespace and domain. What is asked for stays, through every new ROS session."""
 
@@ -112,6 +135,15 @@ class RosPort(Protocol):
 
     def client(self, service: str, type_name: str) -> ServiceClient:
         """Return what calls ``service``.
+
+        Raises:
+            RosError: there is no such type here.
+
+        """
+        ...
+
+    def action(self, name: str, type_name: str) -> RosActionClient:
+        """Return what gives goals to the action ``name``, of a type such as nav2_msgs/action/Spin.
 
         Raises:
             RosError: there is no such type here.

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 from nena_edge_agent.actions.builtin import Rehearsed, TimedOperation, Unavailable
 from nena_edge_agent.actions.docking import Docking
 from nena_edge_agent.actions.messages import Record, UnknownTypeError, message_type, service_type
-from nena_edge_agent.actions.plugin import ActionPlugin, PluginContext, RosPort
+from nena_edge_agent.actions.nav2_operations import Nav2Operation, declaration_of
+from nena_edge_agent.actions.plugin import ActionPlugin, PluginContext, RosError, RosPort
 from nena_edge_agent.actions.ros_operations import ActionValues, Answer, Call, Command, RosOperation, Steps
 from nena_edge_agent.actions.settings import (
     ActionSettings,
@@ -18,6 +19,7 @@ from nena_edge_agent.actions.settings import (
     ChargeOperationSettings,
     CommandSettings,
     DockOperationSettings,
+    Nav2OperationSettings,
     OperationSettings,
     ParameterSettings,
     RosOperationSettings,
@@ -69,6 +71,8 @@ def _made(
             return TimedOperation(operation)
         case DockOperationSettings():
             return Docking(operation, context.drive)
+        case Nav2OperationSettings():
+            return _by_nav2(operation, context.ros, settings)
         case TurnSignalSettings():
             known = _with_direction(operation)
             return _with_ros(known, _signal_parts(known), path, context.ros, settings)
@@ -81,6 +85,18 @@ def _made(
         case ChargeOperationSettings():
             parts = _Parts(operation.command, operation.call, operation.confirmation)
     return _with_ros(operation, parts, path, context.ros, settings)
+
+
+def _by_nav2(operation: Nav2OperationSettings, ros: RosPort | None, settings: ActionSettings) -> ActionPlugin:
+    declaration = declaration_of(operation)
+    if ros is None and settings.without_ros == "rehearse":
+        return Rehearsed(declaration, settings.rehearsal_seconds, charging=operation.charging)
+    if ros is None:
+        return Unavailable(declaration)
+    try:
+        return Nav2Operation(operation, ros)
+    except RosError as error:
+        return Unavailable(declaration, str(error))
 
 
 def _with_ros(

@@ -9,6 +9,7 @@ import asyncio
 import threading
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from uuid import uuid4
 
 from pydantic import JsonValue
 
@@ -16,6 +17,7 @@ from nena_edge_agent.actions.messages import (
     FieldError,
     Record,
     UnknownTypeError,
+    action_type,
     class_of,
     conformed,
     message,
@@ -23,7 +25,15 @@ from nena_edge_agent.actions.messages import (
     read,
     service_type,
 )
-from nena_edge_agent.actions.plugin import Fields, Publisher, RosError, ServiceClient, TopicQos
+from nena_edge_agent.actions.plugin import (
+    ActionFailedError,
+    Fields,
+    Publisher,
+    RosActionClient,
+    RosError,
+    ServiceClient,
+    TopicQos,
+)
 from nena_edge_agent.driver.port import SessionState
 from nena_shared.log import get_logger
 
@@ -40,6 +50,14 @@ FOUND_WITHIN = 5.0
 LOOK_EVERY = 0.05
 """Seconds between two looks for it."""
 
+
+ANSWERS_WITHIN = 5.0
+"""Seconds for an action's server to take a goal, or to hear that it is cancelled."""
+LONGEST_GOAL = 86_400.0
+"""Seconds for which the result of a goal is waited for; actions have time-outs of their own."""
+SUCCEEDED = 4
+ENDS = {5: "cancelled", 6: "aborted"}
+"""What the status of a goal says that has not succeeded."""
 
 THERE = (SessionState.INITIATING, SessionState.ACTIVE)
 """States of a session that has a node."""
@@ -123,6 +141,15 @@ class PluginRos:
 
         """
         return self._add(_Client(self, service, type_name))
+
+    def action(self, name: str, type_name: str) -> RosActionClient:
+        """Return what gives goals to the action ``name``.
+
+        Raises:
+            RosError: there is no such type here.
+
+        """
+        return self._add(_Action(self, name, type_name))
 
     def _add(self, endpoint: E) -> E:
         with self._lock:
@@ -216,18 +243,78 @@ class _Client:
     async def call(self, fields: Mapping[str, JsonValue], *, seconds: float) -> Fields:
         request = _message(fields, self._request, self._service)
         session = self._port.session()
-        for _ in range(int(min(FOUND_WITHIN, seconds) / LOOK_EVERY)):
-            if self._client.service_is_ready():
-                break
-            await asyncio.sleep(LOOK_EVERY)
-        else:
-            text = f"no node offers the service {self._service}"
-            raise RosError(text)
+        await _found(self._client, f"the service {self._service}", min(FOUND_WITHIN, seconds))
         response = await session.call(self._client, request, seconds=seconds)
         if response is None:
             text = f"the service {self._service} did not answer within {seconds:g} s"
             raise RosError(text)
         return read(response)
+
+
+class _Action:
+    """The hidden services of an action: a goal of an id of our own, its result, and its end."""
+
+    def __init__(self, port: PluginRos, name: str, type_name: str) -> None:
+        self._port = port
+        self._name = name
+        self._goal, self._kind = _known(action_type, type_name)
+        self._send: Any = None
+
+    def open(self, _: RosSession, node: Any) -> None:  # noqa: ANN401
+        from action_msgs.srv import CancelGoal  # noqa: PLC0415 - needs rclpy
+
+        services, hidden = self._kind.Impl, f"{self._name}/_action"
+        self._send = node.create_client(services.SendGoalService, f"{hidden}/send_goal")
+        self._results = node.create_client(services.GetResultService, f"{hidden}/get_result")
+        self._cancel = node.create_client(CancelGoal, f"{hidden}/cancel_goal")
+
+    async def run(self, fields: Mapping[str, JsonValue]) -> Fields:
+        goal = _message(fields, self._goal, self._name)
+        session = self._port.session()
+        for client in (self._send, self._results, self._cancel):
+            await _found(client, f"the action {self._name}", FOUND_WITHIN)
+        request = self._kind.Impl.SendGoalService.Request(goal=goal)
+        request.goal_id.uuid = list(uuid4().bytes)
+        try:
+            answer = await session.call(self._send, request, seconds=ANSWERS_WITHIN)
+            if answer is None or not answer.accepted:
+                text = "refuses the goal" if answer is not None else "does not answer"
+                message = f"the action {self._name} {text}: is its server active?"
+                raise RosError(message)
+            return await self._result(session, request.goal_id)
+        except asyncio.CancelledError:
+            await self._cancelled(session, request.goal_id)
+            raise
+
+    async def _result(self, session: RosSession, goal_id: Any) -> Fields:  # noqa: ANN401
+        asked = self._kind.Impl.GetResultService.Request(goal_id=goal_id)
+        answer = await session.call(self._results, asked, seconds=LONGEST_GOAL)
+        if answer is None:
+            message = f"nothing was heard of the end of the goal of {self._name}"
+            raise RosError(message)
+        result = read(answer.result)
+        if answer.status != SUCCEEDED:
+            message = f"{self._name} has {ENDS.get(answer.status, 'lost')} its goal"
+            raise ActionFailedError(message, result)
+        return result
+
+    async def _cancelled(self, session: RosSession, goal_id: Any) -> None:  # noqa: ANN401
+        request = self._cancel.srv_type.Request()
+        request.goal_info.goal_id = goal_id
+        asked = self._kind.Impl.GetResultService.Request(goal_id=goal_id)
+        if await session.call(self._cancel, request, seconds=ANSWERS_WITHIN) is None:
+            log.warning("a goal was not cancelled: the action's server does not answer", action=self._name)
+        elif await session.call(self._results, asked, seconds=ANSWERS_WITHIN) is None:
+            log.warning("a goal was cancelled, and its end was not heard of", action=self._name)
+
+
+async def _found(client: Any, what: str, seconds: float) -> None:  # noqa: ANN401
+    for _ in range(int(seconds / LOOK_EVERY)):
+        if client.service_is_ready():
+            return
+        await asyncio.sleep(LOOK_EVERY)
+    text = f"no node offers {what}"
+    raise RosError(text)
 
 
 def _known(find: Callable[[str], T], name: str) -> T:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from enum import StrEnum
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import Discriminator, Field, JsonValue, Tag, model_validator
@@ -266,6 +268,48 @@ class DockOperationSettings(OperationBase):
         return self
 
 
+class Behaviour(StrEnum):
+    """What Nav2's servers can do beside driving to a goal."""
+
+    DOCK = "dock"
+    UNDOCK = "undock"
+    SPIN = "spin"
+    BACK_UP = "back_up"
+    DRIVE_ON_HEADING = "drive_on_heading"
+
+
+class Nav2OperationSettings(OperationBase):
+    """Has one of Nav2's own servers do something; needs nav2_msgs."""
+
+    kind: Literal["nav2"]
+    behavior: Behaviour = Field(description="dock, undock, spin, back_up or drive_on_heading.")
+    server: RosName | None = Field(None, description="Name of the ROS action. Unset: Nav2's own.")
+    blocking_types: tuple[BlockingType, ...] = Field(
+        (BlockingType.SOFT, BlockingType.HARD),
+        min_length=1,
+        description="SOFT or HARD: the robot must stand.",
+    )
+    dock_id: str = Field(
+        "", max_length=200, description="Dock, if orders name none with the parameter dockId."
+    )
+    dock_type: str = Field("", max_length=200, description="Type of the dock, if there are several.")
+    drives_to_dock: bool = Field(
+        default=True, description="The docking server drives to the place before the dock first."
+    )
+    speed: float = Field(0.1, gt=0, le=5, description="Speed of back_up and drive_on_heading, m/s.")
+    maximum: float = Field(
+        math.tau, gt=0, le=100, description="Largest angle (rad) or distance (m) that orders may ask for."
+    )
+    timeout: float = Field(120.0, gt=0, le=86_400, allow_inf_nan=False, description="Timeout, seconds.")
+
+    @model_validator(mode="after")
+    def _stands(self) -> Self:
+        if self.scopes != (ActionScope.NODE,) or BlockingType.NONE in self.blocking_types:
+            message = "an action that drives has the scope NODE, and blocks the order: SOFT or HARD"
+            raise ValueError(message)
+        return self
+
+
 def _kind(table: Any) -> str:  # noqa: ANN401 - whatever stands in the file
     return str(table.get("kind", "time") if isinstance(table, dict) else getattr(table, "kind", "time"))
 
@@ -277,7 +321,8 @@ AnyOperation = Annotated[
     | Annotated[SignalOperationSettings, Tag("signal")]
     | Annotated[ChargeOperationSettings, Tag("charge")]
     | Annotated[TurnSignalSettings, Tag("turn_signal")]
-    | Annotated[DockOperationSettings, Tag("dock")],
+    | Annotated[DockOperationSettings, Tag("dock")]
+    | Annotated[Nav2OperationSettings, Tag("nav2")],
     Discriminator(_kind),
 ]
 """A ready-made action; a table without a ``kind`` takes a set time."""

@@ -8,6 +8,7 @@ import sys
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 from pydantic import JsonValue
 from pydantic_core import from_json
@@ -17,6 +18,7 @@ from nena_edge_agent.actions.messages import (
     FieldError,
     Record,
     UnknownTypeError,
+    action_type,
     conformed,
     message_type,
     read,
@@ -27,6 +29,7 @@ from nena_edge_agent.actions.plugin import (
     Fields,
     PluginContext,
     Publisher,
+    RosActionClient,
     RosError,
     ServiceClient,
     TopicQos,
@@ -92,6 +95,18 @@ class DryRos:
         except UnknownTypeError as error:
             raise RosError(str(error)) from error
 
+    def action(self, name: str, type_name: str) -> RosActionClient:
+        """Return a client whose goals all succeed.
+
+        Raises:
+            RosError: the type is not installed.
+
+        """
+        try:
+            return _DryAction(name, *action_type(type_name))
+        except UnknownTypeError as error:
+            raise RosError(str(error)) from error
+
 
 class DryDrive:
     """Simulated drive: arrives after a moment."""
@@ -114,6 +129,18 @@ class DryDrive:
     async def initialize_position(self, pose: Pose) -> None:
         """Take the position over."""
         self.pose = pose
+
+
+class _DryAction:
+    def __init__(self, name: str, goal: Record, kind: Any) -> None:  # noqa: ANN401 - rclpy carries no types
+        self._name = name
+        self._goal = goal
+        self._kind = kind
+
+    async def run(self, fields: Mapping[str, JsonValue]) -> Fields:
+        _conform(fields, self._goal, self._name)
+        await asyncio.sleep(DRIVE_TIME)
+        return read(self._kind.Result())
 
 
 class _DryPublisher:

@@ -1,0 +1,133 @@
+"""Actions that Nav2's own servers do: docking, undocking, and its behaviours."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import partial
+
+from pydantic import JsonValue
+
+from nena_edge_agent.actions.plugin import (
+    ActionFailedError,
+    BackgroundAction,
+    Report,
+    RosActionClient,
+    RosError,
+    RosPort,
+    RunningAction,
+    WorkFailedError,
+)
+from nena_edge_agent.actions.settings import Behaviour, Nav2OperationSettings
+from nena_edge_agent.nav2.error_codes import meaning_of
+from nena_edge_agent.protocol.declaration import ActionDeclaration, Parameter
+from nena_edge_agent.protocol.events import ActionReport
+from nena_shared.vda5050.action import Action, ActionStatus
+from nena_shared.vda5050.factsheet import ValueDataType
+from nena_shared.vda5050.state import Load
+
+DOCK_ID, ANGLE, DISTANCE = "dockId", "angle", "distance"
+_SERVERS: Mapping[Behaviour, tuple[str, str, str]] = {
+    Behaviour.DOCK: ("dock_robot", "DockRobot", "Docks by Nav2's docking server."),
+    Behaviour.UNDOCK: ("undock_robot", "UndockRobot", "Leaves the dock by Nav2's docking server."),
+    Behaviour.SPIN: ("spin", "Spin", "Turns on the spot."),
+    Behaviour.BACK_UP: ("backup", "BackUp", "Drives straight backwards."),
+    Behaviour.DRIVE_ON_HEADING: ("drive_on_heading", "DriveOnHeading", "Drives straight ahead."),
+}
+"""Name of the action, its type, and what it does."""
+
+
+def type_of(behaviour: Behaviour) -> str:
+    """Return the name of the type that it needs."""
+    return f"nav2_msgs/action/{_SERVERS[behaviour][1]}"
+
+
+def declaration_of(settings: Nav2OperationSettings) -> ActionDeclaration:
+    """Return what the action is and takes."""
+    return ActionDeclaration(
+        settings.action_type,
+        scopes=settings.scopes,
+        parameters=(*(each.declared for each in settings.parameters), *_parameters(settings)),
+        blocking_types=settings.blocking_types,
+        cancel_allowed=True,
+        load=settings.load_change,
+        timeout=settings.timeout,
+        description=settings.description or _SERVERS[settings.behavior][2],
+    )
+
+
+def _parameters(settings: Nav2OperationSettings) -> tuple[Parameter, ...]:
+    number, most = ValueDataType.NUMBER, settings.maximum
+    match settings.behavior:
+        case Behaviour.DOCK:
+            named = f"name of the dock; '{settings.dock_id}' if not given" if settings.dock_id else "dock"
+            required = not settings.dock_id
+            return (Parameter(DOCK_ID, ValueDataType.STRING, required=required, description=named),)
+        case Behaviour.SPIN:
+            return (Parameter(ANGLE, number, description="rad to the left", minimum=-most, maximum=most),)
+        case Behaviour.BACK_UP | Behaviour.DRIVE_ON_HEADING:
+            return (Parameter(DISTANCE, number, description="m", minimum=0.0, maximum=most),)
+    return ()
+
+
+class Nav2Operation:
+    """Gives one server its goals, and reports their ends."""
+
+    def __init__(self, settings: Nav2OperationSettings, ros: RosPort) -> None:
+        self.declaration = declaration_of(settings)
+        self._settings = settings
+        server = settings.server or _SERVERS[settings.behavior][0]
+        self._client: RosActionClient = ros.action(server, type_of(settings.behavior))
+
+    def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
+        """Give the goal; cancelled, the server is told so first."""
+        return BackgroundAction(action.action_id, partial(self._work, action), report)
+
+    async def _work(self, action: Action) -> ActionReport:
+        try:
+            result = await self._client.run(_goal(self._settings, action))
+        except ActionFailedError as error:
+            meaning = meaning_of(
+                int(error.result.get("error_code", 0)), str(error.result.get("error_msg", ""))
+            )
+            raise WorkFailedError(f"{error}: {_words(*meaning)}" if meaning else str(error)) from error
+        except RosError as error:
+            raise WorkFailedError(str(error)) from error
+        if result.get("success") is False:
+            message = "the server says that it has not succeeded"
+            raise WorkFailedError(message)
+        return ActionReport(action.action_id, ActionStatus.FINISHED, charging=self._settings.charging)
+
+
+def _goal(settings: Nav2OperationSettings, action: Action) -> dict[str, JsonValue]:
+    """Return the fields of the goal."""
+    seconds = int(settings.timeout)
+    match settings.behavior:
+        case Behaviour.DOCK:
+            return {
+                "use_dock_id": True,
+                "dock_id": str(action.parameter(DOCK_ID) or settings.dock_id),
+                "dock_type": settings.dock_type,
+                "navigate_to_staging_pose": settings.drives_to_dock,
+                "max_staging_time": settings.timeout,
+            }
+        case Behaviour.UNDOCK:
+            return {"dock_type": settings.dock_type, "max_undocking_time": settings.timeout}
+        case Behaviour.SPIN:
+            return {"target_yaw": _number(action, ANGLE), "time_allowance": {"sec": seconds}}
+        case _:
+            away = -1.0 if settings.behavior is Behaviour.BACK_UP else 1.0
+            return {
+                "target": {"x": away * _number(action, DISTANCE)},
+                "speed": away * settings.speed,
+                "time_allowance": {"sec": seconds},
+            }
+
+
+def _number(action: Action, key: str) -> float:
+    value = action.parameter(key)
+    return float(value) if isinstance(value, int | float) else math.nan
+
+
+def _words(reason: str, hint: str) -> str:
+    return f"{reason}; {hint}" if hint else reason

@@ -1,0 +1,159 @@
+"""Nav2's behaviours and its docking server: one goal at a time, which moves the robot with a velocity."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+from uuid import UUID
+
+from action_msgs.srv import CancelGoal
+
+from nena_robot_simulator import messages
+from nena_robot_simulator.goals import GoalStatus as Status
+from nena_robot_simulator.offers import interface
+from nena_robot_simulator.robot import Robot
+from nena_robot_simulator.session import RosSession
+from nena_shared.log import get_logger
+
+log = get_logger(__name__)
+
+DOCKING = {"dock_robot": "DockRobot", "undock_robot": "UndockRobot"}
+RECOVERIES = {"spin": "Spin", "backup": "BackUp"}
+"""Those that the navigator uses too; their cancelling is served with it."""
+BEHAVIOURS = {**RECOVERIES, "drive_on_heading": "DriveOnHeading"}
+"""Names and types of the actions."""
+PERIOD = 0.02
+"""Seconds between two looks at the goal."""
+NOT_IN_DATABASE = 901
+DOCK_DISTANCE, DOCK_SPEED = 0.4, 0.2
+"""Metres from the place before the dock into it, and m/s."""
+YAW_RATE = 1.0
+"""rad/s."""
+Answer = Callable[[Any], None]
+
+
+@dataclass(slots=True)
+class Work:
+    """The goal at hand: what is left of it in m or rad, and the velocity."""
+
+    name: str
+    goal_id: UUID
+    left: float
+    velocity: tuple[float, float]
+    error_code: int = 0
+
+
+class Behaviours:
+    """The servers of one robot; ``wake`` lets it move."""
+
+    def __init__(
+        self, session: RosSession, robot: Robot, docks: tuple[str, ...], wake: Callable[[], None]
+    ) -> None:
+        self._session = session
+        self._robot = robot
+        self._docks = docks
+        self._wake = wake
+        self._work: Work | None = None
+        self._waiting: dict[UUID, Answer] = {}
+        self._ended: dict[UUID, tuple[Status, int]] = {}
+        self._types: dict[str, Any] = {}
+
+        session.every(PERIOD, self._advance)
+
+    def open(self, actions: Mapping[str, str]) -> list[Any]:
+        """Join the ROS graph with actions of these names and types, as far as they are installed."""
+        found: list[Any] = []
+        for name, type_name in actions.items():
+            kind = interface(f"nav2_msgs/action/{type_name}")
+            if kind is not None:
+                self._types[name] = kind
+                found += self._serve(name, kind)
+        return found
+
+    def cancel(self, *names: str) -> bool:
+        """Cancel the goal at hand if it is of one of these actions; return whether it was."""
+        if self._work is None or self._work.name not in names:
+            return False
+        self._end(Status.CANCELED)
+        return True
+
+    def _serve(self, name: str, kind: Any) -> list[Any]:  # noqa: ANN401
+        hidden, services = f"{name}/_action", kind.Impl
+
+        def on_goal(request: Any, answer: Answer) -> None:  # noqa: ANN401
+            accepted = self._take(name, messages.goal_id_of(request), request.goal)
+            answer(services.SendGoalService.Response(accepted=accepted))
+
+        def on_result(request: Any, answer: Answer) -> None:  # noqa: ANN401
+            self._waiting[messages.goal_id_of(request)] = answer
+            self._answer(name)
+
+        def on_cancel(request: Any, answer: Answer) -> None:  # noqa: ANN401
+            response = CancelGoal.Response()
+            if self.cancel(name):
+                response.goals_canceling = [request.goal_info]
+            answer(response)
+
+        serve = self._session.serve_later
+        own_cancel = [] if name in RECOVERIES else [serve(CancelGoal, f"{hidden}/cancel_goal", on_cancel)]
+        return [
+            serve(services.SendGoalService, f"{hidden}/send_goal", on_goal),
+            serve(services.GetResultService, f"{hidden}/get_result", on_result),
+            *own_cancel,
+        ]
+
+    def _take(self, name: str, goal_id: UUID, goal: Any) -> bool:  # noqa: ANN401
+        if self._work is not None:
+            return False
+        self._work = self._work_of(name, goal_id, goal)
+        log.info("behaviour", name=name, left=self._work.left)
+        self._robot.behaviour = self._work.velocity
+        if name != "dock_robot":
+            self._robot.docked = False
+        self._wake()
+        return True
+
+    def _work_of(self, name: str, goal_id: UUID, goal: Any) -> Work:  # noqa: ANN401
+        match name:
+            case "dock_robot":
+                known = goal.dock_id in self._docks
+                code = 0 if known else NOT_IN_DATABASE
+                return Work(name, goal_id, DOCK_DISTANCE if known else 0.0, (DOCK_SPEED, 0.0), code)
+            case "undock_robot":
+                return Work(name, goal_id, DOCK_DISTANCE, (-DOCK_SPEED, 0.0))
+            case "spin":
+                turn = float(goal.target_yaw)
+                return Work(name, goal_id, abs(turn), (0.0, math.copysign(YAW_RATE, turn)))
+            case _:
+                away = -1.0 if name == "backup" else 1.0
+                return Work(name, goal_id, abs(float(goal.target.x)), (away * abs(float(goal.speed)), 0.0))
+
+    def _advance(self) -> None:
+        work = self._work
+        if work is None:
+            return
+        speed, yaw_rate = self._robot.velocity
+        work.left -= max(abs(speed), abs(yaw_rate)) * PERIOD
+        if work.left <= 0.0:
+            self._end(Status.ABORTED if work.error_code else Status.SUCCEEDED)
+
+    def _end(self, status: Status) -> None:
+        work, self._work, self._robot.behaviour = self._work, None, None
+        if work is not None:
+            self._ended[work.goal_id] = (status, work.error_code)
+            if work.name == "dock_robot" and status is Status.SUCCEEDED:
+                self._robot.docked = True
+            log.info("behaviour ended", name=work.name, status=status.name)
+            self._answer(work.name)
+
+    def _answer(self, name: str) -> None:
+        """Answer those who wait for a goal that has ended."""
+        for goal_id in [each for each in self._waiting if each in self._ended]:
+            status, code = self._ended[goal_id]
+            response = self._types[name].Impl.GetResultService.Response(status=int(status))
+            response.result.error_code = code
+            if hasattr(response.result, "success"):
+                response.result.success = status is Status.SUCCEEDED
+            self._waiting.pop(goal_id)(response)

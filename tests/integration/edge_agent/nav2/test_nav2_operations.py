@@ -1,0 +1,103 @@
+"""Docking and Nav2's behaviours as actions of an order, over real DDS."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+from support.action_types import needs_nav2_types
+from support.edge_agent import FleetControl, status_of
+from support.nav2_agent import Bench, ready
+from support.robot_core import action, order, position
+from support.waiting import until
+
+pytestmark = [pytest.mark.ros, pytest.mark.broker, needs_nav2_types]
+
+OPERATIONS: list[dict[str, Any]] = [
+    {"kind": "nav2", "action_type": "startCharging", "behavior": "dock", "dock_id": "dock", "charging": True},
+    {"kind": "nav2", "action_type": "stopCharging", "behavior": "undock", "charging": False},
+    {"kind": "nav2", "action_type": "turn", "behavior": "spin"},
+    {"kind": "nav2", "action_type": "back", "behavior": "back_up", "speed": 0.5, "maximum": 20.0},
+    {"kind": "nav2", "action_type": "ahead", "behavior": "drive_on_heading", "speed": 0.5},
+]
+
+
+def at_n1(action_id: str, action_type: str, **parameters: Any) -> Any:
+    """Return an order with one action at a node that the robot drives to."""
+    work = action(action_id, "HARD", action_type, retriable=None, **parameters)
+    return order("n0", "n1", positions={"n1": position(2.0)}, node_actions={"n1": [work]}, order_id=action_id)
+
+
+async def done(fleet: FleetControl, action_id: str) -> dict[str, Any]:
+    return await fleet.state(lambda state: status_of(state, action_id) in ("FINISHED", "FAILED"))
+
+
+def result_of(state: dict[str, Any], action_id: str) -> str:
+    (found,) = (each for each in state["actionStates"] if each["actionId"] == action_id)
+    return str(found.get("resultDescription", ""))
+
+
+async def test_a_robot_docks_charges_and_leaves_the_dock(bench: Bench) -> None:
+    with bench.simulator():
+        async with bench.agent(operations=OPERATIONS) as fleet:
+            await fleet.state(ready)
+            fleet.send(at_n1("in", "startCharging"))
+            state = await done(fleet, "in")
+            assert status_of(state, "in") == "FINISHED"
+            await fleet.state(lambda state: state["batteryState"]["charging"])
+            stands = bench.places[-1]
+            assert stands > 2.2
+
+            place = {"n1": position(2.0), "n2": position(2.0, 2.0)}
+            out = action("out", "HARD", "stopCharging", retriable=None)
+            fleet.send(order("n1", "n2", positions=place, node_actions={"n1": [out]}, order_id="o2"))
+            state = await done(fleet, "out")
+            assert status_of(state, "out") == "FINISHED"
+            await until(lambda: min(bench.places[-5:]) < stands, what="the robot out of the dock")
+
+
+async def test_a_dock_that_is_unknown_fails_with_the_reason(bench: Bench) -> None:
+    with bench.simulator():
+        async with bench.agent(operations=OPERATIONS) as fleet:
+            await fleet.state(ready)
+            fleet.send(at_n1("in", "startCharging", dockId="nowhere"))
+            state = await done(fleet, "in")
+            assert status_of(state, "in") == "FAILED"
+            assert "does not know this dock (error code 901)" in result_of(state, "in")
+            assert "name a dock of its database" in result_of(state, "in")
+
+
+async def test_it_turns_on_the_spot(bench: Bench) -> None:
+    with bench.simulator():
+        async with bench.agent(operations=OPERATIONS) as fleet:
+            await fleet.state(ready)
+            fleet.send(at_n1("turn", "turn", angle=math.pi / 2))
+            state = await done(fleet, "turn")
+            assert status_of(state, "turn") == "FINISHED"
+            assert abs(state["agvPosition"]["theta"] - math.pi / 2) < 0.4
+            assert abs(state["agvPosition"]["x"] - 2.0) < 0.5
+
+
+async def test_an_order_that_is_cancelled_stops_a_behaviour(bench: Bench) -> None:
+    with bench.simulator(time_factor=1.0):
+        async with bench.agent(operations=OPERATIONS) as fleet:
+            await fleet.state(ready)
+            fleet.send(at_n1("back", "back", distance=15.0))
+            await fleet.state(lambda state: status_of(state, "back") == "RUNNING")
+            await until(lambda: bench.speed > 0.3, what="the robot on its way back")
+            fleet.instant(action("c", "NONE", "cancelOrder", retriable=None))
+            state = await fleet.state(lambda state: status_of(state, "c") == "FINISHED")
+            assert status_of(state, "back") == "FAILED"
+            await until(lambda: bench.speed == 0.0, what="standstill")
+            assert bench.places[-1] > -5.0
+
+
+async def test_too_far_is_refused_before_the_robot_drives(bench: Bench) -> None:
+    with bench.simulator():
+        async with bench.agent(operations=OPERATIONS) as fleet:
+            await fleet.state(ready)
+            fleet.send(at_n1("ahead", "ahead", distance=50.0))
+            state = await fleet.state(lambda state: state["errors"])
+            assert "at most" in state["errors"][0]["errorDescription"]
