@@ -28,6 +28,7 @@ from bench import (
     rest_to_wire,
     sessions,
     state_cost,
+    traffic,
 )
 from bench.process import rss_mb_of
 from bench.robots import InstantRobots, Start
@@ -148,6 +149,7 @@ ENTRIES: dict[str, Callable[[Path, int, float], Awaitable[dict[str, Any]]]] = {
     "plant": _plant,
     "aggregator": _aggregator,
     "smooth": _smooth,
+    "traffic": traffic.measure,
 }
 """What can be measured: each gets a folder, orders per latency, and seconds for figures of CPU."""
 

@@ -51,6 +51,8 @@ def test_one_robot_alone_does_what_nothing_keeps_it_from() -> None:
     assert found.doing[Doing.WORKS] == pytest.approx(found.finished * 4.0 / 1800, rel=0.15)
     assert 0.3 < found.empty_share < 0.7
     assert found.failed == 0
+    assert sum(found.finished_by_minute) == found.finished
+    assert len(found.finished_by_minute) == 30
 
 
 def test_robots_in_each_others_way_wait_and_it_is_said_where_and_why() -> None:
@@ -79,7 +81,7 @@ def test_orders_at_a_rate_that_the_fleet_can_do_are_done_soon() -> None:
 
 def test_a_robot_that_breaks_down_costs_orders() -> None:
     alone = replace(CASE, plant=HALL.with_robots(1), robots=1)
-    dead = Disturbances(dead=(0, 15.0, MINUTES * 60))
+    dead = Disturbances(dead=(15.0, MINUTES * 60))
 
     assert simulate(replace(alone, disturbances=dead)).finished < simulate(alone).finished / 2
 

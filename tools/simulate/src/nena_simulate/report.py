@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from math import ceil
 from statistics import quantiles
 from typing import Any
 
@@ -22,6 +24,7 @@ class Figures:
     hours: float
     created: int
     finished: int
+    finished_by_minute: tuple[int, ...]
     failed: int
     waiting: int
     """Orders without a robot at the end."""
@@ -54,6 +57,7 @@ class Figures:
             hours=hours,
             created=observer.created,
             finished=len(leads),
+            finished_by_minute=_by_minute(observer.finishes, hours),
             failed=observer.failed,
             waiting=waiting,
             orders_per_hour=round(len(leads) / hours, 1),
@@ -66,6 +70,12 @@ class Figures:
             waiting_by_cause=_per_hour(observer.causes, hours),
             waiting_by_place=_per_hour(observer.places, hours),
         )
+
+
+def _by_minute(moments: Sequence[float], hours: float) -> tuple[int, ...]:
+    """Count what happened in each minute; ``moments`` are in seconds."""
+    minutes = Counter(int(each // 60) for each in moments)
+    return tuple(minutes[each] for each in range(ceil(hours * 60)))
 
 
 def _per_hour(seconds: Mapping[str, float], hours: float) -> dict[str, float]:

@@ -56,8 +56,10 @@ class Disturbances:
     """Share of the messages that get lost."""
     speed_spread: float = 0.0
     """How far robots are slower or faster than their speed, as a share of it, by lot."""
-    dead: tuple[int, float, float] | None = None
-    """A robot by its number from 0, when it stops, and for how long, in seconds."""
+    dead: tuple[float, float] | None = None
+    """When a robot stops and falls silent, and for how long, in seconds."""
+    dead_at: tuple[str, ...] = ()
+    """Points one of which it has passed last; empty: any."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,9 +187,8 @@ class SimulatedRobot:
         self.control.cut_link = self.agent.cut_link
         await self.agent.run(asyncio.Event())
 
-    async def die(self, at: float, seconds: float) -> None:
-        """Stand still and be silent from a moment on, for so long."""
-        await asyncio.sleep(at)
+    async def die(self, seconds: float) -> None:
+        """Stand still and be silent for so long."""
         self.driver.set_navigation(available=False, reason="it has broken down")
         self.agent.cut_link(seconds)
         await asyncio.sleep(seconds)
@@ -230,14 +231,26 @@ class Site:
             await self._all_there()
             supervisor.start("observer", watch(), vital=False)
             supervisor.start("hosts", self._give_orders(), vital=False)
-            if dead := self.case.disturbances.dead:
-                supervisor.start("death", self.robots[dead[0]].die(*dead[1:]), vital=False)
+            supervisor.start("death", self._let_one_die(), vital=False)
             await asyncio.sleep(seconds)
 
     async def _all_there(self) -> None:
         async with asyncio.timeout(READY_SECONDS):
             while any(self.fleet.view(each.key).state is None for each in self.robots):  # noqa: ASYNC110 - they send it
                 await asyncio.sleep(LOOK)
+
+    async def _let_one_die(self) -> None:
+        """Break down the first robot that drives where one is to."""
+        if self.case.disturbances.dead:
+            at, seconds = self.case.disturbances.dead
+            await asyncio.sleep(at)
+            while not (found := [each for each in self.robots if self._may_die(each)]):  # noqa: ASYNC110 - they drive
+                await asyncio.sleep(LOOK)
+            await found[0].die(seconds)
+
+    def _may_die(self, robot: SimulatedRobot) -> bool:
+        state, places = self.fleet.view(robot.key).state, self.case.disturbances.dead_at
+        return robot.driver.moving and state is not None and (not places or state.last_node_id in places)
 
     async def _give_orders(self) -> None:
         """Do what hosts do."""
