@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 from uuid import uuid4
 
 import pytest
@@ -13,6 +14,9 @@ from hypothesis import HealthCheck, settings
 from support.broker import Broker
 from support.postgres import Postgres
 from support.published import Publications, watched
+
+if TYPE_CHECKING:
+    from support.oidc_issuer import OidcIssuer
 
 # How long an example takes says something about the machine and its load, not about the code.
 settings.register_profile("nena", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -122,3 +126,21 @@ def unmeasured(monkeypatch: pytest.MonkeyPatch) -> None:
     It is for tests of whole sites, whose programs others have measured.
     """
     monkeypatch.delenv("COVERAGE_PROCESS_CONFIG", raising=False)
+
+
+@pytest.fixture
+def domain_id() -> Iterator[int]:
+    """Return a ROS domain id that no other test uses at the same time."""
+    from support.ros import own_domain_id  # noqa: PLC0415 - loads rclpy, which unit tests do without
+
+    with own_domain_id() as reserved:
+        yield reserved
+
+
+@pytest.fixture
+def issuer() -> Iterator[OidcIssuer]:
+    """Run an OpenID Connect issuer on loopback, which stands in for Keycloak and its like."""
+    from support.oidc_issuer import oidc_issuer  # noqa: PLC0415 - loads what only its tests need
+
+    with oidc_issuer() as made:
+        yield made

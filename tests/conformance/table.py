@@ -9,6 +9,7 @@ from typing import Final
 
 from conformance.catalogue import VERSIONS, Chapter, Clause, Standing, chapters
 from conformance.markers import TESTS, Shown, shown_by_tests
+from support.markdown import row
 
 DOCUMENT: Final = TESTS.parent / "docs" / "vda5050.md"
 _HERE: Final = Path(__file__).parent
@@ -74,7 +75,7 @@ def _chapter(chapter: Chapter, tests: Tests) -> str:
     rows = (
         _row(clause, tests.get(clause.id, ())) for clause in sorted(chapter.clause, key=lambda e: e.place)
     )
-    lines = [f"## {chapter.title}", "", _line(head), _line("---" for _ in head), *map(_line, rows), ""]
+    lines = [f"## {chapter.title}", "", row(head), row("---" for _ in head), *map(row, rows), ""]
     return "\n".join(lines)
 
 
@@ -100,10 +101,6 @@ def _tests(shown: Iterable[Shown]) -> Iterator[str]:
         names = [each.test.removeprefix("test_").replace("_", " ") for each in group]
         said = "; ".join(names) if len(names) <= NAMED else f"{len(names)} tests"
         yield f"[{Path(file).stem}](../tests/{file}): {said}"
-
-
-def _line(cells: Iterable[str]) -> str:
-    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
 
 
 if __name__ == "__main__":

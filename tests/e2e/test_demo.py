@@ -12,17 +12,10 @@ from pathlib import Path
 import psutil
 import pytest
 
-from support.ros import own_domain_id
 from support.waiting import PATIENCE, wait_until
 
 DEMO = str(Path(sys.executable).with_name("nena-demo"))
 pytestmark = [pytest.mark.e2e, pytest.mark.ros, pytest.mark.broker, pytest.mark.timeout(420)]
-
-
-@pytest.fixture
-def domain_id() -> Iterator[int]:
-    with own_domain_id() as reserved:
-        yield reserved
 
 
 @pytest.fixture

@@ -23,6 +23,7 @@ from faults.footprint import Footprint
 from faults.host import Answer, Host
 from faults.site import Layout, Site
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
+from support.markdown import row
 from support.pausing import time_passes
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "soak.md"
@@ -132,21 +133,21 @@ def document(soaked: Soaked, *, minutes: float, load: float) -> str:
 
 
 def _latencies(windows: Sequence[Window]) -> Iterator[str]:
-    yield _line(["Window", "Orders ended", "Answer p50", "Answer p99", "Order p50", "Order p99"])
-    yield _line(["---"] * 6)
+    yield row(["Window", "Orders ended", "Answer p50", "Answer p99", "Order p50", "Order p99"])
+    yield row(["---"] * 6)
     for number, window in enumerate(windows, 1):
         answers = [f"{1000 * value:.0f} ms" for value in _percentiles(window.answers)]
         ends = [f"{value:.1f} s" for value in _percentiles(window.orders)]
-        yield _line([str(number), str(len(window.orders)), *answers, *ends])
+        yield row([str(number), str(len(window.orders)), *answers, *ends])
 
 
 def _memory(windows: Sequence[Window]) -> Iterator[str]:
     programs = sorted(windows[0].footprints)
-    yield _line(["Window", *(f"{each}: MB, descriptors, threads" for each in programs)])
-    yield _line(["---"] * (1 + len(programs)))
+    yield row(["Window", *(f"{each}: MB, descriptors, threads" for each in programs)])
+    yield row(["---"] * (1 + len(programs)))
     for number, window in enumerate(windows, 1):
         found = [window.footprints[each] for each in programs]
-        yield _line(
+        yield row(
             [str(number), *(f"{each.megabytes:.1f}, {each.descriptors}, {each.threads}" for each in found)]
         )
 
@@ -157,10 +158,6 @@ def _percentiles(values: Sequence[float]) -> tuple[float, float]:
         return (values[0], values[0]) if values else (float("nan"), float("nan"))
     hundredths = quantiles(values, n=100, method="inclusive")
     return hundredths[49], hundredths[98]
-
-
-def _line(cells: Iterable[str]) -> str:
-    return "| " + " | ".join(cells) + " |"
 
 
 def main() -> int:

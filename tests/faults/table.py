@@ -9,6 +9,7 @@ from statistics import median
 
 from faults.footprint import Footprint
 from faults.recovery import FILE, Record, read_all
+from support.markdown import row
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "recovery.md"
 INTRODUCTION = Path(__file__).with_name("introduction.md")
@@ -38,14 +39,14 @@ def _failures(found: Iterable[Record]) -> str:
 
 
 def _faults(found: Iterable[Record]) -> Iterator[str]:
-    yield _line(["Fault", "Robots", "Times", "Recovery, s: median", "longest", "Undisturbed, s", "Test"])
-    yield _line(["---"] * 7)
+    yield row(["Fault", "Robots", "Times", "Recovery, s: median", "longest", "Undisturbed, s", "Test"])
+    yield row(["---"] * 7)
     for record in found:
         faults = sorted(record.faults, key=lambda each: each.name)
         for name, group in groupby(faults, key=lambda each: each.name):
             seconds = [each.seconds for each in group]
             figures = (len(seconds), round(median(seconds), 1), max(seconds), record.undisturbed)
-            yield _line([name, str(record.robots), *map(str, figures), f"`{record.test}`"])
+            yield row([name, str(record.robots), *map(str, figures), f"`{record.test}`"])
 
 
 def _programs(found: Iterable[Record]) -> Iterator[str]:
@@ -55,11 +56,11 @@ def _programs(found: Iterable[Record]) -> Iterator[str]:
         "(maximum of all tests):"
     )
     yield ""
-    yield _line(["Program", "MB", "grown", "Descriptors", "grown", "Threads", "grown"])
-    yield _line(["---"] * 7)
+    yield row(["Program", "MB", "grown", "Descriptors", "grown", "Threads", "grown"])
+    yield row(["---"] * 7)
     pairs = sorted(_pairs(found), key=lambda each: each[0])
     for name, group in groupby(pairs, key=lambda each: each[0]):
-        yield _line([name, *_growth([(before, after) for _, before, after in group])])
+        yield row([name, *_growth([(before, after) for _, before, after in group])])
 
 
 def _pairs(found: Iterable[Record]) -> Iterator[tuple[str, Footprint, Footprint]]:
@@ -73,10 +74,6 @@ def _growth(pairs: list[tuple[Footprint, Footprint]]) -> Iterator[str]:
         values = [(getattr(before, measure), getattr(after, measure)) for before, after in pairs]
         yield f"{max(after for _, after in values):.0f}"
         yield f"{max(after - before for before, after in values):+.0f}"
-
-
-def _line(cells: Iterable[str]) -> str:
-    return "| " + " | ".join(cells) + " |"
 
 
 if __name__ == "__main__":

@@ -18,6 +18,7 @@ from nena_order_service.settings import OrderServiceSettings
 from nena_robot_simulator.settings import SimulatorSettings
 from nena_shared.settings import ProgramSettings, SettingsGroup
 from nena_status_aggregator.settings import AggregatorSettings
+from support.markdown import row
 
 _HERE: Final = Path(__file__).parent
 DOCUMENT: Final = _HERE.parents[1] / "docs" / "configuration.md"
@@ -157,11 +158,7 @@ def _meaning(setting: Setting) -> str:
 
 
 def _table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> list[str]:
-    return [_line(head), _line("---" for _ in head), *map(_line, rows)]
-
-
-def _line(cells: Iterable[str]) -> str:
-    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+    return [row(head), row("---" for _ in head), *map(row, rows)]
 
 
 if __name__ == "__main__":

@@ -21,6 +21,7 @@ from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.visualization import Visualization
+from nena_status_aggregator.fleet.robot import Timestamp
 
 START = datetime(2026, 1, 1, tzinfo=UTC)
 ROBOT = RobotKey("ACME", "r1")
@@ -196,3 +197,13 @@ def drive_order(
 def sample_plant() -> PlantModel:
     """Read the sample plant."""
     return read(sample_plant_path().read_bytes()).model
+
+
+def power(percent: float, *, charging: bool = False) -> dict[str, Any]:
+    """Make the fields of a state that say how full the battery is."""
+    return {"power_supply": {"state_of_charge": percent, "charging": charging}}
+
+
+def timestamp(seconds: float) -> Timestamp:
+    """Make the time so many seconds after :data:`START`, as the aggregator has it."""
+    return Timestamp(seconds, START + timedelta(seconds=seconds))

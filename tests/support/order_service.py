@@ -5,6 +5,7 @@ from __future__ import annotations
 from datetime import UTC, datetime
 from typing import Any
 
+from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
 
@@ -36,3 +37,8 @@ def assigned_order(*stops: str, vehicle: str = "V-1", number: int = 1, **fields:
     order = dispatchable_order(*stops, number=number, **fields)
     routes = [("A", "B") for _ in order.status.drive_orders]
     return order.assigned(vehicle, routes, "it is near", NOW)
+
+
+def codes(of: TransportOrder | OrderSequence) -> list[str]:
+    """Return the event codes of its history."""
+    return [entry.event_code for entry in of.status.history]

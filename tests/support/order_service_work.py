@@ -9,7 +9,7 @@ from typing import Any
 import httpx
 
 from support.order_service_fleet import Fleet
-from support.programs import ENDED_WITHIN, OrderServiceProgram
+from support.programs import ENDED_WITHIN, OrderServiceProgram, Program
 from support.waiting import PATIENCE, awaited
 
 LOAD = {"locationName": "Goods in", "operation": "Load cargo"}
@@ -79,7 +79,7 @@ async def started(program: OrderServiceProgram) -> httpx.AsyncClient:
     return client
 
 
-def ended(program: OrderServiceProgram) -> None:
+def ended(program: Program) -> None:
     """End a program in order."""
     program.process.send_signal(signal.SIGTERM)
     assert program.process.wait(ENDED_WITHIN) == 0, program.log

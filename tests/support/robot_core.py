@@ -225,3 +225,9 @@ class Bench:
     @property
     def idle(self) -> bool:
         return self.core.robot.idle
+
+
+def restarted(bench: Bench) -> Bench:
+    """Return a robot that has read again what this one would have journalled."""
+    kept = bench.core.memory().model_dump_json(exclude_defaults=True)
+    return Bench(memory=Memory.model_validate_json(kept), rules=bench.capabilities.rules)

@@ -310,6 +310,52 @@ async def make_engine(
     return engine
 
 
+async def engine_at(
+    plant: PlantModel,
+    places: Mapping[str, str],
+    store: MemoryStore | None = None,
+    *,
+    fields: Mapping[str, dict[str, Any]] | None = None,
+    release_ahead: int = 0,
+    clock: ManualClock | None = None,
+    settings: EngineSettings | None = None,
+) -> tuple[Engine, ScriptedFleet]:
+    """Start an engine with robots that have appeared at these points; ``fields`` go into their states."""
+    fleet = ScriptedFleet(dict(places), fields=dict(fields or {}))
+    engine = await make_engine(
+        plant, store or MemoryStore(), fleet, release_ahead=release_ahead, clock=clock, settings=settings
+    )
+    for name, at in places.items():
+        fleet.appear(name, at)
+    return engine, fleet
+
+
+async def engine_with(
+    plant: PlantModel, store: MemoryStore | None = None, *, release_ahead: int = 0, **places: str
+) -> tuple[Engine, ScriptedFleet]:
+    """Start an engine with robots at these points: ``engine_with(PLANT, V1="A")``."""
+    return await engine_at(plant, places, store, release_ahead=release_ahead)
+
+
+def later(engine: Engine, seconds: float) -> None:
+    """Let time pass for an engine that :func:`make_engine` made."""
+    assert isinstance(engine.clock, ManualClock)
+    engine.clock.advance(seconds)
+    engine.look()
+
+
+def sent(fleet: ScriptedFleet) -> list[tuple[str, str]]:
+    """Return the robots and ids of all VDA orders that were sent."""
+    return [(robot, vda_order.order_id) for robot, vda_order in fleet.sent]
+
+
+def reason_of(engine: Engine, name: str = "V1") -> str:
+    """Return the reason in the status of a vehicle, which has to be there."""
+    vehicle = engine.registry.named(name)
+    assert vehicle
+    return engine.status(vehicle).reason
+
+
 def status_of(engine: Engine, name: str = "T") -> TransportOrderStatus:
     """Return how the order of a name stands, which has to be there."""
     order = engine.state.orders.visible_named(name)

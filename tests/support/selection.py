@@ -15,7 +15,7 @@ import pytest
 
 QUARANTINE = Path("tests/quarantine.toml")
 """Below pytest's root folder."""
-LEFT_OUT = pytest.StashKey[dict[str, list[str]]]()
+LEFT_OUT = pytest.StashKey[Mapping[str, list[str]]]()
 """Ids of tests by why they were left out: "long" or "quarantine"."""
 
 
@@ -67,7 +67,7 @@ class Summary:
     """The part of the report about what was left out, from this process or from the workers."""
 
     def __init__(self) -> None:
-        self._of_workers: dict[str, list[str]] = {}
+        self._of_workers: Mapping[str, list[str]] = {}
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_testnodedown(self, node: Any) -> None:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 from typing import Any, Self
 
 from nena_conversations.checker import check
-from nena_conversations.recording import Entry
+from nena_conversations.message import ReceivedMessage, parse
+from nena_conversations.recording import Entry, read_file
 from nena_conversations.rules import Finding, Rule
 from nena_shared.vda5050.action import Action, ActionState, ActionStatus, InstantActions
 from nena_shared.vda5050.base import Header
@@ -99,3 +101,9 @@ def doing(*statuses: tuple[str, str]) -> tuple[ActionState, ...]:
         ActionState(action_id=action_id, action_type="work", action_status=ActionStatus(status))
         for action_id, status in statuses
     )
+
+
+def conversation(file: Path) -> list[ReceivedMessage]:
+    """Return the messages of a recording that could be read."""
+    messages = (parse(entry, number) for number, entry in enumerate(read_file(file), start=1))
+    return [each for each in messages if each]

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from nena_shared.vda5050.action import Action
-from support.broker import Broker, MqttPeer
+from support.broker import Broker
 from support.edge_agent import FleetControl, agent_settings, ended, error_types, running_agent, status_of
 from support.robot_core import action, order
 
@@ -35,12 +34,6 @@ def lifting(action_type: str, load: str) -> dict[str, Any]:
 
 
 OPERATIONS = [lifting("pick", "take"), lifting("drop", "give"), {"kind": "dock", "action_type": "dock"}]
-
-
-@pytest.fixture
-def fleet(broker: Broker, interface_name: str) -> Iterator[FleetControl]:
-    with MqttPeer(broker, f"{interface_name}/#") as peer:
-        yield FleetControl(peer, interface_name)
 
 
 def hard(action_id: str, action_type: str, **parameters: Any) -> Action:

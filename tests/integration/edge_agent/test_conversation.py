@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
 
@@ -30,12 +30,6 @@ from support.schemas import schema_problems
 from support.waiting import until
 
 pytestmark = pytest.mark.broker
-
-
-@pytest.fixture
-def peer(broker: Broker, interface_name: str) -> Iterator[MqttPeer]:
-    with MqttPeer(broker, f"{interface_name}/#") as peer:
-        yield peer
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ import pytest
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import Topic
 from nena_shared.vda5050.versions import codec_for
-from support.broker import Broker, MqttPeer
+from support.broker import Broker
 from support.edge_agent import AgentProcess, FleetControl, ended, error_types
 from support.restarts.oracle import check_headers, check_states
 from support.robot_core import order
@@ -21,12 +21,6 @@ from support.waiting import until
 pytestmark = pytest.mark.broker
 ROOM = 100
 """Bytes: the journal is longer."""
-
-
-@pytest.fixture
-def fleet(broker: Broker, interface_name: str) -> Iterator[FleetControl]:
-    with MqttPeer(broker, f"{interface_name}/#") as peer:
-        yield FleetControl(peer, interface_name)
 
 
 @pytest.fixture

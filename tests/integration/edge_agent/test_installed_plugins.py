@@ -6,14 +6,13 @@ import json
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from nena_shared.vda5050.topics import Topic
-from support.broker import Broker, MqttPeer
+from support.broker import Broker
 from support.distributions import environment_with, install
 from support.edge_agent import AgentProcess, FleetControl, ended, error_types, status_of
 from support.robot_core import action, order
@@ -95,12 +94,6 @@ def test_a_name_that_nobody_has_is_a_mistake_of_the_caller(forks: Path) -> None:
 
     assert done.returncode == 2
     assert "not a plug-in (forks) or an action (pick, drop" in done.stderr
-
-
-@pytest.fixture
-def fleet(broker: Broker, interface_name: str) -> Iterator[FleetControl]:
-    with MqttPeer(broker, f"{interface_name}/#") as peer:
-        yield FleetControl(peer, interface_name)
 
 
 @pytest.mark.clause("6.2.3", "6.10", "6.6.9")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -17,12 +16,6 @@ from support.waiting import until
 pytestmark = pytest.mark.broker
 
 ERROR = {"2.0.0": "orderUpdateError", "2.1.0": "orderUpdateError", "3.0.0": "OUTDATED_ORDER_UPDATE"}
-
-
-@pytest.fixture
-def peer(broker: Broker, interface_name: str) -> Iterator[MqttPeer]:
-    with MqttPeer(broker, f"{interface_name}/#") as peer:
-        yield peer
 
 
 @pytest.mark.clause("6.1.4.4", "6.6/restart")

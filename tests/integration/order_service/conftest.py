@@ -11,6 +11,7 @@ import pytest
 from support.broker import Broker
 from support.keepers import Keeper, PostgresKeeper, SqliteKeeper
 from support.order_service_fleet import Fleet, running
+from support.postgres import Postgres
 from support.published import problems_in
 
 
@@ -44,3 +45,10 @@ def keeper(request: pytest.FixtureRequest, fleet: Fleet, tmp_path: Path) -> Iter
     yield made
     fleet.stack.close()
     made.destroy()
+
+
+@pytest.fixture
+def shared(fleet: Fleet, postgres: Postgres) -> Fleet:
+    """Give a fleet whose store several order services may use."""
+    fleet.store_url = postgres.url
+    return fleet

@@ -14,7 +14,6 @@ from support.broker import Broker, MqttPeer
 from support.instant_robot import InstantRobot, instant_robot
 from support.order_service_fleet import Fleet, every_order_ended, order_in, vehicle_idle
 from support.pausing import time_passes
-from support.postgres import Postgres
 from support.waiting import PATIENCE, awaited, until
 
 pytestmark = [pytest.mark.broker, pytest.mark.e2e]
@@ -24,13 +23,6 @@ ECHO_DELAY = 0.3
 BACKLOG = 300
 """States of the robot that wait in front of its echo."""
 ORDERS = {"T-1": "South 2", "T-2": "South 1", "T-3": "South 2"}
-
-
-@pytest.fixture
-def shared(fleet: Fleet, postgres: Postgres) -> Fleet:
-    """Give a fleet whose store several order services may use."""
-    fleet.store_url = postgres.url
-    return fleet
 
 
 async def active(client: httpx.AsyncClient) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +25,7 @@ from nena_status_aggregator.settings import (
     PanelOidcSettings,
 )
 from support.broker import free_port
-from support.oidc_issuer import AUDIENCE, DISCOVERY, OidcIssuer, ec_key, oidc_issuer
+from support.oidc_issuer import AUDIENCE, DISCOVERY, OidcIssuer, ec_key
 from support.waiting import PATIENCE
 
 pytestmark = pytest.mark.broker
@@ -33,12 +33,6 @@ pytestmark = pytest.mark.broker
 ORDER = {"name": "TO-1", "destinations": [{"locationName": "Storage", "operation": "NOP"}]}
 ORDERS = "/v1/transportOrders"
 Start = Callable[..., Awaitable[httpx.AsyncClient]]
-
-
-@pytest.fixture
-def issuer() -> Iterator[OidcIssuer]:
-    with oidc_issuer() as made:
-        yield made
 
 
 def http_of(issuer: OidcIssuer, **more: Any) -> dict[str, Any]:

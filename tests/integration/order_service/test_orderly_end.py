@@ -20,6 +20,7 @@ from support.order_service_fleet import (
     listening,
     vehicle_idle,
 )
+from support.order_service_work import ended
 from support.programs import ENDED_WITHIN, Program
 from support.waiting import PATIENCE, awaited, until
 
@@ -28,11 +29,6 @@ pytestmark = [pytest.mark.broker, pytest.mark.e2e]
 LOAD = {"locationName": "Goods in", "operation": "Load cargo"}
 UNLOAD = {"locationName": "Storage", "operation": "Unload cargo"}
 HOSTS = 8
-
-
-def end(program: Program) -> None:
-    program.process.send_signal(signal.SIGTERM)
-    assert program.process.wait(ENDED_WITHIN) == 0, program.log
 
 
 class Host:
@@ -149,7 +145,7 @@ async def test_an_agent_that_ends_in_mid_order_goes_on_with_it_later(fleet: Flee
     await order_from(client, "T-1", LOAD, UNLOAD)
     await until(lambda: any(b'"driving":true' in state for state in wire.payloads("+/v2/+/+/state")))
 
-    end(agent)
+    ended(agent)
     await until(lambda: b"OFFLINE" in wire.payloads("+/v2/+/+/connection")[-1])
     assert (await client.get("/v1/transportOrders/T-1")).json()["state"] == "BEING_PROCESSED"
     fleet.agent(speed=40.0)

@@ -26,13 +26,6 @@ ROOM = 2.0
 """For a machine that has less time left for the takeover than it had for the start."""
 
 
-@pytest.fixture
-def shared(fleet: Fleet, postgres: Postgres) -> Fleet:
-    """Give a fleet whose store several order services may use."""
-    fleet.store_url = postgres.url
-    return fleet
-
-
 async def role(client: httpx.AsyncClient) -> str:
     try:
         return str((await client.get("/readyz")).json()["role"])

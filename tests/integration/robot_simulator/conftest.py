@@ -4,13 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from support.ros import RosPeer, own_domain_id
-
-
-@pytest.fixture
-def domain_id() -> Iterator[int]:
-    with own_domain_id() as reserved:
-        yield reserved
+from support.ros import RosPeer
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from nena_conversations.checker import check
-from nena_conversations.message import ReceivedMessage, Sender, parse
+from nena_conversations.message import ReceivedMessage, Sender
 from nena_conversations.recording import read_file
 from nena_conversations.rules import Rule
 from nena_edge_agent.protocol.events import (
@@ -31,6 +31,7 @@ from nena_shared.vda5050.versions import RULES
 from nena_shared.vda5050.zone_set import ZoneSetTransfer
 from support.conversations import FOLDER, STORIES
 from support.robot_core import ACTIONS, WORK, Bench, at
+from support.talk import conversation
 
 FILES = sorted(FOLDER.glob("*.jsonl"))
 FOUND = {"refusals": [Rule.NOT_OFFERED]}
@@ -39,11 +40,6 @@ NOON = datetime(2026, 1, 1, 12, tzinfo=UTC)
 RETRIABLE = {
     name: replace(WORK, action_type=name) for name in ("pick", "drop", "wait", "failOnce", "failAlways")
 }
-
-
-def conversation(file: Path) -> list[ReceivedMessage]:
-    messages = (parse(entry, number) for number, entry in enumerate(read_file(file), start=1))
-    return [each for each in messages if each]
 
 
 def test_every_story_was_recorded_in_every_version_that_has_it() -> None:

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from nena_conversations.message import ReceivedMessage, parse
-from nena_conversations.recording import read_file
+from nena_conversations.message import ReceivedMessage
 from nena_order_service.fleet import (
     FleetController,
     FleetOutput,
@@ -32,14 +31,10 @@ from nena_shared.vda5050.state import State
 from nena_status_aggregator.fleet.model import FleetModel, ModelLimits
 from nena_status_aggregator.fleet.robot import Timestamp
 from support.conversations import FOLDER
+from support.talk import conversation
 
 FILES = sorted(FOLDER.glob("*.jsonl"))
 CANCEL = "cancelOrder"
-
-
-def conversation(file: Path) -> list[ReceivedMessage]:
-    messages = (parse(entry, number) for number, entry in enumerate(read_file(file), start=1))
-    return [each for each in messages if each]
 
 
 class Fleet:

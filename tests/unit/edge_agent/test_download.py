@@ -2,22 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from hashlib import sha256
 
 import pytest
 
 from nena_edge_agent.download import DownloadError, DownloadSettings, download
-from support.http_files import Files, served_files
+from support.http_files import Files
 from support.waiting import until
 
 SETTINGS = DownloadSettings(maximum_bytes=2000, timeout=10, silence=5)
-
-
-@pytest.fixture
-def files() -> Iterator[Files]:
-    with served_files() as served:
-        yield served
 
 
 async def test_a_file_is_fetched_whole(files: Files) -> None:

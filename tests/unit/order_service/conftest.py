@@ -18,6 +18,7 @@ from nena_order_service.store.store import Store
 from nena_shared.fleet_api.operations import Refusal
 from nena_shared.tasks import Supervisor
 from nena_shared.web.problem import MEDIA_TYPE
+from support.scripted_fleet import MemoryStore
 
 CHECKED = {each.status for each in Refusal} - {HTTPStatus.UNPROCESSABLE_ENTITY}
 """422 is also the status of malformed requests, which any operation may answer."""
@@ -86,3 +87,8 @@ async def client(service: OrderService) -> AsyncIterator[httpx.AsyncClient]:
         transport=transport, base_url="http://order-service", event_hooks=hooks
     ) as made:
         yield made
+
+
+@pytest.fixture
+def store() -> MemoryStore:
+    return MemoryStore()

@@ -21,7 +21,7 @@ from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.plant import Link, Location, LocationType, PlantModel, Vehicle
 from support.order_service import request
 from support.plants import path, point
-from support.scripted_fleet import MemoryStore, ScriptedFleet, key, make_engine
+from support.scripted_fleet import MemoryStore, ScriptedFleet, key, make_engine, sent
 
 S = TransportOrderState
 
@@ -63,11 +63,6 @@ class Ear:
 
 
 @pytest.fixture
-def store() -> MemoryStore:
-    return MemoryStore()
-
-
-@pytest.fixture
 def fleet() -> ScriptedFleet:
     return ScriptedFleet({"V1": "A"})
 
@@ -81,10 +76,6 @@ def now(engine: Engine, order: TransportOrder) -> TransportOrderStatus:
     found = engine.state.orders.visible(order.number)
     assert found is not None
     return found.status
-
-
-def sent(fleet: ScriptedFleet) -> list[tuple[str, str]]:
-    return [(robot, vda_order.order_id) for robot, vda_order in fleet.sent]
 
 
 async def test_nothing_is_sent_or_told_before_it_is_committed(

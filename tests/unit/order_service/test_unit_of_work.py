@@ -31,11 +31,6 @@ def make(store: MemoryStore, published: Callable[[str], VehicleStatus | None] = 
 
 
 @pytest.fixture
-def store() -> MemoryStore:
-    return MemoryStore()
-
-
-@pytest.fixture
 def work(store: MemoryStore) -> Work:
     return make(store)
 

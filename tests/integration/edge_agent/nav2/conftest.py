@@ -11,12 +11,6 @@ from support.ros import RosPeer, own_domain_id
 
 
 @pytest.fixture
-def domain_id() -> Iterator[int]:
-    with own_domain_id() as reserved:
-        yield reserved
-
-
-@pytest.fixture
 def other_domain_id() -> Iterator[int]:
     with own_domain_id() as reserved:
         yield reserved

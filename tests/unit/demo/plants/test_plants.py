@@ -3,12 +3,9 @@ from math import hypot
 
 from nena_demo.plants import sample_plant_path
 from nena_order_service.routing import Router
-from nena_shared.plant import PlantModel, PointType
+from nena_shared.plant import PointType
 from nena_shared.plant.opentcs_xml import read
-
-
-def sample() -> PlantModel:
-    return read(sample_plant_path().read_bytes()).model
+from support.fleet_examples import sample_plant
 
 
 def test_the_sample_plant_has_no_findings() -> None:
@@ -16,7 +13,7 @@ def test_the_sample_plant_has_no_findings() -> None:
 
 
 def test_it_has_what_demo_and_guide_speak_of() -> None:
-    plant = sample()
+    plant = sample_plant()
     assert len(plant.points) == 20
     assert set(plant.locations_by_name) == {"Goods in", "Goods out", "Packing", "Storage", "Charging station"}
     assert [point.name for point in plant.points if point.type is PointType.PARK_POSITION] == ["Parking bay"]
@@ -29,24 +26,24 @@ def test_it_has_what_demo_and_guide_speak_of() -> None:
 def test_its_robots_are_named_as_their_topics_are() -> None:
     robots = [
         (each.name, each.interface_name, each.manufacturer, each.serial_number, each.protocol_version)
-        for each in sample().vehicles
+        for each in sample_plant().vehicles
     ]
     assert robots == [
         ("Robot-01", None, "NeNa", "robot-01", "2.1.0"),
         ("Robot-02", None, "NeNa", "robot-02", "2.1.0"),
     ]
-    assert {(each.map_id, each.deviation_xy_m) for each in sample().vehicles} == {("sample-hall", 0.5)}
+    assert {(each.map_id, each.deviation_xy_m) for each in sample_plant().vehicles} == {("sample-hall", 0.5)}
 
 
 def test_lengths_are_distances() -> None:
-    plant = sample()
+    plant = sample_plant()
     for path in plant.paths:
         a, b = plant.point(path.source), plant.point(path.destination)
         assert path.length_mm == round(hypot(a.x_mm - b.x_mm, a.y_mm - b.y_mm)), path.name
 
 
 def test_every_robot_gets_from_everywhere_to_everywhere() -> None:
-    plant = sample()
+    plant = sample_plant()
     router = Router(plant)
     for vehicle in plant.vehicles:
         for source, destination in permutations(plant.points_by_name, 2):

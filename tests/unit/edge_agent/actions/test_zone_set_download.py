@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 
 import pytest
 
@@ -12,7 +11,7 @@ from nena_edge_agent.download import DownloadSettings
 from nena_edge_agent.protocol.events import ActionReport
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.v3_0 import CODEC
-from support.http_files import Files, served_files
+from support.http_files import Files
 from support.robot_core import action
 from support.waiting import until
 from support.zones import transfer, zone, zone_set
@@ -20,12 +19,6 @@ from support.zones import transfer, zone, zone_set
 pytestmark = pytest.mark.clause("6.2.3/downloadZoneSet")
 
 WALL = zone("wall", "BLOCKED", 4, 6)
-
-
-@pytest.fixture
-def files() -> Iterator[Files]:
-    with served_files() as served:
-        yield served
 
 
 async def fetch(link: str) -> ActionReport:

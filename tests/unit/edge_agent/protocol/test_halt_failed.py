@@ -13,13 +13,6 @@ from support.robot_core import Bench, action, order
 ROLLS = HaltFailed("the odometry still shows 0.50 m/s")
 
 
-@pytest.fixture
-def bench() -> Bench:
-    bench = Bench()
-    bench.send(order("n0", "n1", "n2"))
-    return bench
-
-
 @pytest.mark.clause("6.1.3", "6.2.3")
 @pytest.mark.parametrize("kind", ["cancelOrder", "startPause"])
 def test_what_asks_for_a_stop_fails_and_is_never_finished(bench: Bench, kind: str) -> None:

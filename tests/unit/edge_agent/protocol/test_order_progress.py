@@ -8,12 +8,12 @@ import pytest
 
 from nena_edge_agent.driver.port import NavigationReport
 from nena_edge_agent.protocol.events import InstantActionsReceived, OrderReceived, Started
-from nena_edge_agent.protocol.memory import Memory, OrderHeaderMemory
+from nena_edge_agent.protocol.memory import OrderHeaderMemory
 from nena_edge_agent.protocol.order_progress import CLOCK_TOLERANCE, ENDED_ORDERS_KEPT, BasePath, OrderHistory
 from nena_shared.vda5050.action import InstantActions
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.versions import RULES
-from support.robot_core import HEADER, Bench, action, at, order
+from support.robot_core import HEADER, Bench, action, at, order, restarted
 
 TIME: datetime = HEADER["timestamp"]
 MUCH = 2 * CLOCK_TOLERANCE
@@ -23,11 +23,6 @@ def sent(number: int, header_id: int, timestamp: datetime = TIME) -> Order:
     """Make order number ``number``, to the node where the robot is."""
     made = order("n0", order_id=f"o{number}")
     return made.model_copy(update={"header_id": header_id, "timestamp": timestamp})
-
-
-def restarted(bench: Bench) -> Bench:
-    kept = bench.core.memory().model_dump_json(exclude_defaults=True)
-    return Bench(memory=Memory.model_validate_json(kept), rules=bench.capabilities.rules)
 
 
 @pytest.mark.clause("6.1.4.4", "6.6/restart")

@@ -19,16 +19,10 @@ from nena_edge_agent.protocol.events import (
     StartAction,
     Started,
 )
-from nena_edge_agent.protocol.memory import Memory
 from nena_edge_agent.protocol.robot_state import INSTANT_ACTIONS_SHOWN
 from nena_edge_agent.protocol.state import as_recorded
 from nena_shared.vda5050.action import ActionStatus
-from support.robot_core import MAP, Bench, action, at, order
-
-
-def restarted(bench: Bench) -> Bench:
-    kept = bench.core.memory().model_dump_json(exclude_defaults=True)
-    return Bench(memory=Memory.model_validate_json(kept))
+from support.robot_core import MAP, Bench, action, at, order, restarted
 
 
 @pytest.mark.clause("6.6/restart")

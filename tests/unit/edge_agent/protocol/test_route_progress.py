@@ -12,14 +12,6 @@ from nena_shared.vda5050.state import State
 from support.robot_core import HEADER, Bench, at, order
 
 
-@pytest.fixture
-def bench() -> Bench:
-    """A robot on its way from n0 over n1 to n2, 10 m each."""
-    bench = Bench()
-    bench.send(order("n0", "n1", "n2"))
-    return bench
-
-
 def drive(bench: Bench, start: float, end: float) -> None:
     """Let poses come every quarter of a metre."""
     steps = round((end - start) * 4)

@@ -14,7 +14,7 @@ from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel
 from nena_shared.vda5050.state import OperatingMode
 from support.fleet import Bench, make_vda_order
-from support.fleet_examples import position, state
+from support.fleet_examples import position, power, state
 
 
 def reason(bench: Bench) -> str | None:
@@ -139,10 +139,6 @@ def test_the_state_in_words_of_opentcs(fields: dict[str, Any], expected: Vehicle
 
 def place(x: float, **fields: Any) -> dict[str, Any]:
     return {"mobile_robot_position": {**position(x, 0.0), **fields}}
-
-
-def power(charge: float, *, charging: bool = False) -> dict[str, Any]:
-    return {"power_supply": {"state_of_charge": charge, "charging": charging}}
 
 
 def to_come(*sequence_ids: int) -> dict[str, Any]:

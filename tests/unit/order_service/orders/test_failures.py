@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from datetime import timedelta
+from functools import partial
 
 import pytest
 
@@ -12,7 +13,7 @@ from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.plant import Link, Location, LocationType, PlantModel, Vehicle
 from support.order_service import request
 from support.plants import path, point
-from support.scripted_fleet import MemoryStore, ScriptedFleet, make_engine, status_of
+from support.scripted_fleet import MemoryStore, ScriptedFleet, engine_with, make_engine, sent, status_of
 
 S = TransportOrderState
 
@@ -31,21 +32,12 @@ PLANT = PlantModel(
     ),
 )
 
-
-async def make(store: MemoryStore, **places: str) -> tuple[Engine, ScriptedFleet]:
-    fleet = ScriptedFleet(places or {"V1": "A", "V2": "H"})
-    engine = await make_engine(PLANT, store, fleet)
-    for name, at in fleet.at.items():
-        fleet.appear(name, at)
-    return engine, fleet
+make = partial(engine_with, PLANT)
+make_two = partial(engine_with, PLANT, V1="A", V2="H")
 
 
 def codes(engine: Engine) -> list[str]:
     return [entry.event_code.removeprefix("nena:") for entry in status_of(engine).history]
-
-
-def sent(fleet: ScriptedFleet) -> list[tuple[str, str]]:
-    return [(robot, vda_order.order_id) for robot, vda_order in fleet.sent]
 
 
 def way(vda_order: VdaOrder) -> list[str]:
@@ -53,7 +45,7 @@ def way(vda_order: VdaOrder) -> list[str]:
 
 
 async def test_a_drive_is_tried_again_and_then_another_way() -> None:
-    engine, fleet = await make(MemoryStore())
+    engine, fleet = await make_two()
     policy = [{"do": "RETRY"}, {"do": "REPLAN"}, {"do": "REPLAN"}]
     engine.create(request("C", onFailure=policy, intendedVehicle="V1"), "T")
     fleet.fail("V1")
@@ -75,13 +67,13 @@ async def test_a_drive_is_tried_again_and_then_another_way() -> None:
 
 async def test_a_pause_before_the_next_try_is_told_and_outlives_a_restart() -> None:
     store = MemoryStore()
-    engine, fleet = await make(store)
+    engine, fleet = await make_two(store)
     engine.create(request("C", onFailure=[{"do": "RETRY", "after": 60}]), "T")
     fleet.fail("V1")
     assert "but it is tried again at" in status_of(engine).reason
     now = engine.clock.now()
 
-    again, fleet = await make(store)
+    again, fleet = await make_two(store)
     again.clock.advance(59)  # type: ignore[attr-defined] # the clock of make_engine
     again.look()
     assert fleet.sent == []
@@ -95,7 +87,7 @@ async def test_a_pause_before_the_next_try_is_told_and_outlives_a_restart() -> N
 
 
 async def test_another_vehicle_goes_on_and_the_first_one_never_gets_it_again() -> None:
-    engine, fleet = await make(MemoryStore())
+    engine, fleet = await make_two()
     engine.create(request("B", "C", onFailure=[{"do": "OTHER_VEHICLE", "times": 2}]), "T")
     fleet.finish("V1")
     fleet.out_of_order.add("V2")
@@ -114,7 +106,7 @@ async def test_another_vehicle_goes_on_and_the_first_one_never_gets_it_again() -
 
 
 async def test_a_loaded_vehicle_keeps_its_order() -> None:
-    engine, fleet = await make(MemoryStore())
+    engine, fleet = await make_two()
     policy = [{"do": "OTHER_VEHICLE"}, {"do": "HOLD"}]
     engine.create(request("L:Load", "M:Unload", onFailure=policy), "T")
     loader = fleet.sent[0][0]
@@ -127,7 +119,7 @@ async def test_a_loaded_vehicle_keeps_its_order() -> None:
 
 
 async def test_a_pick_that_an_earlier_try_has_begun_keeps_the_order_at_its_vehicle() -> None:
-    engine, fleet = await make(MemoryStore())
+    engine, fleet = await make_two()
     policy = [{"do": "RETRY"}, {"do": "OTHER_VEHICLE"}, {"do": "HOLD"}]
     engine.create(
         request(
@@ -145,7 +137,7 @@ async def test_a_pick_that_an_earlier_try_has_begun_keeps_the_order_at_its_vehic
 
 
 async def test_an_operation_is_left_out_where_the_destination_says_so() -> None:
-    engine, fleet = await make(MemoryStore())
+    engine, fleet = await make_two()
     stops = [
         {"locationName": "L", "operation": "Wash", "onFailure": [{"do": "SKIP"}]},
         {"locationName": "M", "operation": "Wash"},
@@ -161,7 +153,7 @@ async def test_an_operation_is_left_out_where_the_destination_says_so() -> None:
 
 
 async def test_the_last_operation_is_left_out_and_the_order_is_done() -> None:
-    engine, fleet = await make(MemoryStore())
+    engine, fleet = await make_two()
     engine.create(request("L:Wash", onFailure=[{"do": "SKIP"}]), "T")
     fleet.fail_operation("V1")
     assert (status_of(engine).state, fleet.missions) == (S.FINISHED, {})
@@ -169,7 +161,7 @@ async def test_the_last_operation_is_left_out_and_the_order_is_done() -> None:
 
 async def test_after_a_failure_a_person_lets_it_go_on() -> None:
     store = MemoryStore()
-    engine, fleet = await make(store)
+    engine, fleet = await make_two(store)
     order = engine.create(request("C", onFailure=[{"do": "HOLD"}]), "T")
     fleet.fail("V1", at="B")
     assert status_of(engine).state is S.BEING_PROCESSED
@@ -205,7 +197,7 @@ async def test_the_setting_counts_where_the_order_says_nothing() -> None:
 
 @pytest.mark.parametrize("kind", list(FailureKind))
 async def test_an_order_ends_whatever_fails_and_however_often(kind: FailureKind) -> None:
-    engine, fleet = await make(MemoryStore())
+    engine, fleet = await make_two()
     steps = [{"do": "RETRY", "times": 3}, {"do": "REPLAN", "times": 3}, {"do": "OTHER_VEHICLE", "times": 9}]
     engine.create(request("L:Load", onFailure=[*steps, {"do": "SKIP"}]), "T")
     for _ in range(40):

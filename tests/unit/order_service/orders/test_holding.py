@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from nena_order_service.engine import Engine
+from functools import partial
+
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
 from support.plants import path, point
-from support.scripted_fleet import MemoryStore, ScriptedFleet, key, make_engine, status_of
+from support.scripted_fleet import MemoryStore, engine_with, key, status_of
 
 S = TransportOrderState
 
@@ -18,13 +19,7 @@ ROW = PlantModel(
     vehicles=(Vehicle(name="V1"), Vehicle(name="V2")),
 )
 
-
-async def make(store: MemoryStore, ahead: int = 0, **places: str) -> tuple[Engine, ScriptedFleet]:
-    fleet = ScriptedFleet(places)
-    engine = await make_engine(ROW, store, fleet, release_ahead=ahead)
-    for name, at in places.items():
-        fleet.appear(name, at)
-    return engine, fleet
+make = partial(engine_with, ROW)
 
 
 async def test_an_order_that_waits_is_given_to_nobody_while_it_is_held() -> None:
@@ -101,7 +96,7 @@ async def test_who_resumes_hears_that_an_operation_was_broken_off() -> None:
 
 
 async def test_a_gentle_hold_ends_where_the_base_does() -> None:
-    engine, fleet = await make(MemoryStore(), ahead=1, V1="A")
+    engine, fleet = await make(MemoryStore(), release_ahead=1, V1="A")
     order = engine.create(request("D"), "T")
     engine.hold(order.number, "Ann", "tea", immediate=False)
     assert fleet.finish("V1")

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from nena_order_service.engine import Engine
+from functools import partial
+
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
 from support.plants import path, point
-from support.scripted_fleet import MemoryStore, ScriptedFleet, make_engine, status_of
+from support.scripted_fleet import MemoryStore, engine_with, status_of
 
 PLANT = PlantModel(
     name="row",
@@ -16,13 +17,7 @@ PLANT = PlantModel(
     vehicles=(Vehicle(name="V1"), Vehicle(name="V2")),
 )
 
-
-async def make(store: MemoryStore, **places: str) -> tuple[Engine, ScriptedFleet]:
-    fleet = ScriptedFleet(places)
-    engine = await make_engine(PLANT, store, fleet)
-    for name, at in places.items():
-        fleet.appear(name, at)
-    return engine, fleet
+make = partial(engine_with, PLANT)
 
 
 async def test_the_next_drive_order_waits_for_traffic_and_says_so() -> None:

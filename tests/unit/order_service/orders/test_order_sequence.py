@@ -10,7 +10,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 from nena_order_service.orders import order_sequence
 from nena_order_service.orders.order_sequence import OrderSequence, SequenceEvent, SequenceRuleError
 from nena_shared.fleet_api.transport_order import OrderSequenceRequest
-from support.order_service import NOW, request
+from support.order_service import NOW, codes, request
 
 
 def sequence(*orders: str, **fields: Any) -> OrderSequence:
@@ -19,10 +19,6 @@ def sequence(*orders: str, **fields: Any) -> OrderSequence:
     for order in orders:
         made = made.appended(order, NOW)
     return made
-
-
-def codes(made: OrderSequence) -> list[str]:
-    return [entry.event_code for entry in made.status.history]
 
 
 def test_goes_from_its_first_order_to_its_end() -> None:

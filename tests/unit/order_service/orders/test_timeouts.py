@@ -7,7 +7,7 @@ from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
 from support.plants import path, point
-from support.scripted_fleet import MemoryStore, ScriptedFleet, make_engine, status_of
+from support.scripted_fleet import MemoryStore, ScriptedFleet, later, make_engine, status_of
 
 S = TransportOrderState
 
@@ -22,11 +22,6 @@ PLANT = PlantModel(
 async def make(store: MemoryStore) -> tuple[Engine, ScriptedFleet]:
     fleet = ScriptedFleet({"V1": "A"})
     return await make_engine(PLANT, store, fleet), fleet
-
-
-def later(engine: Engine, seconds: float) -> None:
-    engine.clock.advance(seconds)  # type: ignore[attr-defined] # the clock of make_engine
-    engine.look()
 
 
 async def test_an_order_that_takes_too_long_is_cancelled_at_the_robot() -> None:

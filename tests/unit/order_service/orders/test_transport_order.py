@@ -16,7 +16,7 @@ from nena_order_service.orders.transport_order import (
     sortable_id,
 )
 from nena_shared.fleet_api.transport_order import DriveOrderState, Hold, TransportOrderState
-from support.order_service import NOW, assigned_order, dispatchable_order, raw_order, request
+from support.order_service import NOW, assigned_order, codes, dispatchable_order, raw_order, request
 
 S = TransportOrderState
 D = DriveOrderState
@@ -24,10 +24,6 @@ D = DriveOrderState
 
 def drive_states(order: TransportOrder) -> list[DriveOrderState]:
     return [each.state for each in order.status.drive_orders]
-
-
-def codes(order: TransportOrder) -> list[str]:
-    return [entry.event_code for entry in order.status.history]
 
 
 def test_it_is_late_once_whatever_it_does() -> None:

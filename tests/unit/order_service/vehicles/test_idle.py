@@ -16,9 +16,10 @@ from nena_shared.clock import ManualClock
 from nena_shared.fleet_api.transport_order import TransportOrderState as S
 from nena_shared.plant import Link, Location, LocationType, PlantModel, Vehicle
 from nena_shared.plant.track import PointType
+from support.fleet_examples import power
 from support.order_service import request
 from support.plants import path, point
-from support.scripted_fleet import MemoryStore, ScriptedFleet, make_engine
+from support.scripted_fleet import MemoryStore, ScriptedFleet, engine_at, later, reason_of
 
 PARK = PointType.PARK_POSITION
 PLANT = PlantModel(
@@ -38,48 +39,25 @@ PLANT = PlantModel(
 BOTH: dict[str, Any] = {"recharging": {"enabled": True}, "parking": {"enabled": True, "delay": 0}}
 
 
-def power(percent: float, *, charging: bool = False) -> dict[str, Any]:
-    return {"power_supply": {"state_of_charge": percent, "charging": charging}}
-
-
 async def make(
     places: dict[str, str], store: MemoryStore | None = None, *, charge: float = 95, **dispatch: Any
 ) -> tuple[Engine, ScriptedFleet]:
-    fleet = ScriptedFleet(places, fields={name: power(charge) for name in places})
-    engine = await make_engine(
-        PLANT,
-        store or MemoryStore(),
-        fleet,
-        settings=EngineSettings(
-            default_map_id="map", dispatch=DispatchSettings.model_validate(dispatch or BOTH)
-        ),
-        clock=ManualClock(),
+    settings = EngineSettings(
+        default_map_id="map", dispatch=DispatchSettings.model_validate(dispatch or BOTH)
     )
-    for name, at in places.items():
-        fleet.appear(name, at)
-    return engine, fleet
-
-
-def later(engine: Engine, seconds: float) -> None:
-    engine.clock.advance(seconds)  # type: ignore[attr-defined] # the clock of make
-    engine.look()
+    fields = {name: power(charge) for name in places}
+    return await engine_at(PLANT, places, store, fields=fields, settings=settings, clock=ManualClock())
 
 
 def made(engine: Engine, kind: str) -> list[TransportOrder]:
     return [each for each in engine.state.orders.unfinished() if each.status.type == kind]
 
 
-def reason(engine: Engine, name: str = "V1") -> str:
-    vehicle = engine.registry.named(name)
-    assert vehicle
-    return engine.status(vehicle).reason
-
-
 async def test_nobody_is_sent_anywhere_unless_that_is_switched_on() -> None:
     engine, fleet = await make({"V1": "A"}, charge=10, energy={"respected": True})
     later(engine, 60)
     assert fleet.sent == []
-    assert reason(engine) == "has to recharge first: its energy is not above 30 %, which is critical"
+    assert reason_of(engine) == "has to recharge first: its energy is not above 30 %, which is critical"
 
 
 async def test_idle_vehicles_park_at_places_of_their_own() -> None:
@@ -107,8 +85,10 @@ async def test_who_cannot_park_says_so() -> None:
     engine, fleet = await make({"V1": "P", "V2": "Q", "V3": "A"})
     later(engine, 1)
     assert fleet.sent == []
-    assert reason(engine, "V1").endswith("no order waits")
-    assert reason(engine, "V3").endswith("it should park, but no parking position is free that it can reach")
+    assert reason_of(engine, "V1").endswith("no order waits")
+    assert reason_of(engine, "V3").endswith(
+        "it should park, but no parking position is free that it can reach"
+    )
 
 
 async def test_parking_gives_way_to_an_order_that_waits() -> None:
@@ -248,7 +228,7 @@ async def test_others_make_room_for_who_parks_some_times_and_then_not_until_a_ho
         fleet.appear("V1", "B")
     later(engine, 60)
     assert made(engine, "Park") == []
-    assert reason(engine).endswith(f"it should park, but each free parking position near it {BARRED}")
+    assert reason_of(engine).endswith(f"it should park, but each free parking position near it {BARRED}")
 
     asked: list[str] = []
 
@@ -260,7 +240,7 @@ async def test_others_make_room_for_who_parks_some_times_and_then_not_until_a_ho
         patch.setattr(engine.traffic, "displaces", displaces)
         later(engine, 1)
         assert asked == [], "what was found out holds for a while"
-        assert BARRED in reason(engine)
+        assert BARRED in reason_of(engine)
         later(engine, 10)
         assert asked == ["P"]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 from nena_order_service.context import EngineSettings
@@ -10,7 +11,15 @@ from nena_shared.fleet_api.vehicle import IntegrationLevel
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
 from support.plants import path, point
-from support.scripted_fleet import MemoryStore, ScriptedFleet, key, make_engine, status_of
+from support.scripted_fleet import (
+    MemoryStore,
+    ScriptedFleet,
+    engine_with,
+    key,
+    make_engine,
+    reason_of,
+    status_of,
+)
 
 PLANT = PlantModel(
     name="row",
@@ -19,13 +28,7 @@ PLANT = PlantModel(
     vehicles=(Vehicle(name="V1"), Vehicle(name="V2")),
 )
 
-
-async def make(store: MemoryStore | None = None, **places: str) -> tuple[Engine, ScriptedFleet]:
-    fleet = ScriptedFleet(places)
-    engine = await make_engine(PLANT, store or MemoryStore(), fleet)
-    for name, at in places.items():
-        fleet.appear(name, at)
-    return engine, fleet
+make = partial(engine_with, PLANT)
 
 
 def held(engine: Engine, name: str) -> set[str]:
@@ -35,12 +38,6 @@ def held(engine: Engine, name: str) -> set[str]:
 def pose(x: float, y: float = 0.0, *, localized: bool = True, map_id: str = "map") -> dict[str, Any]:
     place = {"x": x, "y": y, "theta": 0.0, "map_id": map_id, "localized": localized}
     return {"mobile_robot_position": place}
-
-
-def why(engine: Engine, name: str) -> str:
-    vehicle = engine.registry.named(name)
-    assert vehicle
-    return engine.status(vehicle).reason
 
 
 async def test_a_robot_holds_what_it_stands_on_and_lets_go_of_what_it_left() -> None:
@@ -101,11 +98,11 @@ async def test_a_robot_that_is_driven_by_hand_keeps_where_it_was_until_it_stands
 
 async def test_two_robots_on_one_point_are_told_of_and_can_leave() -> None:
     engine, fleet = await make(V1="A", V2="A")
-    assert why(engine, "V1").endswith("stands on 'A' together with V2")
+    assert reason_of(engine, "V1").endswith("stands on 'A' together with V2")
 
     engine.create(request("B", intendedVehicle="V2"), "T")
     assert fleet.finish("V2")
-    assert "together" not in why(engine, "V1")
+    assert "together" not in reason_of(engine, "V1")
 
 
 async def test_a_robot_unknown_to_the_plant_is_kept_away_from_on_the_plants_map_only() -> None:
@@ -148,7 +145,7 @@ async def test_a_respected_robot_gets_no_orders_and_is_kept_away_from() -> None:
 
     assert fleet.sent == []
     assert held(engine, "V1") == {"A"}
-    assert why(engine, "V1") == "has the integration level TO_BE_RESPECTED"
+    assert reason_of(engine, "V1") == "has the integration level TO_BE_RESPECTED"
     engine.set_integration_level(vehicle, IntegrationLevel.TO_BE_UTILIZED)
     assert [robot for robot, _ in fleet.sent] == ["V1"]
 

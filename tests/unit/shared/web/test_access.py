@@ -3,7 +3,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator
 from datetime import datetime, timedelta
 from pathlib import Path
 
@@ -33,7 +33,7 @@ from nena_shared.web.access import (
 from nena_shared.web.oidc.issuer import LOOKS_AT_ONCE, AccessTokens
 from nena_shared.web.settings import HttpSettings, OidcSettings
 from nena_shared.web.users import User, UserBook, hash_of, write_users
-from support.oidc_issuer import AUDIENCE, DISCOVERY, LIFE, OidcIssuer, ec_key, oidc_issuer
+from support.oidc_issuer import AUDIENCE, DISCOVERY, LIFE, OidcIssuer, ec_key
 
 RULE = reading_or(Role.OPERATOR, everybody=frozenset({"/healthz"}))
 REQUESTS = 30
@@ -177,13 +177,6 @@ async def test_a_broken_file_of_users_closes_the_door(door: Door) -> None:
     assert answer.status_code == 503
     assert str(door.file) not in answer.text
     assert (await door.ask("GET", "/healthz")).status_code == 200
-
-
-@pytest.fixture
-def issuer() -> Iterator[OidcIssuer]:
-    """Give an issuer on loopback, which stands in for Keycloak and its like."""
-    with oidc_issuer() as made:
-        yield made
 
 
 def guarded(issuer: OidcIssuer, users: Path | None = None) -> httpx.AsyncClient:

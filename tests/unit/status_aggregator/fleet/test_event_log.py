@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from datetime import timedelta
 from typing import Any
 
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.fleet.events import Code, Event, Outcome
 from nena_status_aggregator.fleet.model import FleetModel, ModelLimits
-from nena_status_aggregator.fleet.robot import Timestamp
 from support.fleet_examples import ROBOT, START, connection, order_status, vehicle_status, way
+from support.fleet_examples import timestamp as at
 from support.fleet_records import state
-
-
-def at(seconds: float) -> Timestamp:
-    return Timestamp(seconds, START + timedelta(seconds=seconds))
 
 
 class Recorded:

@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import gc
 from copy import deepcopy
-from datetime import timedelta
 from typing import Any
 
 import pytest
@@ -19,7 +18,6 @@ from nena_status_aggregator.fleet.robot import Timestamp
 from nena_status_aggregator.fleet.views import RobotView
 from support.fleet_examples import (
     ROBOT,
-    START,
     connection,
     factsheet,
     order_status,
@@ -27,12 +25,9 @@ from support.fleet_examples import (
     vehicle_status,
     way,
 )
+from support.fleet_examples import timestamp as at
 from support.fleet_records import state, visualization
 from support.robot_maps import robot_map
-
-
-def at(seconds: float) -> Timestamp:
-    return Timestamp(seconds, START + timedelta(seconds=seconds))
 
 
 def model(**limits: Any) -> FleetModel:
