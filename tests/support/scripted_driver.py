@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from nena_edge_agent.driver.port import DriveGoal, OwnGoals, Pose
+from nena_edge_agent.driver.port import Area, DriveGoal, OwnGoals, Pose
 
 
 class ScriptedDriver:
@@ -23,6 +23,9 @@ class ScriptedDriver:
 
     def reclaim(self, goals: OwnGoals) -> None:
         """Nothing to reclaim."""
+
+    def keep_out(self, areas: tuple[Area, ...]) -> None:
+        self.areas = areas
 
     def limit_speed(self, speed: float | None) -> None:
         """Nothing to limit."""

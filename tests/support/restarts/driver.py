@@ -7,6 +7,7 @@ from collections.abc import Callable
 from math import dist
 
 from nena_edge_agent.driver.port import (
+    Area,
     Arrived,
     BatteryReport,
     DriveFailed,
@@ -75,6 +76,9 @@ class WorldDriver:
         self._goal, self._goal_id, self._halting, self._reclaimed = None, None, True, None
         self._guarded("halt", self._cancel_own)
         asyncio.get_running_loop().call_soon(self._look)
+
+    def keep_out(self, areas: tuple[Area, ...]) -> None:
+        self.areas = areas
 
     def limit_speed(self, speed: float | None) -> None:
         """Be as fast as ever."""

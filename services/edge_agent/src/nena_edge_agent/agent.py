@@ -29,6 +29,7 @@ from nena_edge_agent.protocol.events import (
     Event,
     Halt,
     JournalReport,
+    KeepOut,
     LimitSpeed,
     LinkReport,
     MapsReport,
@@ -67,7 +68,7 @@ TIMEOUT_INTERVAL = 1.0
 """Seconds between two checks of timeouts, while one runs."""
 LONGEST_COLLECTING = 0.2
 """Seconds that a state waits for further events that are queued already."""
-TO_DRIVER = (Drive, Halt, LimitSpeed, SetPosition)
+TO_DRIVER = (Drive, Halt, LimitSpeed, KeepOut, SetPosition)
 """Effects that end with the robot's power at the latest: they need not wait for the disk."""
 
 DriverMaker = Callable[[Callable[[Event], None], Pose | None], Driver]
@@ -257,6 +258,8 @@ class RobotAgent:
                 self._driver.halt()
             case LimitSpeed(speed):
                 self._driver.limit_speed(speed)
+            case KeepOut(areas):
+                self._driver.keep_out(areas)
             case SetPosition(pose):
                 self._driver.initialize_position(pose)
             case SendFactsheet():

@@ -59,6 +59,7 @@ def make_capabilities(
         actions=supported_actions(registry.declarations, RULES[settings.version]),
         maximum_speed=settings.description.maximum_speed,
         limits_speed=offers.limits_speed if by_nav2 else True,
+        keeps_out=offers.keeps_out,
         default_deviation_xy=drive.deviation_xy,
         default_deviation_theta=drive.deviation_theta,
         strategy=drive.strategy,

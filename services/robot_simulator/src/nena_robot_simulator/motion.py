@@ -72,6 +72,10 @@ class GridMap:
         column, row = map(math.floor, self._in_cells(x, y))
         return self.cells[row * self.width + column] == FREE
 
+    def closed(self, x: float, y: float) -> bool:
+        """Return whether a position is in the grid and its cell is not free."""
+        return self.covers(x, y) and not self.is_free(x, y)
+
     def covers(self, x: float, y: float) -> bool:
         """Return whether a position (m) is on the map; NaN and infinity are not."""
         across, up = self._in_cells(x, y)

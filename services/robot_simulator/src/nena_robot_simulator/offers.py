@@ -6,10 +6,12 @@ from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from nav_msgs.msg import OccupancyGrid
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from nena_robot_simulator import faults, messages
 from nena_robot_simulator.map_files import BadMapError, read_map
+from nena_robot_simulator.motion import GridMap
 from nena_robot_simulator.robot import Robot
 from nena_robot_simulator.servers import Server
 from nena_robot_simulator.session import RosSession
@@ -17,10 +19,12 @@ from nena_robot_simulator.session import RosSession
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from nena_robot_simulator.motion import GridMap
     from nena_robot_simulator.server_endpoints import ServerEndpoints
     from nena_robot_simulator.settings import RobotSettings
 
+LATCHED = QoSProfile(
+    depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
+)
 TRANSFORMS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 
@@ -68,6 +72,10 @@ class Offers:
 
     def __init__(self, session: RosSession, robot: Robot) -> None:
         self._robot = robot
+        self._session = session
+        self._mask: Any = None
+        if kind := interface("nav2_msgs/msg/CostmapFilterInfo"):
+            session.subscribe(kind, "zone_filter_info", self._on_filter_info, LATCHED)
         self._transforms: Any = None
         self._transforms_kind: Any = interface("tf2_msgs/msg/TFMessage")
         if self._transforms_kind:
@@ -78,6 +86,19 @@ class Offers:
             self._collision = session.publisher(self._collision_kind, "collision_monitor_state", RELIABLE)
         if kind := interface("nav2_msgs/msg/SpeedLimit"):
             session.subscribe(kind, "speed_limit", self._on_speed_limit, RELIABLE)
+
+    def _on_filter_info(self, message: Any) -> None:  # noqa: ANN401
+        """Listen to the mask of a keep-out filter, as the costmaps do."""
+        if self._mask is None and message.type == 0:
+            self._mask = self._session.subscribe(
+                OccupancyGrid, message.filter_mask_topic, self._on_mask, LATCHED
+            )
+
+    def _on_mask(self, message: OccupancyGrid) -> None:
+        info, origin = message.info, message.info.origin.position
+        cells = memoryview(message.data).tobytes()
+        size = {"width": info.width, "height": info.height, "resolution": info.resolution}
+        self._robot.keep_out(GridMap(**size, origin_x=origin.x, origin_y=origin.y, cells=cells))
 
     def publish_transforms(self, settings: RobotSettings, nanoseconds: int) -> None:
         """Publish where the odometry frame is on the map, and the robot in the odometry frame."""

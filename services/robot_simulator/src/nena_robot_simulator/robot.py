@@ -87,6 +87,7 @@ class Robot:
         start = Pose(**settings.start.model_dump())
         self._motion = Motion(start)
         self._odom_origin = start
+        self._mask: GridMap | None = None
         self._drive: Drive | None = None
         self.behaviour: tuple[float, float] | None = None
         """Velocity that a behaviour or the docking server commands, m/s and rad/s; None: neither does."""
@@ -189,6 +190,10 @@ class Robot:
     def use_map(self, hall: GridMap) -> None:
         """Plan on another map from now on."""
         self._hall = hall
+
+    def keep_out(self, mask: GridMap) -> None:
+        """Plan no path to a place that is closed in a mask of the costmaps."""
+        self._mask = mask
 
     def limit_speed(self, limit: float, *, percentage: bool) -> None:
         """Drive with ``limit`` in m/s or percent of the own speed; 0: with the own speed again."""
@@ -380,6 +385,8 @@ class Robot:
         if unreachable is not None and any(map(unreachable.concerns, (*target.via, target.pose))):
             self.faults.spend(faults.Unreachable)
             return None, unreachable.error_code
+        if self._mask is not None and self._mask.closed(target.pose.x, target.pose.y):
+            return None, ErrorCode.NO_VALID_PATH
         end = self._hall.free_near(target.pose, self._settings.tolerance.planner)
         if end is not None:
             return end, ErrorCode.NONE

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nena_edge_agent.driver.map_port import (
+    MapArea,
     MapDriver,
     MapDriverEvent,
     MapEmit,
@@ -57,6 +58,9 @@ class MapRobot:
 
     def halt(self) -> None:
         self.told.append("halt")
+
+    def keep_out(self, areas: tuple[MapArea, ...]) -> None:
+        self.areas = areas
 
     def limit_speed(self, speed: float | None) -> None:
         self.limits.append(speed)

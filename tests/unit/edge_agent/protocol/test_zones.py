@@ -11,6 +11,7 @@ from nena_edge_agent.driver.port import Halted
 from nena_edge_agent.protocol.events import (
     ActionReport,
     Halt,
+    KeepOut,
     LimitSpeed,
     OperatingModeSwitched,
     ResponsesReceived,
@@ -560,3 +561,19 @@ def test_a_set_with_a_zone_that_the_robot_does_not_support_is_refused(
 
     assert bench.errors == ["VALIDATION_FAILURE"]
     assert held(bench) == {}
+
+
+class TestKeepOut:
+    @pytest.mark.clause("6.4/BLOCKED")
+    def test_navigation_is_told_the_blocked_zones_of_enabled_sets_alone(self) -> None:
+        robot = with_zones(zone("wall", "BLOCKED", 4, 6), GATE, keeps_out=True)
+        assert [len(each.areas) for each in robot.effects_of(KeepOut)] == [1]
+
+        robot.do(at(1.0))
+        enable(robot, GATE, zone_set_id="s2")
+
+        assert [len(each.areas) for each in robot.effects_of(KeepOut)] == [1, 0]
+
+    def test_a_driver_that_cannot_is_not_asked(self) -> None:
+        robot = with_zones(zone("wall", "BLOCKED", 4, 6))
+        assert not robot.effects_of(KeepOut)

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-from nena_edge_agent.driver.port import FramelessEvent, GoalAt, Mover, OwnGoalsAt, PoseReportAt
+from nena_edge_agent.driver.port import AreaAt, FramelessEvent, GoalAt, Mover, OwnGoalsAt, PoseReportAt
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +42,12 @@ class MapOwnGoals(OwnGoalsAt[MapPose]):
     __slots__ = ()
 
 
+class MapArea(AreaAt):
+    """An area on the robot's map that it must not enter."""
+
+    __slots__ = ()
+
+
 @dataclass(frozen=True, slots=True)
 class MapPlanReport:
     """The way that navigation means to drive: m of the map ``map_id``, two points or more."""
@@ -63,6 +69,10 @@ class MapDriver(Mover, Protocol):
 
     def go_to(self, goal: MapGoal) -> None:
         """Drive to ``goal``; a goal still driven is replaced without a stop and without an event."""
+        ...
+
+    def keep_out(self, areas: tuple[MapArea, ...]) -> None:
+        """Have navigation plan around ``areas`` from now on, and around no others."""
         ...
 
     def initialize_position(self, pose: MapPose) -> None:

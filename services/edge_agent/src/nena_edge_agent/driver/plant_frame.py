@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Self
 
 from nena_edge_agent.driver.map_port import (
+    MapArea,
     MapDriver,
     MapDriverEvent,
     MapEmit,
@@ -21,6 +22,7 @@ from nena_edge_agent.driver.map_port import (
     MapPoseReport,
 )
 from nena_edge_agent.driver.port import (
+    Area,
     DriveGoal,
     DriveProgress,
     DriverEvent,
@@ -73,6 +75,12 @@ class PlantFrame:
             ahead=tuple(map(self.to_map, goal.ahead)),
         )
 
+    def area(self, area: Area) -> MapArea:
+        """Return an area as the robot's map has it."""
+        to_map = self.on(area.map_id).pose_to_map
+        places = (to_map(geometry.PlantPose(x, y, 0.0)) for x, y in area.points)
+        return MapArea(area.map_id, tuple((place.x_m, place.y_m) for place in places))
+
     def event(self, event: MapDriverEvent) -> DriverEvent:
         """Return an event of the driver in the plant's frame."""
         match event:
@@ -110,6 +118,10 @@ class PlantFrameDriver:
     def go_to(self, goal: DriveGoal) -> None:
         """Hand on a goal."""
         self._driver.go_to(self._frame.goal(goal))
+
+    def keep_out(self, areas: tuple[Area, ...]) -> None:
+        """Hand on what the robot must not enter."""
+        self._driver.keep_out(tuple(map(self._frame.area, areas)))
 
     def initialize_position(self, pose: Pose) -> None:
         """Hand on where the robot is."""

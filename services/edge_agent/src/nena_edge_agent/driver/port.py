@@ -288,6 +288,20 @@ class SessionReport:
     reason: str = ""
 
 
+@dataclass(frozen=True, slots=True)
+class AreaAt:
+    """A polygon on the map ``map_id`` that the robot must not enter: corners in m."""
+
+    map_id: str
+    points: tuple[tuple[float, float], ...]
+
+
+class Area(AreaAt):
+    """One in the plant's frame."""
+
+    __slots__ = ()
+
+
 FramelessEvent = (
     Arrived
     | DriveFailed
@@ -349,6 +363,13 @@ class Driver(Mover, Protocol):
 
     def go_to(self, goal: DriveGoal) -> None:
         """Drive to ``goal``; a goal still driven is replaced without a stop and without an event."""
+        ...
+
+    def keep_out(self, areas: tuple[Area, ...]) -> None:
+        """Have navigation plan around ``areas`` from now on, and around no others.
+
+        Asked only of a driver that can do so.
+        """
         ...
 
     def initialize_position(self, pose: Pose) -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from math import atan2, copysign, cos, dist, inf, pi, sin
 
 from nena_edge_agent.driver.port import (
+    Area,
     Arrived,
     BatteryReport,
     Circle,
@@ -261,6 +262,9 @@ class LoopbackDriver:
 
     def reclaim(self, goals: OwnGoals) -> None:
         """Ignore earlier goals: they end with the program."""
+
+    def keep_out(self, areas: tuple[Area, ...]) -> None:
+        """Do nothing: it drives straight ahead, and is not asked."""
 
     def limit_speed(self, speed: float | None) -> None:
         """Go on at another speed, at once."""

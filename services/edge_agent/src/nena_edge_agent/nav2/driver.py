@@ -13,6 +13,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from nena_edge_agent.driver.map_port import (
+    MapArea,
     MapDriverEvent,
     MapEmit,
     MapGoal,
@@ -46,9 +47,10 @@ from nena_edge_agent.nav2.commands import (
     StopMotion,
 )
 from nena_edge_agent.nav2.goals import GoalEntry, GoalIdPrefix
+from nena_edge_agent.nav2.keep_out import KeepOutMask
 from nena_edge_agent.nav2.localisation import InitialPosition, Localisation, PoseWatch, PublishInitialPose
 from nena_edge_agent.nav2.map_server import MapServer
-from nena_edge_agent.nav2.offers import COLLISION_MONITOR, interface
+from nena_edge_agent.nav2.offers import COLLISION_MONITOR, interface, nav2_offers
 from nena_edge_agent.nav2.poses import PoseReading, impossible
 from nena_edge_agent.nav2.robot_base import Battery, BatteryReading, MovementWatch, without_noise
 from nena_edge_agent.nav2.session_control import (
@@ -96,6 +98,8 @@ class Nav2Driver:
         if map_server is not None:
             map_server.attach(self)
         self._too_fast = ""
+        self._areas: tuple[MapArea, ...] = ()
+        self._keep_out = KeepOutMask(settings) if nav2_offers(settings).keeps_out else None
         self._map_id = map_server.map_id if map_server is not None else map_id
         self._unplaced = False
         self._emit = emit
@@ -194,6 +198,12 @@ class Nav2Driver:
         if self._limiter is not None:
             self._limiter.for_place(speed)
 
+    def keep_out(self, areas: tuple[MapArea, ...]) -> None:
+        """Have Nav2 plan around areas; asked only where it takes a mask."""
+        self._areas = areas
+        if self._keep_out is not None:
+            self._keep_out.show(areas, self._map_id)
+
     def initialize_position(self, pose: MapPose) -> None:
         """Report the localisation where the robot is.
 
@@ -215,6 +225,7 @@ class Nav2Driver:
         report = self._localisation.report()
         self._map_id, self._unplaced = map_id, True
         self._forget_place()
+        self.keep_out(self._areas)
         if report is not None:
             problem = f"the map '{map_id}' was enabled, and its position there is not set"
             pose = replace(report.pose, map_id=map_id)
@@ -242,7 +253,7 @@ class Nav2Driver:
             self._on_battery,
             self._on_plan,
         )
-        found = (self._transforms, self._limiter, self._map_server)
+        found = (self._transforms, self._limiter, self._map_server, self._keep_out)
         own: list[NodeExtension] = [each for each in found if each is not None]
         if interface(COLLISION_MONITOR) is not None:
             own.append(CollisionMonitor(self._settings.names.collision_monitor, self._tell))

@@ -14,6 +14,7 @@ from nena_edge_agent.nav2.settings import RosSettings
 
 CLEAR_COSTMAP = "nav2_msgs/srv/ClearEntireCostmap"
 COLLISION_MONITOR = "nav2_msgs/msg/CollisionMonitorState"
+FILTER_INFO = "nav2_msgs/msg/CostmapFilterInfo"
 LOAD_MAP = "nav2_msgs/srv/LoadMap"
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 SPEED_LIMIT = "nav2_msgs/msg/SpeedLimit"
@@ -31,9 +32,13 @@ def interface(name: str) -> Any | None:  # noqa: ANN401 - rclpy carries no types
 
 @dataclass(frozen=True, slots=True)
 class Nav2Offers:
-    """What the robot can do by Nav2, for its factsheet; ``limits_speed``: it obeys limits of its speed."""
+    """What the robot can do by Nav2.
+
+    ``limits_speed``: it obeys limits of its speed; ``keeps_out``: it plans around areas that are closed.
+    """
 
     limits_speed: bool = False
+    keeps_out: bool = False
 
 
 NO_OFFERS = Nav2Offers()
@@ -41,4 +46,7 @@ NO_OFFERS = Nav2Offers()
 
 def nav2_offers(settings: RosSettings) -> Nav2Offers:
     """Return what the settings want and this machine has the types for."""
-    return Nav2Offers(limits_speed=settings.nav2.speed_limit and interface(SPEED_LIMIT) is not None)
+    return Nav2Offers(
+        limits_speed=settings.nav2.speed_limit and interface(SPEED_LIMIT) is not None,
+        keeps_out=settings.nav2.keep_out and interface(FILTER_INFO) is not None,
+    )

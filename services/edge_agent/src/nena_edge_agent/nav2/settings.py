@@ -113,6 +113,10 @@ class RosNames(SettingsGroup):
     )
     tf: RosName = Field("tf", description="Topic of the transforms.")
     tf_static: RosName = Field("tf_static", description="Topic of the static transforms.")
+    zone_filter_info: RosName = Field(
+        "zone_filter_info", description="Topic that names the mask of BLOCKED zones (CostmapFilterInfo)."
+    )
+    zone_mask: RosName = Field("zone_filter_mask", description="Topic of the mask of BLOCKED zones.")
     map_server: RosName = Field("map_server", description="Nav2's map server, for maps.store = nav2.")
     clear_costmaps: tuple[RosName, ...] = Field(
         (
@@ -228,6 +232,12 @@ class OfferSettings(SettingsGroup):
         description="Obey maximumSpeed of edges and SPEED_LIMIT zones by Nav2's topic speed_limit. "
         "description.maximum_speed must be the controller's own speed.",
     )
+    keep_out: bool = Field(
+        default=True,
+        description="Publish BLOCKED zones, if there are any, as a mask for the keep-out filter of Nav2's "
+        "costmaps.",
+    )
+    mask_resolution: float = Field(0.05, ge=0.01, le=1.0, description="Cells of that mask, metres.")
 
 
 class RosSettings(SettingsGroup):

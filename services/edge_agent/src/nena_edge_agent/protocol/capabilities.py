@@ -50,6 +50,7 @@ class Capabilities:
     """A robot's set-up; distances in m, angles in rad, speeds in m/s.
 
     ``maximum_speed`` is the robot's own; ``limits_speed``: its driver can limit it further.
+    ``keeps_out``: it plans its ways around closed areas.
 
     ``drives_ahead``: its driver drives over several poses of one goal without a stop.
 
@@ -76,6 +77,7 @@ class Capabilities:
     default_deviation_theta: float = 0.3
     maximum_speed: float = 1.0
     limits_speed: bool = True
+    keeps_out: bool = False
     strategy: DriveStrategy = DriveStrategy.STOP_AT_NODES
     pass_radius: float = 0.5
     hand_over_distance: float = 0.0

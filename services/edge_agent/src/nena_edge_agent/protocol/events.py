@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from datetime import datetime
 
-from nena_edge_agent.driver.port import DriveGoal, DriverEvent, Pose
+from nena_edge_agent.driver.port import Area, DriveGoal, DriverEvent, Pose
 from nena_edge_agent.protocol.errors import Until
 from nena_shared.vda5050.action import Action, ActionStatus, InstantActions
 from nena_shared.vda5050.error import ErrorEntry
@@ -218,6 +218,13 @@ class LimitSpeed:
 
 
 @dataclass(frozen=True, slots=True)
+class KeepOut:
+    """Have the driver plan around these areas, and around no others."""
+
+    areas: tuple[Area, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class SetPosition:
     """Set the robot's pose in the localisation."""
 
@@ -267,6 +274,7 @@ Effect = (
     Drive
     | Halt
     | LimitSpeed
+    | KeepOut
     | SetPosition
     | StartAction
     | PauseAction

@@ -95,6 +95,7 @@ class RobotCore:
         orders.advance_mode(robot)
         instant_actions.advance_position(robot)
         zones.advance(robot)
+        zones.keep_out(robot)
         speed.advance(robot)
         route_progress.advance(robot)
         check_conditions(robot)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
 
 from nena_edge_agent.driver.port import (
+    Area,
     BatteryReport,
     BlockedReport,
     Circle,
@@ -206,7 +207,8 @@ class RobotState:
     ``hold_applied``: driving and actions are held, for whatever reason. ``clearing``: the order is being
     ended early. ``wanted_mode`` is the mode that a person has selected and the state does not report yet.
     ``utc`` is a time of day with the monotonic time in s at which it was read, None: not known.
-    ``speed_limit`` in m/s is what the zones allow. ``maps`` are those on the robot. ``header_ids`` are those
+    ``speed_limit`` in m/s is what the zones allow, ``areas`` are those that navigation plans around, of the
+    zone sets as they were at ``areas_revision``. ``maps`` are those on the robot. ``header_ids`` are those
     from which the next run of the program counts on. ``interrupted`` are actions that a restart has ended
     during a pause; they start again after it. ``zones_checked``: zones mattered at the last event.
     """
@@ -238,6 +240,8 @@ class RobotState:
     zone_requests: ZoneRequests = field(default_factory=ZoneRequests)
     zones_checked: bool = False
     speed_limit: float | None = None
+    areas: tuple[Area, ...] = ()
+    areas_revision: int = 0
     utc: tuple[datetime, float] | None = None
     now: float = 0.0
     effects: list[Effect] = field(default_factory=list)

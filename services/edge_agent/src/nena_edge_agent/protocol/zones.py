@@ -6,8 +6,9 @@ from collections.abc import Callable
 from datetime import datetime
 from itertools import islice
 
-from nena_edge_agent.driver.port import Pose
+from nena_edge_agent.driver.port import Area, Pose
 from nena_edge_agent.protocol.errors import Until
+from nena_edge_agent.protocol.events import KeepOut
 from nena_edge_agent.protocol.geometry import distance
 from nena_edge_agent.protocol.robot_state import RobotState
 from nena_edge_agent.protocol.zone_sets import (
@@ -151,6 +152,18 @@ def must_stop(robot: RobotState) -> bool:
     if any(each.zone.zone_type is ZoneType.BLOCKED for each in _inside(robot)):
         return True
     return bool(node and node.node_position and first_barred(robot, pose, node.node_position))
+
+
+def keep_out(robot: RobotState) -> None:
+    """Have navigation plan around the BLOCKED zones of the enabled sets."""
+    if not robot.capabilities.keeps_out or robot.zone_sets.revision == robot.areas_revision:
+        return
+    robot.areas_revision = robot.zone_sets.revision
+    blocked = (each for each in robot.zone_sets.enabled if each.zone.zone_type is ZoneType.BLOCKED)
+    areas = tuple(Area(each.map_id, each.contour) for each in blocked)
+    if areas != robot.areas:
+        robot.areas = areas
+        robot.effects.append(KeepOut(areas))
 
 
 def speed_limits(robot: RobotState) -> list[float]:

@@ -1,0 +1,138 @@
+"""Areas that the robot must not enter, as a mask for Nav2's costmaps: it plans around them."""
+
+from __future__ import annotations
+
+import array
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+from nena_edge_agent.driver.map_port import MapArea
+from nena_edge_agent.driver.port import SessionState
+from nena_edge_agent.nav2.offers import FILTER_INFO, interface
+from nena_edge_agent.nav2.settings import RosSettings
+from nena_shared.log import get_logger
+
+if TYPE_CHECKING:
+    from nena_edge_agent.nav2.session import RosSession
+
+log = get_logger(__name__)
+
+CELLS_LIMIT = 4_000_000
+"""Cells of a mask at most; above that they become larger."""
+CLOSED = 100
+"""Value of a cell that must not be entered."""
+KEEP_OUT = 0
+"""Type of the filter in nav2_msgs/CostmapFilterInfo."""
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Mask:
+    """Square cells in rows from the lower left corner, as in nav_msgs/OccupancyGrid: m."""
+
+    x: float
+    y: float
+    resolution: float
+    width: int
+    height: int
+    cells: bytes
+
+
+NOTHING = Mask(0.0, 0.0, 1.0, 1, 1, b"\0")
+
+
+def mask_of(polygons: Sequence[Sequence[Point]], resolution: float) -> Mask:
+    """Return the mask of all cells that a polygon touches; it reaches no further than the polygons."""
+    points = [point for polygon in polygons for point in polygon]
+    if not points:
+        return NOTHING
+    least_x, least_y = min(x for x, _ in points), min(y for _, y in points)
+    wide, high = max(x for x, _ in points) - least_x, max(y for _, y in points) - least_y
+    cell = max(resolution, math.sqrt(wide * high / CELLS_LIMIT), max(wide, high) / CELLS_LIMIT)
+    width, height = int(wide / cell) + 1, int(high / cell) + 1
+    rows = [bytearray(width) for _ in range(height)]
+    for polygon in polygons:
+        corners = [((x - least_x) / cell, (y - least_y) / cell) for x, y in polygon]
+        sides = list(pairwise([*corners, corners[0]]))
+        _fill(rows, sides)
+        _draw(rows, sides)
+    return Mask(least_x, least_y, cell, width, height, b"".join(rows))
+
+
+def _fill(rows: list[bytearray], sides: list[tuple[Point, Point]]) -> None:
+    """Close the cells whose middle lies inside."""
+    for number, row in enumerate(rows):
+        middle = number + 0.5
+        cuts = sorted(
+            x1 + (middle - y1) * (x2 - x1) / (y2 - y1)
+            for (x1, y1), (x2, y2) in sides
+            if (y1 > middle) != (y2 > middle)
+        )
+        for start, end in zip(cuts[::2], cuts[1::2], strict=False):
+            first, last = math.ceil(start - 0.5), math.floor(end - 0.5)
+            if first <= last:
+                row[first : last + 1] = bytes([CLOSED]) * (last + 1 - first)
+
+
+def _draw(rows: list[bytearray], sides: Iterable[tuple[Point, Point]]) -> None:
+    """Close the cells that a side runs through: a narrow area would fall between them."""
+    for (x1, y1), (x2, y2) in sides:
+        steps = int(2 * math.dist((x1, y1), (x2, y2))) + 1
+        for step in range(steps + 1):
+            share = step / steps
+            column, row = int(x1 + share * (x2 - x1)), int(y1 + share * (y2 - y1))
+            rows[min(row, len(rows) - 1)][min(column, len(rows[0]) - 1)] = CLOSED
+
+
+class KeepOutMask:
+    """Publishes the mask and what names it, latched, once there is something to keep out of."""
+
+    def __init__(self, settings: RosSettings) -> None:
+        self._settings = settings
+        self._mask: Mask | None = None
+        self._session: RosSession | None = None
+        self._info: Any = None
+
+    def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401 - rclpy carries no types
+        """Publish on a new node from now on."""
+        from nav_msgs.msg import OccupancyGrid  # noqa: PLC0415 - the loopback needs no ROS
+
+        from nena_edge_agent.nav2.node import LATCHED, NO_EVENTS  # noqa: PLC0415
+
+        names = self._settings.names
+        self._grid, self._info = OccupancyGrid, interface(FILTER_INFO)
+        self._masks = node.create_publisher(
+            OccupancyGrid, names.zone_mask, LATCHED, event_callbacks=NO_EVENTS
+        )
+        self._infos = node.create_publisher(
+            self._info, names.zone_filter_info, LATCHED, event_callbacks=NO_EVENTS
+        )
+        self._session = session
+        if self._mask is not None:
+            self._publish(self._mask)
+
+    def show(self, areas: Iterable[MapArea], map_id: str) -> None:
+        """Keep out of the areas of one map, and of nothing else."""
+        polygons = [each.points for each in areas if each.map_id == map_id]
+        if not polygons and self._mask is None:
+            return
+        self._mask = mask_of(polygons, self._settings.nav2.mask_resolution)
+        log.info("keep-out mask", areas=len(polygons), width=self._mask.width, height=self._mask.height)
+        if self._session is not None and self._session.state is SessionState.ACTIVE:
+            self._publish(self._mask)
+
+    def _publish(self, mask: Mask) -> None:
+        grid = self._grid()
+        grid.header.frame_id = self._settings.frame
+        grid.info.resolution, grid.info.width, grid.info.height = mask.resolution, mask.width, mask.height
+        grid.info.origin.position.x, grid.info.origin.position.y = mask.x, mask.y
+        grid.data = array.array("b", mask.cells)
+        self._masks.publish(grid)
+        topic = self._masks.topic_name
+        info = self._info(type=KEEP_OUT, filter_mask_topic=topic, base=0.0, multiplier=1.0)
+        info.header.frame_id = self._settings.frame
+        self._infos.publish(info)

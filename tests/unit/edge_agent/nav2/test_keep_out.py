@@ -1,0 +1,63 @@
+"""The mask of areas that the robot must not enter."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nena_edge_agent.nav2 import keep_out
+from nena_edge_agent.nav2.keep_out import CLOSED, NOTHING, Mask, mask_of
+
+SQUARE = ((1.0, 1.0), (3.0, 1.0), (3.0, 2.0), (1.0, 2.0))
+
+
+def closed(mask: Mask, x: float, y: float) -> bool:
+    """Return whether a place is in a closed cell."""
+    column, row = int((x - mask.x) // mask.resolution), int((y - mask.y) // mask.resolution)
+    inside = 0 <= column < mask.width and 0 <= row < mask.height
+    return inside and mask.cells[row * mask.width + column] == CLOSED
+
+
+def picture(mask: Mask) -> list[str]:
+    rows = [mask.cells[at : at + mask.width] for at in range(0, len(mask.cells), mask.width)]
+    return ["".join("#" if cell else "." for cell in row) for row in reversed(rows)]
+
+
+def test_a_polygon_is_closed_and_what_lies_beside_it_is_not() -> None:
+    mask = mask_of([((0.0, 0.0), (4.0, 0.0), (0.0, 4.0))], 0.5)
+    assert picture(mask)[-1] == "#########"
+    assert picture(mask)[0] == "#........"
+    assert closed(mask, 1.0, 1.0)
+    assert not closed(mask, 3.5, 3.5)
+
+
+def test_several_polygons_share_a_mask() -> None:
+    mask = mask_of([SQUARE, ((5.0, 5.0), (6.0, 5.0), (6.0, 6.0))], 0.1)
+    assert closed(mask, 2.0, 1.5)
+    assert closed(mask, 5.9, 5.5)
+    assert not closed(mask, 4.0, 4.0)
+
+
+def test_an_area_that_is_narrower_than_a_cell_is_closed() -> None:
+    mask = mask_of([((0.0, 0.0), (3.0, 0.01), (0.0, 0.02))], 0.5)
+    assert all(closed(mask, x, 0.01) for x in (0.1, 1.0, 2.0, 2.9))
+
+
+def test_no_area_is_an_empty_mask() -> None:
+    assert mask_of([], 0.05) == NOTHING
+    assert not any(NOTHING.cells)
+
+
+def test_a_huge_area_has_larger_cells(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(keep_out, "CELLS_LIMIT", 1000)
+    mask = mask_of([((0.0, 0.0), (500.0, 0.0), (500.0, 500.0), (0.0, 500.0))], 0.05)
+    assert len(mask.cells) < 1200
+    assert closed(mask, 250.0, 250.0)
+
+
+@given(st.floats(0.01, 0.99), st.floats(0.01, 0.99), st.sampled_from([0.05, 0.3, 2.0]))
+def test_each_place_inside_is_closed(along: float, up: float, resolution: float) -> None:
+    mask = mask_of([SQUARE], resolution)
+    assert len(mask.cells) == mask.width * mask.height
+    assert closed(mask, 1.0 + 2.0 * along, 1.0 + up)
