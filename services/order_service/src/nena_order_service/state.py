@@ -474,6 +474,8 @@ class FleetState:
         """Numbers of orders whose vehicles are sent nothing for now, by the vehicles' names."""
         self.dispatch_due = False
         """Whether a vehicle or an order may have become free."""
+        self.dispatch_later = False
+        """Whether there are free vehicles that have not been offered all orders; others have their turn."""
         self.drive_due = False
         """Whether a vehicle may be able to begin or continue driving."""
 

@@ -9,13 +9,15 @@ from typing import Any
 import pytest
 
 from nena_order_service.context import EngineSettings
+from nena_order_service.dispatching.manager import ORDERS_FOR_MANY, TOLD_FIRST
 from nena_order_service.dispatching.settings import Chooser, DispatchSettings
-from nena_order_service.engine import Engine
+from nena_order_service.engine import LOOKED_AT_ONCE, Engine
 from nena_order_service.store.changes import Changes
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.plant import PlantModel, Vehicle
 from support.operations import calls_of
 from support.order_service import request
+from support.pausing import turn_passes
 from support.plants import path, point
 from support.scripted_fleet import MemoryStore, ScriptedFleet, make_engine
 
@@ -137,3 +139,45 @@ async def test_a_vehicle_takes_the_order_that_is_nearest_to_where_it_has_unloade
     far = engine.state.orders.named("far")
     assert far
     assert far.state is TransportOrderState.DISPATCHABLE
+
+
+async def test_a_whole_fleet_is_given_work_in_slices() -> None:
+    number = 60
+    points = tuple(point(f"P{index}", 4000 * index) for index in range(number))
+    names = [f"V{index}" for index in range(number)]
+    plant = PlantModel(name="p", points=points, vehicles=tuple(Vehicle(name=each) for each in names))
+    fleet = ScriptedFleet({name: f"P{index}" for index, name in enumerate(names)})
+    fleet.out_of_order.update(names)
+    settings = EngineSettings(default_map_id="map", traffic=False)
+    engine = await make_engine(plant, ForgetfulStore(), fleet, settings=settings)
+    for index in range(number):
+        engine.create(request(f"P{index}"), f"T{index}")
+    assert fleet.sent == []
+    fleet.out_of_order.clear()
+    engine.look()
+    slices = [len(fleet.sent)]
+    while slices[-1] < number and len(slices) < 2 * number:
+        await turn_passes()
+        slices.append(len(fleet.sent))
+    assert slices[-1] == number
+    assert max(after - before for before, after in pairwise([0, *slices])) <= TOLD_FIRST + ORDERS_FOR_MANY
+    assert all(robot[1:] == vda_order.order_id[1:-2] for robot, vda_order in fleet.sent)
+
+
+async def test_a_large_fleet_is_looked_at_in_slices(monkeypatch: pytest.MonkeyPatch) -> None:
+    names = [f"V{index}" for index in range(3 * LOOKED_AT_ONCE)]
+    plant = PlantModel(name="p", points=(point("A"),), vehicles=tuple(Vehicle(name=each) for each in names))
+    engine = await make_engine(plant, ForgetfulStore(), ScriptedFleet({}))
+    looks: list[int] = [0]
+    consider = engine._dispatching.consider
+
+    def counted(vehicle: Any) -> Any:
+        looks[-1] += 1
+        return consider(vehicle)
+
+    monkeypatch.setattr(engine._dispatching._candidates, "_consider", counted)
+    parts = engine._look()
+    while next(parts, parts) is not parts:
+        looks.append(0)
+    assert sum(looks) == len(names)
+    assert max(looks) <= LOOKED_AT_ONCE

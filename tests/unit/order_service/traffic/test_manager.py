@@ -173,7 +173,7 @@ def test_a_way_is_revoked_before_anything_of_it_was_allocated() -> None:
     assert list(bench.desk.decide(lambda name: name == "v"))
     bench.desk.revoke("v")
     assert bench.held("v") == {"A"}
-    assert bench.desk.active == frozenset()
+    assert bench.desk.waiting == frozenset()
 
 
 def test_a_shortened_way_ends_where_it_is_allocated() -> None:
@@ -201,7 +201,8 @@ def test_who_comes_to_rest_on_the_way_of_others_is_sent_away_or_makes_them_stuck
 
     (evasion,) = bench.desk.decide(lambda name: name == "w")
     assert evasion.vehicle == "w"
-    assert bench.desk.under_way == ("v", "w")
+    assert bench.desk.journey("v")
+    assert bench.desk.journey("w")
 
 
 def test_after_a_restart_all_that_was_given_is_held() -> None:
@@ -229,7 +230,7 @@ def test_who_is_taken_out_frees_everything() -> None:
 
     assert "v" not in bench.desk
     assert bench.held("v") == set()
-    assert bench.desk.active == frozenset()
+    assert bench.desk.waiting == frozenset()
 
 
 def test_without_traffic_nobody_waits_for_anybody() -> None:
@@ -249,7 +250,7 @@ def test_a_wish_without_a_way_is_told_and_forgotten() -> None:
     (told,) = bench.desk.decide(lambda _: True)
 
     assert isinstance(told, RouteRejection)
-    assert bench.desk.active == frozenset()
+    assert bench.desk.waiting == frozenset()
 
 
 @pytest.mark.parametrize(("on_point", "stands"), [(True, True), (False, False)])

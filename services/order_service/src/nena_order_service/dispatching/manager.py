@@ -186,10 +186,10 @@ ORDERS_FOR_ONE = 32
 """Orders that are compared for one vehicle that has become free."""
 ORDERS_FOR_EACH = 4
 """How many more they are for each one."""
-ORDERS_AT_ONCE = 64
-"""How many they are at most; where vehicles are left then, the next ones follow."""
-PARTS_AT_ONCE = 8
-"""How many times that is done before others have their turn; the next look goes on from there."""
+FEW = 8
+"""Vehicles up to which that is so."""
+ORDERS_FOR_MANY = 16
+"""Orders that are compared at once for more vehicles: to assign one takes milliseconds, and others wait."""
 
 STANDS_STILL = (VehicleState.UNKNOWN, VehicleState.UNAVAILABLE, VehicleState.ERROR)
 """States in which a robot could not go on with another order than it has."""
@@ -231,29 +231,26 @@ class Dispatching:
         """Up to which place in the queue orders have been told why they wait."""
 
     def due(self) -> Iterator[Sequence[TransportOrder]]:
-        """Yield the orders that may be assigned now, or for other reasons than before wait, part by part.
+        """Yield the orders that may be assigned now, or wait for other reasons than before; once at most.
 
         These are the orders that are new to free vehicles, and the most urgent ones for vehicles that have
         become free; of the others only the first ones of the queue, and those that name a vehicle of which
-        something is new. So the work does not grow with the queue.
+        something is new. So the work does not grow with the queue. Where vehicles are left that have not been
+        offered all, ``dispatch_later`` says so.
         """
         touched = self._refresh()
         self._forget_kept()
         numbers = self._with_new_reasons(touched)
         numbers.update(self._fresh_orders())
-        for _ in range(PARTS_AT_ONCE):
-            offered, limit = self._offered(), self._part_limit()
-            numbers.update(dict.fromkeys(offered))
-            if orders := self._waiting_of(numbers):
-                yield orders
-            numbers.clear()
-            self._refresh()
-            if len(offered) < limit:
-                self._candidates.fresh.clear()
-            if not self._candidates.fresh:
-                self._part_after = None
-                return
-            self._part_after = self._orders.get(offered[-1]).urgency
+        offered, limit = self._offered(), self._part_limit()
+        numbers.update(dict.fromkeys(offered))
+        if orders := self._waiting_of(numbers):
+            yield orders
+        self._refresh()
+        if len(offered) < limit:
+            self._candidates.fresh.clear()
+        self._state.dispatch_later = bool(self._candidates.fresh)
+        self._part_after = self._orders.get(offered[-1]).urgency if self._candidates.fresh else None
 
     def dispatch(self, orders: Sequence[TransportOrder]) -> tuple[list[Dispatched], dict[str, str]]:
         """Return what is to be assigned of orders, and why the others wait, by name.
@@ -281,9 +278,12 @@ class Dispatching:
             dispatched.append(Dispatched(assignment, candidate.vehicle, way))
         return dispatched, decisions.reasons
 
-    def look(self) -> None:
-        """See each vehicle as it is now, and offer the free ones all orders once more."""
-        self._candidates.refresh(each.name for each in self._registry)
+    def look_at(self, vehicles: Iterable[FleetVehicle]) -> None:
+        """See vehicles as they are now."""
+        self._candidates.refresh(each.name for each in vehicles)
+
+    def offer_all(self) -> None:
+        """Offer the vehicles that are free all orders once more."""
         self._candidates.offer_all()
 
     def outdated_reasons(self) -> Iterator[tuple[TransportOrder, str]]:
@@ -469,7 +469,8 @@ class Dispatching:
         """Return how many orders are offered at once to the vehicles that are free."""
         if not self._dispatcher.by_urgency:
             return len(self._orders.waiting) + 1
-        return min(ORDERS_FOR_ONE + ORDERS_FOR_EACH * len(self._candidates.fresh), ORDERS_AT_ONCE)
+        fresh = len(self._candidates.fresh)
+        return ORDERS_FOR_ONE + ORDERS_FOR_EACH * fresh if fresh <= FEW else ORDERS_FOR_MANY
 
     def _offered(self) -> list[int]:
         """Return the numbers of the next orders that vehicles may take to which they are new."""

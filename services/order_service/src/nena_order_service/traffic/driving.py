@@ -329,7 +329,8 @@ class Driving:
         """Let vehicles drive on; yield those that are stuck, and those whose wait reason has changed."""
         self._state.drive_due = False
         if self._gate.is_open:
-            for name in self._traffic.under_way:
+            unsent = filter(self._traffic.journey, self._unsent)
+            for name in dict.fromkeys([*(name for name, _ in self._traffic.extending()), *unsent]):
                 self._go_on(self._vehicle(name))
             self._reconsider()
             movable, lost = cache(self._movable), cache(self.mobility.lost)
@@ -338,7 +339,7 @@ class Driving:
             ):
                 yield from self._begin(granted)
             self._replan()
-        for name in self._traffic.active | self._reported.keys():
+        for name in self._traffic.waiting | self._wanted.keys() | self._reported.keys():
             vehicle = self._vehicle(name)
             why = self.note(vehicle) if name in self._wanted else self._traffic.why_waiting(name)
             if why != self._reported.pop(name, ""):

@@ -61,6 +61,8 @@ class TrafficManager:
         self._left_at: dict[str, tuple[ResourceSet, ...]] = {}
         """The same of those that were seen standing since, beside a point: until they are on one or drive on.
         By their pose alone they could be taken for clear of a path that is not straight."""
+        self._to_extend: dict[str, None] = {}
+        """Vehicles of whose ways not all may be allocated; see :meth:`extending`."""
 
     @property
     def _scheduler(self) -> Scheduler:
@@ -153,6 +155,7 @@ class TrafficManager:
         self._broken_off.pop(vehicle, None)
         self._scheduler.resume(vehicle, way[:allocated], way[allocated:])
         self._journeys[vehicle] = Journey(tuple(way), allocated)
+        self._to_extend[vehicle] = None
 
     def remove(self, vehicle: str) -> None:
         """Take a vehicle out: it holds, wants and claims nothing any more."""
@@ -187,7 +190,7 @@ class TrafficManager:
             yield each if isinstance(each, RouteRejection) else self._departed(each)
 
     def _clear_ways(self, movable: Callable[[str], bool]) -> Iterator[Evasion]:
-        for vehicle, journey in tuple(self._journeys.items()):
+        for vehicle, journey in self.extending():
             if self.is_blocked(vehicle) and journey.refusal:
                 way = journey.way[journey.allocated :]
                 yield from self._control.clear(journey.refusal.vehicles, way, movable)
@@ -197,7 +200,7 @@ class TrafficManager:
 
         These cannot be sent away, or nobody knows when they could be. Ask it after :meth:`decide`.
         """
-        for vehicle, journey in self._journeys.items():
+        for vehicle, journey in self.extending():
             if self.is_blocked(vehicle) and journey.refusal:
                 blockers = [each for each in journey.refusal.vehicles if each not in self._journeys]
                 if blockers and all(movable(each) or lost(each) for each in blockers):
@@ -206,6 +209,7 @@ class TrafficManager:
     def _departed(self, granted: D) -> D:
         self._left_at.pop(granted.vehicle, None)
         self._journeys[granted.vehicle] = Journey(granted.way)
+        self._to_extend[granted.vehicle] = None
         return granted
 
     def replan(self, vehicle: str, steps: Sequence[Step], location: str | None = None) -> Refusal | None:
@@ -218,6 +222,7 @@ class TrafficManager:
         refusal = self._scheduler.claim(vehicle, way)
         if refusal is None:
             journey.way, journey.refusal = (*journey.way[: journey.allocated], *way), None
+            self._to_extend[vehicle] = None
         return refusal
 
     def revoke(self, vehicle: str) -> None:
@@ -287,15 +292,19 @@ class TrafficManager:
         """Return whether a vehicle without a way was not seen standing since it broke off or moved."""
         return vehicle in self._broken_off
 
-    @property
-    def under_way(self) -> tuple[str, ...]:
-        """The vehicles that are on their ways."""
-        return tuple(self._journeys)
+    def extending(self) -> list[tuple[str, Journey]]:
+        """Return the vehicles under way of whose ways not all is allocated, with their ways.
+
+        The others need nothing of traffic until they arrive, and there may be many of them.
+        """
+        found = [(name, journey) for name in self._to_extend if (journey := self._journeys.get(name))]
+        self._to_extend = {name: None for name, journey in found if not journey.all_allocated}
+        return [(name, journey) for name, journey in found if not journey.all_allocated]
 
     @property
-    def active(self) -> frozenset[str]:
-        """The vehicles that are on their ways or wish for one."""
-        return frozenset((*self._journeys, *self._control.requesting))
+    def waiting(self) -> frozenset[str]:
+        """The vehicles that traffic may keep from going on, or from departing."""
+        return frozenset((*(name for name, _ in self.extending()), *self._control.requesting))
 
     def why_waiting(self, vehicle: str) -> str:
         """Return why a vehicle does not depart or go on; empty where traffic does not keep it."""

@@ -1,0 +1,82 @@
+"""The work of driving does not grow with the vehicles under way; counted in calls, for clocks vary."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from nena_order_service.context import EngineSettings
+from nena_order_service.engine import Engine
+from nena_order_service.store.changes import Changes
+from nena_shared.plant import PlantModel, Point, Vehicle
+from support.operations import calls_of
+from support.order_service import request
+from support.plants import path
+from support.scripted_fleet import MemoryStore, ScriptedFleet, make_engine
+
+FEW, MANY = 10, 100
+"""Vehicles under way."""
+ALIKE = 1.2
+"""How much more work one event may be with ten times as many of them."""
+
+
+class ForgetfulStore(MemoryStore):
+    """Is done with each commit at once, whatever else there is."""
+
+    def commit(self, changes: Changes, then: Callable[[], None]) -> None:
+        del changes
+        then()
+
+
+async def driving(number: int) -> tuple[Engine, ScriptedFleet]:
+    """Start an engine with so many vehicles that drive, each on a lane of its own, and one that stands."""
+    lanes = range(number + 1)
+    plant = PlantModel(
+        name="lanes",
+        points=tuple(
+            Point(name=f"{lane}-{end}", x_mm=5000 * end, y_mm=5000 * lane)
+            for lane in lanes
+            for end in range(3)
+        ),
+        paths=tuple(path(f"{lane}-{end} {lane}-{end + 1}", 5000) for lane in lanes for end in range(2)),
+        vehicles=tuple(Vehicle(name=f"V{lane}") for lane in lanes),
+    )
+    fleet = ScriptedFleet({f"V{lane}": f"{lane}-0" for lane in lanes})
+    settings = EngineSettings(default_map_id="map")
+    engine = await make_engine(plant, ForgetfulStore(), fleet, settings=settings)
+    for lane in lanes:
+        fleet.appear(f"V{lane}", f"{lane}-0")
+    for lane in range(number):
+        engine.create(request(f"{lane}-2", intendedVehicle=f"V{lane}"), f"T{lane}")
+    assert len(fleet.missions) == number
+    return engine, fleet
+
+
+async def calls(event: Callable[[Engine, ScriptedFleet, int], object]) -> list[int]:
+    """Count the calls of an event with few and with many vehicles under way."""
+    counted = []
+    for number in (FEW, MANY):
+        engine, fleet = await driving(number)
+        counted.append(calls_of(lambda e=engine, f=fleet, n=number: event(e, f, n)))  # type: ignore[misc]
+    return counted
+
+
+async def test_a_node_that_is_passed_costs_the_same_however_many_drive() -> None:
+    few, many = await calls(lambda _, fleet, __: fleet.pass_node("V0", 1))
+    assert many < few * ALIKE, (few, many)
+
+
+async def test_a_state_of_a_vehicle_that_stands_costs_the_same_however_many_drive() -> None:
+    few, many = await calls(lambda _, fleet, number: fleet.appear(f"V{number}", f"{number}-0"))
+    assert many < few * ALIKE, (few, many)
+
+
+async def test_work_for_one_more_vehicle_costs_the_same_however_many_drive() -> None:
+    few, many = await calls(
+        lambda engine, _, number: engine.create(request(f"{number}-2", intendedVehicle=f"V{number}"), "more")
+    )
+    assert many < few * ALIKE, (few, many)
+
+
+async def test_the_end_of_an_order_costs_the_same_however_many_drive() -> None:
+    few, many = await calls(lambda _, fleet, __: fleet.finish("V0"))
+    assert many < few * ALIKE, (few, many)
