@@ -138,3 +138,20 @@ def test_work_that_cannot_be_done_ends_with_two(tmp_path: Path) -> None:
     done = nena("export", str(own), "--format", "opentcs", "-o", str(tmp_path / "out.xml"))
     assert done.exit_code == 2
     assert "UNWRITABLE_TEXT" in done.stderr
+
+
+def test_a_route_graph_is_exported_for_nav2(tmp_path: Path) -> None:
+    out = tmp_path / "hall.geojson"
+    done = nena("export", SAMPLE, "--nav2-route", "-o", str(out), "--map", "hall", "--json")
+    assert done.exit_code == 0
+    graph = json.loads(out.read_text())
+    names = {each["properties"]["metadata"]["name"] for each in graph["features"]}
+    model = files.read(Path(SAMPLE).read_bytes()).model
+    assert set(model.points_by_name) <= names
+
+
+@pytest.mark.parametrize("options", [(), ("--nav2-route", "--format", "lif")])
+def test_export_wants_one_target(options: tuple[str, ...], tmp_path: Path) -> None:
+    done = nena("export", SAMPLE, *options, "-o", str(tmp_path / "out"))
+    assert done.exit_code == 2
+    assert "either --format or --nav2-route" in done.stderr

@@ -21,6 +21,7 @@ from nena_cli.output import echo, fail, print_json
 from nena_cli.service import Service, of_service
 from nena_shared.fleet_api.operations import CHANGE_PLANT
 from nena_shared.plant import PlantModel, PlantModelError, PlantProblem, files, lif, opentcs_xml
+from nena_shared.plant import nav2_route as nav2_route_graph
 from nena_shared.plant.exchange import JSON_LIMITS
 from nena_shared.plant.files import PlantFormat
 
@@ -243,9 +244,16 @@ def import_(
 def export(
     file: Source,
     *,
-    target: Annotated[Target, typer.Option("--format", help="Format to write.")],
+    target: Annotated[Target | None, typer.Option("--format", help="Format to write.")] = None,
+    nav2_route: Annotated[
+        bool, typer.Option("--nav2-route", help="Write a route graph of Nav2 (GeoJSON) instead.")
+    ] = False,
     output: Output,
-    map_id: Annotated[str | None, typer.Option("--map", help="LIF: mapId of points without one.")] = None,
+    map_id: Annotated[
+        str | None,
+        typer.Option("--map", help="LIF: mapId of points without one. Route graph: map whose points it has."),
+    ] = None,
+    frame: Annotated[str, typer.Option("--frame", help="Route graph: frame of the map.")] = "map",
     vehicle_type: Annotated[
         list[str] | None,
         typer.Option(
@@ -255,11 +263,19 @@ def export(
     replace: Replace = False,
     as_json: AsJson = False,
 ) -> None:
-    """Convert a plant model to openTCS XML 7.0.0 or LIF 1.0.0, and list what is lost."""
+    """Convert a plant model to openTCS XML 7.0.0, LIF 1.0.0 or a route graph, and list what is lost."""
     options = LifOptions(map_id, tuple(vehicle_type or ()))
+    if (target is None) is not nav2_route:
+        fail("give either --format or --nav2-route")
     with _errors_reported():
         read = read_plant(file)
         model = read.model or _reject(read, as_json=as_json)
+        if target is None:
+            report = nav2_route_graph.write(model, map_id=map_id, frame=frame)
+            write_bytes(report.data, output, replace=replace)
+            warnings = _findings(report.warnings, are_errors=False)
+            _report(read, (*read.findings, *warnings), as_json=as_json, written=output)
+            return
         _write(read, model, PlantFormat(target), output, options, replace=replace, as_json=as_json)
 
 
