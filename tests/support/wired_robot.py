@@ -122,7 +122,7 @@ class WiredFleet:
             addresses=addresses,
             settings=settings,
             clock=SystemClock(),
-            on_news=lambda *news: self.news.extend(news),
+            on_events=lambda *news: self.news.extend(news),
         )
 
     @asynccontextmanager

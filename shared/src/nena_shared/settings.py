@@ -27,7 +27,7 @@ from pydantic_settings import (
     SettingsError,
 )
 
-from nena_shared.misfits import path_of, shortened, words_of
+from nena_shared.findings import path_of, shortened, words_of
 
 S = TypeVar("S", bound="ProgramSettings")
 

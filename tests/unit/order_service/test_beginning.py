@@ -30,7 +30,7 @@ class Start:
     async def run(self, supervisor: Supervisor) -> bool:
         async with asyncio.timeout(PATIENCE):
             return await has_begun(
-                self.begin(), supervisor, self.stop, waits=lambda: bool(self.problem), tell=self.tell
+                self.begin(), supervisor, self.stop, waits=lambda: bool(self.problem), show=self.tell
             )
 
 

@@ -31,12 +31,12 @@ async def has_begun(
     stop: asyncio.Event,
     *,
     waits: Callable[[], bool],
-    tell: Callable[[], None],
+    show: Callable[[], None],
 ) -> bool:
     """Let ``begin`` come to its end; False: the program is to stop before.
 
-    Once ``waits`` says that the store takes nothing, ``tell`` is called, so that somebody is told why nothing
-    happens: the beginning goes on by itself as soon as the store takes changes again.
+    Once ``waits`` returns that the store cannot be written, ``show`` is called, which makes the reason
+    visible; the start continues as soon as the store can be written again.
 
     Raises:
         TaskFailedError: a part that the rest cannot do without has failed meanwhile.
@@ -44,13 +44,13 @@ async def has_begun(
     """
     beginning = asyncio.create_task(begin, name="begin")
     ending = asyncio.create_task(supervisor.wait(stop), name="wait for the end")
-    told = False
+    shown = False
     try:
         while not beginning.done() and not ending.done():
             await asyncio.wait((beginning, ending), timeout=LOOK, return_when=asyncio.FIRST_COMPLETED)
-            if not told and waits():
-                told = True
-                tell()
+            if not shown and waits():
+                shown = True
+                show()
     finally:
         await end(beginning, ending)
     if beginning.cancelled():
@@ -62,7 +62,7 @@ async def has_begun(
 
 log = get_logger(__name__)
 
-DRAIN_PATIENCE = 3.0
+DRAIN_TIMEOUT = 3.0
 """Seconds that store and broker have at the end to take what waits for them."""
 
 
@@ -120,14 +120,14 @@ async def _begin_and_serve(
 ) -> None:
     """Serve until ``stop``; where the store takes nothing at first, the server says so meanwhile."""
 
-    def tell() -> None:
+    def show() -> None:
         server.show(make_starting_app(lambda: store.why_not_ready))
         server.open(supervisor)
 
     runner.show = server.show
     begun = False
     try:
-        begun = await has_begun(runner.begin(), supervisor, stop, waits=lambda: not store.ready, tell=tell)
+        begun = await has_begun(runner.begin(), supervisor, stop, waits=lambda: not store.ready, show=show)
         if begun:
             server.show(runner.service.app)
             server.open(supervisor)
@@ -159,7 +159,7 @@ def _runner(
 async def _take_over(
     settings: OrderServiceSettings, lead: Lead, supervisor: Supervisor, url: str
 ) -> tuple[Store, int]:
-    """Become the active one: the other one commits nothing any more. Gives the store and its epoch."""
+    """Take over from the other one, which commits nothing any more; return the store and its epoch."""
     own_url = str(settings.public_url or url).rstrip("/")
     engine, fence = await lead.raise_fence(settings.store.location(), own_url)
     store = Store(engine, fence=fence)
@@ -171,6 +171,6 @@ async def _take_over(
 async def _shut_down(service: OrderService) -> None:
     """Write and send what waits."""
     await service.end()
-    if not await service.store.drain(DRAIN_PATIENCE):
+    if not await service.store.drain(DRAIN_TIMEOUT):
         log.error("the store has not taken all that was not answered yet", reason=service.store.problem)
-    await service.mqtt.drain(DRAIN_PATIENCE)
+    await service.mqtt.drain(DRAIN_TIMEOUT)

@@ -84,7 +84,7 @@ class FleetControl(Protocol):
         ...
 
     def extend_vda_order(self, robot: RobotKey, vda_order: VdaOrder) -> None:
-        """Give the robot's VDA order a newer plan; raises BaseChangedError."""
+        """Update the robot's VDA order to a newer plan; raises BaseChangedError."""
         ...
 
     def cancel_vda_order(self, robot: RobotKey) -> None:
@@ -96,11 +96,11 @@ class FleetControl(Protocol):
         ...
 
     def all_known(self) -> bool:
-        """Return whether each robot that the broker knows to be there has told its state."""
+        """Return whether each robot that is connected by the broker's record has reported its state."""
         ...
 
     def connected_for(self) -> float:
-        """Tell for how many seconds the link to the broker stands; 0 while it does not."""
+        """Return for how many seconds the link to the broker has been up; 0 while it is down."""
         ...
 
     def view(self, robot: RobotKey) -> RobotView:

@@ -79,7 +79,7 @@ def _of_vehicles(engine: Engine, new: PlantModel, registry: VehicleRegistry) -> 
 
 
 def _of_robot(vehicle: FleetVehicle, registry: VehicleRegistry) -> Iterator[str]:
-    """Tell a vehicle that works and would not be the same one."""
+    """Yield why a vehicle that works would not be the same one."""
     if vehicle.model is None:
         after, taken = registry.of(vehicle.key), registry.named(vehicle.name)
         if (after and after.name != vehicle.name) or (taken and taken.key != vehicle.key):

@@ -23,7 +23,7 @@ class PlantFile:
 
     model: PlantModel
     digest: str
-    """SHA-256 of its bytes: the same for as long as nobody has changed it, whatever release reads it."""
+    """SHA-256 of its bytes: the same until the file changes, whatever release reads it."""
 
 
 def load_plant(path: Path) -> PlantFile:

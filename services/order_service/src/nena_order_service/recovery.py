@@ -14,7 +14,7 @@ from nena_order_service.vehicles.registry import FleetVehicle
 
 
 class LostOrderError(Exception):
-    """What had been sent to a robot for an order is in the store, but nobody can read it."""
+    """The VDA order of an order is in the store, but cannot be read."""
 
 
 class Recovery:
@@ -46,7 +46,7 @@ class Recovery:
     def present_vehicle(self, name: str) -> FleetVehicle | None:
         """Return the vehicle that is now the robot that had this name; None: it has no orders any more.
 
-        Where nobody has noted which robot that was, it is the vehicle of this name, unless that one is known
+        Where the store does not name that robot, it is the vehicle of this name, unless that one is known
         to have been called otherwise.
         """
         robot = self._vehicles.robot_before(name)
@@ -62,7 +62,7 @@ class Recovery:
         return vehicle.name if vehicle else name
 
     def take_up_order(self, order: TransportOrder, document: str) -> FleetVehicle:
-        """Take up an order's VDA order; gives the vehicle that its robot is now. Raises LostOrderError."""
+        """Take up an order's VDA order; return the vehicle that its robot is now. Raises LostOrderError."""
         try:
             record = SentOrder.model_validate_json(document)
         except ValidationError as error:

@@ -131,7 +131,7 @@ def make_fleet(
         addresses=_make_addresses(settings, engine.registry),
         settings=settings.fleet,
         clock=clock,
-        on_news=engine.on_events,
+        on_events=engine.on_events,
         epoch=epoch,
     )
 
@@ -188,7 +188,7 @@ def readiness(mqtt: MqttLink, store: Store, loop_lag: float = 0.0) -> Readiness:
 
 
 def _make_addresses(settings: OrderServiceSettings, registry: VehicleRegistry) -> RobotAddresses:
-    """Know the robots' topics, as far as settings and plant model tell.
+    """Return the robots' topics, as far as settings and plant model name them.
 
     Raises:
         ConfigurationError: the plant model names an unsupported version.

@@ -92,7 +92,7 @@ class HostSettings(SettingsGroup):
 
 
 class OrderServiceSettings(ServiceSettings):
-    """What the order service can be told."""
+    """The settings of the order service."""
 
     plant: Path = Field(description="Plant model file: openTCS XML (0.0.2 to 7.0.0), LIF, or NeNa JSON.")
     routing: RoutingSettings = Field(default_factory=RoutingSettings, description="Cost of routes.")

@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 from nena_robot_simulator.goals import Snapshot
 from nena_robot_simulator.motion import Pose
 from nena_robot_simulator.servers import Server
-from nena_shared.misfits import TOLD, in_words
+from nena_shared.findings import FINDINGS_SHOWN, in_words
 
 Metres = Annotated[float, Field(allow_inf_nan=False)]
 Radians = Annotated[float, Field(allow_inf_nan=False)]
@@ -266,7 +266,7 @@ def parse(text: str) -> AnyFault:
     try:
         return _parser.validate_json(text)
     except ValidationError as error:
-        raise FaultRefusedError(in_words(error.errors(), whole="fault", most=TOLD)) from error
+        raise FaultRefusedError(in_words(error.errors(), whole="fault", most=FINDINGS_SHOWN)) from error
 
 
 class Faults:

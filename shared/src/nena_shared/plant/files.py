@@ -4,7 +4,7 @@ from enum import StrEnum
 
 from pydantic import ValidationError
 
-from nena_shared.misfits import in_words
+from nena_shared.findings import in_words
 from nena_shared.plant import lif, opentcs_xml
 from nena_shared.plant.checks import find_errors, find_warnings
 from nena_shared.plant.errors import ObjectKind, PlantModelError, PlantProblem

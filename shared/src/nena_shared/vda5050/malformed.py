@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pydantic import ValidationError
 from pydantic_core import from_json, to_json
 
-from nena_shared.misfits import in_words
+from nena_shared.findings import in_words
 
 REFERENCE_KEYS = ("headerId", "orderId", "orderUpdateId")
 REFERENCE_LENGTH = 1024

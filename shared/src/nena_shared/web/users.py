@@ -24,9 +24,9 @@ from typing import Annotated
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from nena_shared import settings
+from nena_shared.findings import in_words
 from nena_shared.fleet_api.base import Role
 from nena_shared.log import get_logger
-from nena_shared.misfits import in_words
 from nena_shared.settings import ConfigurationError
 from nena_shared.web.settings import HttpSettings
 

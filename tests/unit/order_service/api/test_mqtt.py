@@ -5,8 +5,8 @@ import pytest
 from nena_order_service.api.mqtt import COMMANDS, REQUESTS_LIMIT, Command, MqttLimits, read_request, text_in
 from nena_order_service.settings import HostSettings
 from nena_shared.clock import ManualClock
+from nena_shared.findings import FINDINGS_SHOWN
 from nena_shared.fleet_api.transport_order import Problem
-from nena_shared.misfits import TOLD
 from nena_shared.mqtt import Inbound
 
 
@@ -96,8 +96,8 @@ def test_what_does_not_fit_by_the_thousand_has_an_answer_that_can_be_read(count:
 
     assert isinstance(problem, Problem)
     assert problem.status == 422
-    assert len(problem.errors) <= TOLD + 1
+    assert len(problem.errors) <= FINDINGS_SHOWN + 1
     assert problem.errors[-1] in {
-        f"message: {count - TOLD} more values do not fit",
+        f"message: {count - FINDINGS_SHOWN} more values do not fit",
         f"message: {count} values do not fit",
     }

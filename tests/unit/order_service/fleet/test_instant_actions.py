@@ -102,7 +102,7 @@ def test_an_action_that_vanishes_with_a_restart_has_ended() -> None:
     bench.robot.restart(journal=True)
     bench.now += 1
     bench.report()
-    assert ended(bench).reason == "the robot no longer reports it; it may have started anew"
+    assert ended(bench).reason == "the robot no longer reports it; it may have restarted"
 
 
 @pytest.mark.clause("6.2.1/fleet")
@@ -292,7 +292,7 @@ def test_a_robot_whose_factsheet_lies_nowhere_is_asked_for_it() -> None:
     bench = without_factsheet()
 
     assert (bench.instants_sent(), bench.orders_sent()) == (["factsheetRequest"], [])
-    assert bench.view().wait_reason == "the robot has not told its factsheet yet"
+    assert bench.view().wait_reason == "the robot has not sent its factsheet yet"
     bench.take(bench.fleet.on_factsheet(bench.robot.key, bench.robot.factsheet(), bench.now))
     assert bench.orders_sent() == ["m"]
 

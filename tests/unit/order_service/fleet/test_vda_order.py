@@ -184,7 +184,7 @@ def test_a_robot_that_transforms_itself_is_sent_the_plants_coordinates() -> None
 @pytest.mark.clause("6.3/frame")
 def test_before_its_factsheet_a_robot_on_a_transformed_map_is_nowhere() -> None:
     profile = RobotProfile(map_id="hall", transforms={"hall": MapTransform(2.0)})
-    with pytest.raises(NotLocatedError, match="until its factsheet has come"):
+    with pytest.raises(NotLocatedError, match="has not arrived"):
         locate(PLANT, state(mobile_robot_position=pose(0.0, 0.0)), profile)
 
 

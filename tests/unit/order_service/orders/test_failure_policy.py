@@ -56,11 +56,11 @@ def test_a_policy_that_is_used_up_or_empty_fails() -> None:
         (Situation(K.ACTION), M.REPLAN, "not the way"),
         (Situation(K.DRIVE, other_way=False), M.REPLAN, "no other way"),
         (Situation(K.DRIVE, carrying=True), M.OTHER_VEHICLE, "carries something"),
-        (Situation(K.NOT_TAKEN, heard=False), M.OTHER_VEHICLE, "says nothing"),
+        (Situation(K.NOT_TAKEN, heard=False), M.OTHER_VEHICLE, "silent"),
         (Situation(K.DRIVE, others=False), M.OTHER_VEHICLE, "no other vehicle"),
         (Situation(K.DRIVE), M.SKIP, "not an operation"),
-        (Situation(K.UNCLEAR), M.RETRY, "nobody knows"),
-        (Situation(K.LOST, begun=True), M.RETRY, "nobody knows"),
+        (Situation(K.UNCLEAR), M.RETRY, "unknown"),
+        (Situation(K.LOST, begun=True), M.RETRY, "unknown"),
     ],
 )
 def test_it_says_why_a_measure_is_not_taken(situation: Situation, measure: M, why: str) -> None:

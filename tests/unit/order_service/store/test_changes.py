@@ -18,12 +18,12 @@ def test_each_change_has_the_next_number_and_all_versions_of_a_step_have_one() -
     numbers.give(changes((third, second)))
     assert numbers.last == 10
     versions = [order.status.version for order in (first, second, third)]
-    assert numbers.told == 7
+    assert numbers.published == 7
     assert [numbers.of("T-1", version) for version in versions[:2]] == [(8, False), (8, True)]
-    assert numbers.told == 8
+    assert numbers.published == 8
     assert numbers.of("T-2", dispatchable_order().status.version) == (9, True)
     assert numbers.of("T-1", versions[2]) == (10, True)
-    assert numbers.told == 10
+    assert numbers.published == 10
 
 
 def test_what_was_not_changed_has_no_number() -> None:
@@ -31,7 +31,7 @@ def test_what_was_not_changed_has_no_number() -> None:
     assert numbers.of("T-1", 3) == (0, False)
     numbers.give(changes((dispatchable_order(), None)))
     assert numbers.of("T-1", 99) == (0, False)
-    assert numbers.told == 0
+    assert numbers.published == 0
 
 
 def test_nothing_is_nothing_and_anything_is_something() -> None:

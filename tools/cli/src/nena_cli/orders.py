@@ -19,6 +19,7 @@ from nena_cli.arguments import parse_measure, parse_property, parse_stop
 from nena_cli.client import Connection, Event, follow
 from nena_cli.output import REFUSED, echo, fail, print_json
 from nena_cli.service import Service, of_service
+from nena_shared.findings import FINDINGS_SHOWN
 from nena_shared.fleet_api.operations import (
     CREATE_ORDER,
     DELIVERY,
@@ -36,7 +37,6 @@ from nena_shared.fleet_api.transport_order import (
     TransportOrderStatus,
 )
 from nena_shared.fleet_api.vehicle import VehicleStatus
-from nena_shared.misfits import TOLD
 from nena_shared.vda5050.malformed import problems_of
 
 B = TypeVar("B", TransportOrderStatus, VehicleStatus)
@@ -268,7 +268,7 @@ def _request(file: typer.FileBinaryRead | None, **fields: object) -> TransportOr
             return TransportOrderRequest.model_validate_json(file.read(), by_alias=True, by_name=False)
         return TransportOrderRequest.model_validate(fields)
     except ValidationError as error:
-        raise typer.BadParameter("; ".join(problems_of(error, TOLD))) from error
+        raise typer.BadParameter("; ".join(problems_of(error, FINDINGS_SHOWN))) from error
 
 
 def print_or_watch(

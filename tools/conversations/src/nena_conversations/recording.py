@@ -12,7 +12,7 @@ from typing import Annotated, Self, TextIO
 
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
 
-from nena_shared.misfits import in_words
+from nena_shared.findings import in_words
 
 
 class RecordingError(Exception):

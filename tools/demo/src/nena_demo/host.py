@@ -166,7 +166,7 @@ async def wait_for_robots(host: Host, count: int) -> None:
             f"{each.name}: {each.connection} {each.state}, {each.reason}" for each in host.vehicles.values()
         ]
         message = f"not all of {count} robots became ready within {ROBOTS_SECONDS:.0f} s. " + (
-            "; ".join(known) or "The order service told of no vehicle."
+            "; ".join(known) or "The order service reported no vehicle."
         )
         raise JobFailedError(message) from error
 

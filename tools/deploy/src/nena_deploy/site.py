@@ -27,7 +27,7 @@ from nena_deploy.identities import (
     access_list,
     topics_of_robot,
 )
-from nena_shared.misfits import in_words, shortened
+from nena_shared.findings import in_words, shortened
 from nena_shared.mqtt import Outbound
 from nena_shared.mqtt.client import Client, MqttError
 from nena_shared.settings import MqttSettings, MqttTlsSettings

@@ -21,8 +21,8 @@ from nena_edge_agent.protocol.events import (
     PauseButton,
     SafetyReport,
 )
+from nena_shared.findings import FINDINGS_SHOWN, in_words
 from nena_shared.log import get_logger
-from nena_shared.misfits import TOLD, in_words
 from nena_shared.mqtt import Inbound, MqttLink, Outbound
 from nena_shared.settings import MqttSettings
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference
@@ -239,7 +239,7 @@ def parse(payload: bytes) -> AnyCommand:
     try:
         return _parser.validate_json(payload)
     except ValidationError as error:
-        raise CommandRefusedError(*in_words(error.errors(), whole="command", most=TOLD)) from error
+        raise CommandRefusedError(*in_words(error.errors(), whole="command", most=FINDINGS_SHOWN)) from error
 
 
 @dataclass(slots=True)

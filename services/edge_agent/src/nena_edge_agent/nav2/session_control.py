@@ -25,8 +25,8 @@ from nena_edge_agent.driver.port import SessionReport, SessionState
 from nena_edge_agent.durability import sync_folder
 from nena_edge_agent.nav2.settings import RosAddress, RosSettings
 from nena_shared.clock import Clock
+from nena_shared.findings import shortened
 from nena_shared.log import get_logger
-from nena_shared.misfits import shortened
 from nena_shared.vda5050.topics import RobotKey
 
 M_ARENA_MAX = -8

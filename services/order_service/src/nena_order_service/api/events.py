@@ -169,10 +169,10 @@ class EventStream(EventRing[_Event]):
 
     def _present(self, interest: Interest) -> tuple[bytes, int]:
         """Return all unfinished objects, and the number of the last change."""
-        told = self._numbers.told
+        published = self._numbers.published
         orders = (o.status for o in self._engine.state.orders.unfinished() if interest.wants_order(o.status))
         frames = (_order_frame(status, 0) for status in orders)
-        return b"".join([*frames, *self._present_only(interest), _synced(told)]), told
+        return b"".join([*frames, *self._present_only(interest), _synced(published)]), published
 
     def _present_only(self, interest: Interest) -> Iterator[bytes]:
         """Return objects that only have a present: unfinished sequences, and vehicles."""

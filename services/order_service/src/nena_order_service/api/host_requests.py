@@ -298,7 +298,7 @@ class HostRequests:
         return self._engine.status(vehicle)
 
     async def reroute(self, name: str, kind: ReroutingType) -> ReroutingAnswer:
-        """Plan the way of the order that a vehicle works on anew; see :meth:`Rerouting.request`."""
+        """Replan the route of the order that a vehicle works on; see :meth:`Rerouting.request`."""
         vehicle = self._vehicle(name)
         self._require_store()
         done = self._engine.reroute(vehicle, kind)

@@ -20,6 +20,7 @@ from nena_order_service.api.operations import Call, HostOperations
 from nena_order_service.api.problems import FORESEEN, problem_of
 from nena_order_service.settings import HostSettings
 from nena_shared.clock import Clock
+from nena_shared.findings import FINDINGS_SHOWN
 from nena_shared.fleet_api import operations as table
 from nena_shared.fleet_api.base import ObjectName, Request, Resource
 from nena_shared.fleet_api.operations import Operation
@@ -27,7 +28,6 @@ from nena_shared.fleet_api.requests import SOMEBODY
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import CreationAnswer, Problem, TransportOrderRequest
 from nena_shared.log import get_logger
-from nena_shared.misfits import TOLD
 from nena_shared.mqtt import Inbound, MqttLink, Outbound
 from nena_shared.tasks import end
 from nena_shared.vda5050.malformed import problems_of
@@ -259,7 +259,7 @@ def read_request(message: Inbound, model: type[M], *, max_body: int) -> M | Prob
     try:
         return model.model_validate_json(message.payload, by_alias=True, by_name=False)
     except ValidationError as error:
-        problems = problems_of(error, TOLD)
+        problems = problems_of(error, FINDINGS_SHOWN)
         no_json = error.error_count() == 1 and error.errors()[0]["type"] == "json_invalid"
         return Problem(
             title="Not JSON" if no_json else "Request does not fit",

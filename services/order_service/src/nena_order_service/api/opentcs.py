@@ -22,6 +22,7 @@ from nena_order_service.api.problems import FORESEEN, problem_of
 from nena_order_service.errors import NameTakenError, SequenceNameTakenError
 from nena_order_service.routing.path_locks import PathLocks
 from nena_order_service.store.database import OrderFilter, SequenceFilter
+from nena_shared.findings import FINDINGS_SHOWN, in_words
 from nena_shared.fleet_api import operations as table
 from nena_shared.fleet_api.base import CamelCase, Moment
 from nena_shared.fleet_api.requests import SOMEBODY, InstantActionAnswer, InstantActionRequest
@@ -44,7 +45,6 @@ from nena_shared.fleet_api.vehicle import (
     VehicleStatus,
 )
 from nena_shared.log import get_logger
-from nena_shared.misfits import TOLD, in_words
 from nena_shared.plant import BoundingBox, PlantModel, Vehicle
 from nena_shared.web.problem import describe_problems
 
@@ -66,23 +66,29 @@ def answer(status: int, reasons: tuple[str, ...], headers: dict[str, str] | None
     return Response(json.dumps(reasons), status, headers, "application/json")
 
 
+def _findings(error: RequestValidationError | ValidationError) -> tuple[str, ...]:
+    return tuple(in_words(error.errors(), whole="body", root="body", most=FINDINGS_SHOWN))
+
+
 def install(app: FastAPI) -> None:
     """Answer every error of ``app`` as openTCS does, and describe it.
 
-    What is refused before it comes here (too much, too often, by nobody known) is answered with a problem.
+    What is refused before it gets here (too large, too frequent, not logged in) is answered with a problem.
     """
     describe_problems(app, {"application/json": {"type": "array", "items": {"type": "string"}}})
 
     @app.exception_handler(RequestValidationError)
     async def malformed(_request: Request, error: RequestValidationError) -> Response:
         return answer(
-            HTTPStatus.BAD_REQUEST, tuple(in_words(error.errors(), whole="body", root="body", most=TOLD))
+            HTTPStatus.BAD_REQUEST,
+            _findings(error),
         )
 
     @app.exception_handler(ValidationError)
-    async def misfit(_request: Request, error: ValidationError) -> Response:
+    async def invalid(_request: Request, error: ValidationError) -> Response:
         return answer(
-            HTTPStatus.BAD_REQUEST, tuple(in_words(error.errors(), whole="body", root="body", most=TOLD))
+            HTTPStatus.BAD_REQUEST,
+            _findings(error),
         )
 
     @app.exception_handler(HTTPException)

@@ -10,10 +10,10 @@ from starlette.exceptions import HTTPException
 
 from nena_order_service.errors import RefusedError
 from nena_order_service.orders.validation import InvalidRequestError
+from nena_shared.findings import FINDINGS_SHOWN, in_words
 from nena_shared.fleet_api.operations import Refusal
 from nena_shared.fleet_api.transport_order import Problem
 from nena_shared.log import get_logger
-from nena_shared.misfits import TOLD, in_words
 from nena_shared.web.problem import answer
 
 FORESEEN: tuple[type[Exception], ...] = (InvalidRequestError, RefusedError)
@@ -91,7 +91,7 @@ def _problem_of_validation(request: Request, error: RequestValidationError) -> P
         title="Request does not fit",
         status=HTTPStatus.UNPROCESSABLE_ENTITY,
         detail="The request is malformed. Fix the problems listed in errors; see /openapi.json.",
-        errors=tuple(in_words(found, whole="body", root="body", most=TOLD)),
+        errors=tuple(in_words(found, whole="body", root="body", most=FINDINGS_SHOWN)),
     )
 
 

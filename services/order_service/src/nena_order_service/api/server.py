@@ -28,10 +28,10 @@ DETAIL = (
 
 
 class NoPages:
-    """ASGI middleware: answers 403 to changes that a web page asks for, as a browser tells by ``Origin``.
+    """ASGI middleware: answers 403 to changes that a web page asks for, as a browser says by ``Origin``.
 
     Any page that is open in a browser can send requests here: simple ones to any address, and any to a host
-    name that it lets point here. Only a token tells users from pages.
+    name that it lets point here. Only a token distinguishes users from pages.
     """
 
     def __init__(self, app: ASGIApp) -> None:
@@ -131,8 +131,8 @@ def make_starting_app(problem: Callable[[], str]) -> FastAPI:
 
     @app.api_route("/{path:path}", methods=METHODS)
     async def later() -> Response:
-        told = Problem(title="Starting", status=status, detail=said())
-        return answer(told, {"Retry-After": RETRY_AFTER})
+        problem = Problem(title="Starting", status=status, detail=said())
+        return answer(problem, {"Retry-After": RETRY_AFTER})
 
     return app
 

@@ -1,6 +1,6 @@
 """Fleet control: the side of VDA 5050 that sends orders and reads states (3.0 section 6).
 
-The core is pure: messages and the time, in monotonic seconds, go in; messages to send and news come out.
+The core is pure: messages and the time, in monotonic seconds, go in; messages to send and events come out.
 """
 
 from nena_order_service.fleet.controller import FleetController

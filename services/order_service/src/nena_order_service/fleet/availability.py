@@ -68,7 +68,7 @@ def _without_navigation(state: State) -> str | None:
 
 
 def vehicle_state(state: State | None, link: LinkStatus, instant_ids: Collection[str]) -> VehicleState:
-    """Return the state in openTCS's words; UNKNOWN is a robot that does not tell."""
+    """Return the state in openTCS's words; UNKNOWN is a robot that does not report it."""
     if state is None or link is not LinkStatus.ONLINE:
         return VehicleState.UNKNOWN
     if failures.fatal(state.errors) is not None:
@@ -81,7 +81,7 @@ def vehicle_state(state: State | None, link: LinkStatus, instant_ids: Collection
 
 
 def matters(state: State) -> tuple[object, ...]:
-    """Return all that VDA orders and news are made of: not where the robot is, nor fractions of a percent.
+    """Return all that VDA orders and events are made of: not where the robot is, nor fractions of a percent.
 
     Of the nodes and edges to come the first counts, and whether there are any: all others follow it.
     """

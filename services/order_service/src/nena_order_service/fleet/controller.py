@@ -42,7 +42,7 @@ STRAY_PAUSE: Final = 30.0
 
 
 class RobotControl:
-    """Everything about one robot. The methods give what is to be sent and told, lazily: take all of it."""
+    """Everything about one robot. The methods yield what is to be sent and reported: exhaust them."""
 
     def __init__(
         self, key: RobotKey, settings: FleetSettings, new_id: Callable[[], str], *, broker: bool
@@ -115,10 +115,10 @@ class RobotControl:
         return self._run is not None or is_idle(message, self._instant_actions.ids)
 
     def _take_state(self, message: State, now: float) -> Iterator[FleetOutput]:
-        for news in self._instant_actions.on_state(message, now):
+        for event in self._instant_actions.on_state(message, now):
             if self._run:
-                self._run.on_news(news)
-            yield news
+                self._run.on_event(event)
+            yield event
         if self._run:
             yield from self._run.on_state(message, now)
         yield from self._advance(now)
@@ -184,11 +184,11 @@ class RobotControl:
 
     @property
     def quiet(self) -> bool:
-        """Whether nothing is to be done before the robot tells something new."""
+        """Whether nothing is to be done before the robot reports something new."""
         return (self._run is None or self._run.quiet) and not self._instant_actions.busy
 
     def view(self, now: float) -> RobotView:
-        """Return what is known; made anew only where that may have changed."""
+        """Return what is known; made again only where that may have changed."""
         robot = self.robot
         moment = (
             self._changes,
@@ -218,7 +218,7 @@ class RobotControl:
         )
 
     def _advance(self, now: float) -> Iterator[FleetOutput]:
-        """Send what is due, let go of what has ended, tell what has changed."""
+        """Send what is due, drop what has ended, report what has changed."""
         self._changes += 1
         run = self._run
         if run and run.ended:
@@ -286,7 +286,7 @@ class RobotControl:
         if self._instant_actions.cancelling:
             return "has not yet confirmed a cancelOrder"
         if self._instant_actions.awaits_factsheet(now):
-            return "has not told its factsheet yet"
+            return "has not sent its factsheet yet"
         return availability.occupied(state, self._instant_actions.ids) or availability.unfit(state)
 
     def _away(self, now: float) -> str | None:
@@ -363,7 +363,7 @@ class RobotControl:
 
 
 RETAINED_WITHIN: Final = 1.0
-"""Seconds after our own connect in which the broker tells which robots there are."""
+"""Seconds after our own connect in which the broker delivers the retained connections of the robots."""
 
 
 def _utc_now() -> datetime:
@@ -428,14 +428,14 @@ class FleetController:
         """
         self._broker = connected
         self._broker_since = now
-        told = (
+        outputs = (
             self._told(each, each.on_broker(connected=connected, now=now, unread=unread))
             for each in self._robots.values()
         )
-        return tuple(chain.from_iterable(told))
+        return tuple(chain.from_iterable(outputs))
 
     def start_vda_order(self, robot: RobotKey, vda_order: VdaOrder, now: float) -> Outputs:
-        """Send a VDA order, now or as soon as the robot can be sent one; the view tells what it waits for.
+        """Send a VDA order, now or as soon as the robot can be sent one; the view says what it waits for.
 
         Raises:
             RobotBusyError: the robot has a VDA order.
@@ -449,8 +449,8 @@ class FleetController:
     ) -> Outputs:
         """Adopt a VDA order from before a restart; the robot's next state decides how it goes on.
 
-        A robot that has it goes on, and news may be told again. One that does not know it is sent it, unless
-        it was ``accepted`` before: then the robot has lost it, and the VDA order fails. ``update_id`` is the
+        A robot that has it continues, and events may repeat. A robot that does not know it gets it, unless it
+        was ``accepted`` before: then the robot has lost it, and the VDA order fails. ``update_id`` is the
         last update that was sent; a robot that has an older one is sent the rest.
 
         Raises:
@@ -495,11 +495,11 @@ class FleetController:
         return (known or self._new_control(robot)).view(now)
 
     def connected_for(self, now: float) -> float:
-        """Tell for how many seconds the link to the broker stands; 0 while it does not."""
+        """Return for how many seconds the link to the broker has been up; 0 while it is down."""
         return now - self._broker_since if self._broker else 0.0
 
     def all_known(self, now: float) -> bool:
-        """Return whether each robot that the broker knows to be there has told its state."""
+        """Return whether each robot that is connected by the broker's record has reported its state."""
         if self.connected_for(now) < RETAINED_WITHIN:
             return False
         return all(each.robot.state or not each.robot.reachable for each in self._robots.values())
@@ -513,7 +513,7 @@ class FleetController:
         return robot in self._robots or len(self._robots) < self._settings.robots_limit
 
     def _answers(self, now: float) -> Outputs:
-        """Answer the robots' requests; nobody can be told anything while our own link is gone."""
+        """Answer the robots' requests; none of them can be reached while our own link is down."""
         if not self._broker:
             return ()
         return tuple(
@@ -524,15 +524,15 @@ class FleetController:
         return self._robots[robot].robot.reachable
 
     def _told(self, control: RobotControl, outputs: Iterator[FleetOutput]) -> Outputs:
-        """Take all that comes of it, and note when the robot is to be looked at without news of it."""
-        told, robot = tuple(outputs), control.robot
+        """Exhaust the outputs, and note when to check the robot if it stays silent."""
+        found, robot = tuple(outputs), control.robot
         if not control.quiet:
             self._busy[robot.key] = control
         else:
             self._busy.pop(robot.key, None)
         if robot.silent_from is not None:
             self._silences.expect(robot.key, robot.silent_from)
-        return told
+        return found
 
     def _due(self, now: float) -> Iterator[RobotControl]:
         """Yield those for whom it makes a difference that time has gone by."""

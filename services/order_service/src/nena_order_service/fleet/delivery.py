@@ -48,7 +48,7 @@ class Delivery:
         return now - self._doubted_at >= self.settings.resend_after
 
     def hold(self) -> None:
-        """Begin anew, at once, when the message may be sent again: the robot was out of reach."""
+        """Start again at once when the message may be sent again: the robot was out of reach."""
         self.sendings = 0
         self._due_at = 0.0
         self._doubted_at = None

@@ -28,7 +28,7 @@ class FailureKind(StrEnum):
     LOST = "LOST"
     """The robot had it, and knows nothing of it any more."""
     UNCLEAR = "UNCLEAR"
-    """Nobody knows what the robot has done of it, or whether it still is at it."""
+    """What the robot has done of it, or whether it still works on it, is unknown."""
     NO_WAY = "NO_WAY"
     """There is no way to the destination now; nothing was sent."""
 

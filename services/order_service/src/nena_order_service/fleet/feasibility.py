@@ -57,7 +57,7 @@ def fitted_action(action: Action, abilities: Abilities) -> Action:
     """Return each parameter the type that the robot wants, where the value says so unmistakably.
 
     Where and what kind of load it is says fleet control of its own accord; a robot that lists its
-    parameters, and these not among them, is not told.
+    parameters, and these not among them, is not reported.
     """
     wanted = abilities.parameters(action)
     parameters = tuple(
@@ -93,7 +93,7 @@ def _fitted_on_node(action: Action, abilities: Abilities) -> Action:
 def _fitted_position(
     node: Node, position: NodePosition, heading: float, abilities: Abilities
 ) -> NodePosition:
-    """Leave out or fill; a heading with every deviation allowed is one that nobody has to take up."""
+    """Leave out or fill; a heading with every deviation allowed is none that the robot has to keep."""
     demanded = abilities.required_fields
     changes: dict[str, Any] = {}
     if not abilities.takes_field(XY):
@@ -249,7 +249,7 @@ def _order_problems(vda_order: VdaOrder, abilities: Abilities) -> Iterator[str]:
 
 
 def _long_lists(vda_order: VdaOrder, abilities: Abilities) -> Iterator[str]:
-    """Look for lists that are too long in the order, or would be in the states that tell of it."""
+    """Look for lists that are too long in the order, or would be in the states that report it."""
     limits = abilities.factsheet.protocol_limits.maximum_array_lengths
     yield from _too_many(len(vda_order.nodes), limits.order_nodes, "nodes")
     yield from _too_many(len(vda_order.edges), limits.order_edges, "edges")

@@ -24,7 +24,7 @@ FACTSHEET_REQUEST: Final = "factsheetRequest"
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How an instant action ended; ``status`` is None where the robot never told its end."""
+    """How an instant action ended; ``status`` is None where the robot never reported its end."""
 
     status: ActionStatus | None
     reason: str
@@ -34,7 +34,7 @@ class Outcome:
 class InstantRun:
     """Follows one instant action; ``outcome`` is set once, when it has ended.
 
-    ``requested`` tells whether somebody outside of fleet control waits for its end.
+    ``requested`` is whether a caller outside of fleet control waits for its end.
     """
 
     def __init__(self, action: Action, settings: FleetSettings, *, requested: bool) -> None:
@@ -55,7 +55,7 @@ class InstantRun:
         state = states.get(self.action.action_id)
         if state is None:
             if self._seen_at is not None:
-                self.outcome = Outcome(None, "the robot no longer reports it; it may have started anew")
+                self.outcome = Outcome(None, "the robot no longer reports it; it may have restarted")
             return
         if self._seen_at is None:
             self._seen_at = now
@@ -82,7 +82,7 @@ class InstantRun:
     def hold(self, reason: str, now: float) -> None:
         """Let no time pass for the action while it cannot be sent, for ``reason``.
 
-        One that somebody has asked for and that the robot may never have got ends instead: nobody wants a
+        One that was requested and that the robot may never have got ends instead: no caller wants a
         pause that comes hours later.
         """
         if self._seen_at is not None:
@@ -105,7 +105,7 @@ def cancel_order(action_id: str, order_id: str | None = None) -> Action:
 
 
 def retry_or_skip(action_id: str, failed: str, *, retry: bool) -> Action:
-    """Make the action that begins a RETRIABLE one anew, or lets it be FAILED (section 6.2.3)."""
+    """Make the action that starts a RETRIABLE one again, or lets it be FAILED (section 6.2.3)."""
     return Action(
         action_type=RETRY if retry else "skipRetry",
         action_id=action_id,
@@ -128,17 +128,17 @@ INSTANT_IDS_KEPT: Final = 200
 """Ids of instant actions that are remembered, so that their states are not taken for the order's."""
 
 ALWAYS_ALLOWED: Final = frozenset({"stateRequest", "factsheetRequest"})
-"""Instant actions that harm nobody in any operating mode."""
+"""Instant actions that are harmless in any operating mode."""
 
 CLEARING_PAUSE: Final = 30.0
 """Seconds between tries to have a robot clear its ended instant actions."""
 
-FACTSHEET_PATIENCE: Final = 2.0
+FACTSHEET_TIMEOUT: Final = 2.0
 """Seconds that orders wait for the factsheet of a robot that was asked for it."""
 
 
 class InstantActionManager:
-    """Sends instant actions and follows each to its end; ``broker`` tells whether our own link stands."""
+    """Sends instant actions and follows each to its end; ``broker`` is whether our own link is up."""
 
     def __init__(
         self, robot: Robot, settings: FleetSettings, new_id: Callable[[], str], *, broker: bool
@@ -197,16 +197,16 @@ class InstantActionManager:
         return self.unsendable(CANCEL_ORDER, now) is None
 
     def reconnected(self) -> None:
-        """Handle a new connection: what was not told over the last one is asked for again."""
+        """Handle a new connection: what did not arrive over the last one is requested again."""
         self._asked = None
 
     def awaits_factsheet(self, now: float) -> bool:
-        """Return whether the robot was asked for its factsheet just now, and may yet tell it."""
+        """Return whether the robot was asked for its factsheet just now, and may still send it."""
         if self._robot.abilities or not self._asked:
             return False
         end = self._asked.outcome
         cannot = end is not None and end.status is not ActionStatus.FINISHED
-        return not cannot and now - self._asked_at < FACTSHEET_PATIENCE
+        return not cannot and now - self._asked_at < FACTSHEET_TIMEOUT
 
     def on_state(self, state: State, now: float) -> Iterator[FleetOutput]:
         """Follow all by a new state; ask for what is missing, and clear away what piles up."""

@@ -98,7 +98,7 @@ class RobotAddresses:
                 self._sources.expect(robot, address.scheme)
 
     def of(self, robot: RobotKey) -> RobotAddress | None:
-        """Return where to speak to ``robot``; None for one that has said nothing yet and nobody knows of."""
+        """Return where to speak to ``robot``; None for one that is unknown and has sent nothing yet."""
         return self._addresses.get(robot)
 
     def learn(
@@ -224,7 +224,7 @@ LOGGED_OF_NAME: Final = 60
 class FleetLink:
     """Couples a :class:`FleetController` with the broker; every method is for the event loop's thread.
 
-    ``on_news`` gets the outputs of the core but the messages to send, in order, all of a call at once and
+    ``on_events`` gets the outputs of the core but the messages to send, in order, all of a call at once and
     within that call; it may call this object again. What goes out never waits for the broker: the core sends
     again what no state echoes.
     """
@@ -236,14 +236,14 @@ class FleetLink:
         addresses: RobotAddresses,
         settings: FleetSettings,
         clock: Clock,
-        on_news: Callable[[*tuple[FleetOutput, ...]], None],
+        on_events: Callable[[*tuple[FleetOutput, ...]], None],
         epoch: int = 0,
     ) -> None:
         self._mqtt = mqtt
         self._addresses = addresses
         self._settings = settings
         self._clock = clock
-        self._on_news = on_news
+        self._on_events = on_events
         self._controller = FleetController(settings, utc_now=clock.now)
         self._outgoing = Outgoing(clock, epoch)
         self._connected = False
@@ -319,7 +319,7 @@ class FleetLink:
         self._hand_out(self._controller.tick(self._now()))
 
     def _notice_broker(self) -> None:
-        """Tell the core when our own link has come or gone; a message that comes shows it, too.
+        """Report to the core that our own link is up or down; a message that arrives shows it, too.
 
         In a new term of leadership robots are sent nothing before they have reported: what is known of them
         may be from before another order service had the lead.
@@ -410,14 +410,14 @@ class FleetLink:
         self.deviations.note(RobotKey(manufacturer, serial_number), name, repairs)
 
     def _hand_out(self, outputs: Iterable[FleetOutput]) -> None:
-        news: list[FleetOutput] = []
+        events: list[FleetOutput] = []
         for output in outputs:
             if isinstance(output, Publish):
                 self._publish(output)
             else:
-                news.append(output)
-        if news:
-            self._on_news(*news)
+                events.append(output)
+        if events:
+            self._on_events(*events)
 
     def _publish(self, output: Publish) -> None:
         address = self._addresses.of(output.robot)

@@ -128,9 +128,9 @@ class ExecutionFailure:
 
 
 class OrderExecution:
-    """Follows one VDA order. When ``ended`` is true its end has been told, and nothing more comes of it.
+    """Follows one VDA order. When ``ended`` is true its end has been reported, and nothing more comes of it.
 
-    One that is ``adopted`` may have been sent before; ``accepted`` tells whether the robot is known to have
+    One that is ``adopted`` may have been sent before; ``accepted`` is whether the robot is known to have
     it. ``vda_order`` is what the robot has by its states, or is to have at first, with all updates up to
     ``update_id``; one update at a time is under way, and the newest plan waits behind it. The ``cancel`` is
     made and sent by the owner once :meth:`wants_cancel` asks for it.
@@ -160,13 +160,13 @@ class OrderExecution:
         self._adopted = adopted
         self._accepted = accepted
         self._told = -2
-        """SequenceId of the last node whose passing was told; -2: not even the acceptance."""
+        """SequenceId of the last node whose passing was reported; -2: not even the acceptance."""
         self._operating = False
         self._failure: ExecutionFailure | None = None
         self._before: frozenset[ErrorIdentity] = frozenset()
         self._standing_since: float | None = None
         self._retriable: frozenset[object] = frozenset()
-        """Ids of the actions of which it was told that they may be tried again."""
+        """Ids of the actions that were reported as retriable."""
 
     def wants_sending(self, now: float) -> bool:
         """Return whether the order is to be sent (again) now, if the robot can be sent one."""
@@ -212,7 +212,7 @@ class OrderExecution:
 
     @property
     def quiet(self) -> bool:
-        """Whether nothing is to be done before the robot tells something new: it does what it was sent."""
+        """Whether nothing is to be done before the robot reports something new: it does what it was sent."""
         waits = self._pending or self._plan or self._standing_since is not None
         return self.phase is VdaOrderPhase.RUNNING and not waits
 
@@ -251,10 +251,10 @@ class OrderExecution:
         waiting = self.phase is VdaOrderPhase.CANCELLING and self.cancel is None
         return waiting and state is not None and self._may_be_at_robot(state)
 
-    def on_news(self, news: FleetOutput) -> None:
+    def on_event(self, event: FleetOutput) -> None:
         """Handle an action that is tried again: if it is RETRIABLE now, it has failed once more."""
-        if isinstance(news, InstantActionEnded) and news.action.action_type == RETRY:
-            self._retriable -= {news.action.parameter("actionId")}
+        if isinstance(event, InstantActionEnded) and event.action.action_type == RETRY:
+            self._retriable -= {event.action.parameter("actionId")}
 
     def on_state(self, state: State, now: float) -> Iterator[FleetOutput]:
         """Follow a new state of the robot."""
@@ -333,7 +333,7 @@ class OrderExecution:
             yield OperationStarted(self._robot, name)
 
     def _tell_base(self, state: State) -> Iterator[FleetOutput]:
-        """Tell, once each time, that the robot wants more of a VDA order that has more."""
+        """Report, once each time, that the robot requests more base of a VDA order that has more."""
         wanted = bool(state.new_base_request) and not self.vda_order.nodes[-1].released
         if wanted and not self._base_wanted:
             yield BaseWanted(self._robot, self.vda_order.order_id)
@@ -361,11 +361,11 @@ class OrderExecution:
             self._look_for_standstill(state, now)
 
     def _tell_retriable(self, state: State, actions: tuple[ActionState, ...]) -> Iterator[FleetOutput]:
-        """Tell, once for each time that it fails, that an action may be tried again."""
-        told, self._retriable = self._retriable, frozenset(each.action_id for each in actions)
+        """Report, once for each failure, that an action may be tried again."""
+        known, self._retriable = self._retriable, frozenset(each.action_id for each in actions)
         for each in actions:
             failure = self._failed_actions(state, (each,))
-            if failure and each.action_id not in told:
+            if failure and each.action_id not in known:
                 name = self.vda_order.order_id
                 yield ActionRetriable(self._robot, name, each.action_id, failure.reason, failure.details)
 
@@ -382,7 +382,7 @@ class OrderExecution:
         return ExecutionFailure(kind, f"the action {name!r} has failed", (*filter(None, own), *said))
 
     def _look_for_standstill(self, state: State, now: float) -> None:
-        """Lose patience with a robot that stands and has the VDA order, but not what it takes to end it."""
+        """Fail the VDA order of a robot that has stood too long and lacks what it takes to end it."""
         failure = self._standstill(state)
         if failure is None:
             self._standing_since = None
@@ -464,7 +464,7 @@ def _words(errors: Iterable[ErrorEntry]) -> tuple[str, ...]:
 
 def _lost(state: State) -> str:
     now = f"it is at the order {state.order_id!r}" if state.order_id else "it knows no order"
-    return f"the robot no longer has the order: {now}; it may have started anew"
+    return f"the robot no longer has the order: {now}; it may have restarted"
 
 
 def _given_up(state: State) -> str:

@@ -1,4 +1,4 @@
-"""What the fleet-control core gives back: messages to send, and news for the order service."""
+"""What the fleet-control core returns: messages to send, and events for the order service."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ Publish = PublishOrder | PublishInstantActions | PublishResponses | PublishZoneS
 class RobotChanged:
     """Something about a robot has changed that people or a dispatcher care about.
 
-    Its pose and the fractions of its battery's percent change all the time and make no such news: take them
+    Its pose and the fractions of its battery's percent change all the time and make no such event: take them
     from :meth:`FleetController.view` when they are asked for.
     """
 
@@ -142,7 +142,7 @@ class InstantActionEnded:
     """An instant action that was asked for has come to its end.
 
     ``status`` is FINISHED or FAILED as the robot reports it, FAILED for one that was not sent, None where the
-    robot never told; ``reason`` says in words what happened, ``result`` is the robot's own.
+    robot never reported; ``reason`` says in words what happened, ``result`` is the robot's own.
     """
 
     robot: RobotKey

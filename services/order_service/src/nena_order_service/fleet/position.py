@@ -68,7 +68,7 @@ class Standing:
 
 
 class NotLocatedError(Exception):
-    """Nobody knows where on the plant the robot is; ``reason`` says why and what to do, in words."""
+    """The robot's position in the plant is unknown; ``reason`` says why and what to do, in words."""
 
     def __init__(self, reason: str) -> None:
         super().__init__(reason)
@@ -95,7 +95,7 @@ def locate(plant: PlantModel, state: State, profile: RobotProfile) -> Standing:
         reason = f"it reports a position that is no number: x {pose.x}, y {pose.y}"
         raise NotLocatedError(reason)
     if not profile.knows_frame(pose.map_id):
-        reason = "whether it tells its place in the plant's frame is not known until its factsheet has come"
+        reason = "its factsheet, which says in which frame it reports its position, has not arrived"
         raise NotLocatedError(reason)
     here = profile.on(pose.map_id).to_plant(MapPlace(pose.x, pose.y))
     if last and _on(last, pose, profile) and _distance(last, here) <= profile.deviation_xy:

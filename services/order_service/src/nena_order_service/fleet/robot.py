@@ -27,15 +27,15 @@ from nena_shared.vda5050.versions import nearest_codec
 BELIEVED_COUNT: Final = 3
 BELIEVED_AFTER: Final = 10.0
 """Messages in a row that look old, but rise among themselves, and seconds without any other one, from which
-the sender has started anew with a wrong clock."""
+the sender has restarted with a wrong clock."""
 
 
 class MessageOrder:
     """Judges the headers of one robot's messages on one topic.
 
-    A message is old if neither its headerId nor its timestamp is beyond the last one's. A sender that starts
-    anew counts from 0 with a later timestamp, which is no old message; one whose clock went back as well is
-    believed after some messages, or at once after :meth:`restart`.
+    A message is old if neither its headerId nor its timestamp is beyond the last one's. A sender that
+    restarts counts from 0 with a later timestamp, which is no old message; one whose clock went back as
+    well is believed after some messages, or at once after :meth:`restart`.
     """
 
     def __init__(self) -> None:
@@ -45,7 +45,7 @@ class MessageOrder:
         self._old_in_a_row = 0
 
     def restart(self) -> None:
-        """Take any message as new: the sender has connected anew."""
+        """Take any message as new: the sender has reconnected."""
         self._last = None
 
     def is_new(self, header_id: int, timestamp: datetime, now: float) -> bool:
@@ -66,9 +66,9 @@ class MessageOrder:
 
 
 class Silences:
-    """Gives each robot at the moment from which it may be silent, so that nobody has to look at all of them.
+    """Returns each robot from the moment on at which it may be silent, without a look at all of them.
 
-    Most are heard again long before. That moves nothing here: who is given and was heard is expected anew.
+    Most are heard again long before. That moves nothing here: a robot is only checked once it is returned.
     """
 
     def __init__(self) -> None:
@@ -264,10 +264,10 @@ class Robot:
         self._order.restart()
 
     def take_state(self, message: State, now: float) -> bool:
-        """Note a state and tell whether it is a new one.
+        """Note a state and return whether it is a new one.
 
         A state that comes after OFFLINE or a last will shows that the robot is there again: the broker may
-        tell the will of an old connection only after the new connection stands.
+        deliver the will of an old connection only after the new connection stands.
         """
         if not self._order.is_new(message.header_id, message.timestamp, now):
             return False
@@ -337,7 +337,7 @@ class Robot:
 
     @property
     def clears_instant_actions_from(self) -> int:
-        """From how many ended instant actions on it is told to clear them: long before it is full."""
+        """Number of ended instant actions from which on it gets clearInstantActions, well below its limit."""
         limits = self.factsheet.protocol_limits.maximum_array_lengths if self.factsheet else None
         room = limits.state_instant_action_states if limits else None
         usual = self.settings.clear_instant_actions_from

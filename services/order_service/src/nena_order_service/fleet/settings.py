@@ -18,7 +18,7 @@ class ReleasePolicy(StrEnum):
     ALL = "all"
     """Everybody."""
     NONE = "none"
-    """Nobody: all are refused."""
+    """All requests are refused."""
 
 
 class FleetSettings(SettingsGroup):

@@ -26,8 +26,8 @@ from nena_shared.vda5050.state import State
 class VdaOrder(WireObject):
     """One drive order as a VDA 5050 order graph, all of it released.
 
-    It is made once and then sent unchanged as often as needed, so whoever has to take it up again after a
-    restart keeps its JSON: the ids of its actions must stay the same.
+    It is made once and then sent unchanged as often as needed, so that its JSON is the same after a
+    restart: the ids of its actions must not change.
     """
 
     order_id: Identifier = Field(
@@ -88,10 +88,10 @@ DEFAULT_ACTION_TYPES: Final[Mapping[str, str]] = MappingProxyType(
 )
 
 STATION_PARAMETERS: Final = frozenset({"stationType", "stationName", "loadType"})
-"""What pick and drop are told of their place and load, whether or not anybody has asked for it."""
+"""Parameters of pick and drop for place and load, set in any case."""
 
 UNSPECIFIED_LOAD: Final = "unspecified"
-"""The loadType where nobody says one; 2.1 demands the parameter of pick and drop."""
+"""The loadType where none is given; 2.1 demands the parameter of pick and drop."""
 
 
 def fresh_id() -> str:
@@ -311,7 +311,7 @@ def _edges(stops: list[_Stop]) -> Iterator[Edge]:
 
 
 class BaseChangedError(ValueError):
-    """A plan that does not keep what the robot was told to be its base, which nothing takes back."""
+    """A plan that changes the robot's base, which cannot be taken back."""
 
     def __init__(self, order_id: str, problem: str) -> None:
         super().__init__(f"VDA order {order_id!r} cannot be changed so: {problem}")
@@ -382,7 +382,7 @@ def _released(node: Node, *, released: bool) -> Node:
 def with_other_horizon(held: VdaOrder, base_end: int, tail: VdaOrder) -> VdaOrder:
     """Return ``held`` up to its node ``base_end``, and from there on ``tail``, which begins at that node.
 
-    What the robot was told of the base stays to the last field; the first node of ``tail`` gives only the
+    What the robot was sent of the base stays to the last field; the first node of ``tail`` gives only the
     place to go on from. The actions behind the base are those of ``tail``: their ids must be new, for ids are
     not used again after a change of the horizon.
 

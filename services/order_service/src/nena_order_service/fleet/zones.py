@@ -43,13 +43,13 @@ class _Asked:
 
 @dataclass(slots=True)
 class ReleaseManager:
-    """Keeps who asked for which place, first come first; ``utc_now`` gives the time of day for leases.
+    """Keeps which robot requested which place, in turn; ``utc_now`` returns the time of day for leases.
 
     A place is held from the grant until the robot's state names the request no more: also by a robot that
     has fallen silent, or whose grant has been taken back while it was inside. A robot may ask for a place by
     several requests, one for each path that it would take. Nothing is granted before every robot that is
-    there has told its state, so that what was granted before a restart is known; where two then hold the
-    same place, the grant of the second is taken back.
+    connected has reported its state, so that earlier grants are known after a restart; where two then hold
+    the same place, the grant of the second is taken back.
     """
 
     settings: FleetSettings
@@ -69,7 +69,7 @@ class ReleaseManager:
     def answers(
         self, now: float, *, all_known: bool, reachable: Callable[[RobotKey], bool]
     ) -> Iterator[PublishResponses]:
-        """Yield what is to be answered now; ``all_known``: every robot that is there has told its state."""
+        """Yield what is to be answered now; ``all_known``: every connected robot has reported its state."""
         by_robot: dict[RobotKey, list[Response]] = {}
         for asked in self._asked.values():
             for each in asked:

@@ -1,4 +1,4 @@
-"""Orders that the order service makes by itself, for vehicles that have nothing to do."""
+"""Orders that the order service creates itself, for idle vehicles."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def recharge_request(
 
 
 def is_automatic_recharge(order: TransportOrder) -> bool:
-    """Return whether the order service made an order by itself, to recharge a vehicle."""
+    """Return whether the order service itself created an order to recharge a vehicle."""
     return order.status.automatic and order.status.type == RECHARGE_TYPE
 
 

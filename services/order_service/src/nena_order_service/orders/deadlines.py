@@ -15,12 +15,12 @@ FIRST_SWEEP = 64
 class DueTimes:
     """Knows one time of each order that is watched.
 
-    Nobody has to tell of the ends of orders: what is watched of orders that are over is dropped whenever
+    The ends of orders need not be reported: what is watched of orders that are over is dropped whenever
     there is twice as much as the last time.
     """
 
     def __init__(self, is_over: Callable[[int], bool]) -> None:
-        """``is_over`` tells whether the order of a number is at its end."""
+        """``is_over`` returns whether the order of a number has ended."""
         self._is_over = is_over
         self._times: dict[int, datetime] = {}
         self._queue: list[tuple[datetime, int]] = []
@@ -60,7 +60,7 @@ class Deadlines:
     """Watches the deadlines of orders; one that ends before is passed over."""
 
     def __init__(self, is_over: Callable[[int], bool]) -> None:
-        """``is_over`` tells whether the order of a number is at its end."""
+        """``is_over`` returns whether the order of a number has ended."""
         self._times = DueTimes(is_over)
 
     def watch(self, order: TransportOrder) -> None:
@@ -77,7 +77,7 @@ class OrderTimeouts:
     """Knows when orders are due to be ended, in UTC, so that restarts change nothing about it."""
 
     def __init__(self, is_over: Callable[[int], bool]) -> None:
-        """``is_over`` tells whether the order of a number is at its end."""
+        """``is_over`` returns whether the order of a number has ended."""
         self._times = DueTimes(is_over)
 
     def watch(self, order: TransportOrder) -> None:

@@ -28,7 +28,7 @@ class Dependencies:
             self._dependents.setdefault(name, set()).add(order.number)
 
     def settle(self, name: str) -> tuple[int, ...]:
-        """Let nobody wait for an order any more; gives the numbers of those that did, oldest first."""
+        """Release the orders that wait for an order; return their numbers, oldest first."""
         numbers = tuple(sorted(self._dependents.pop(name, ())))
         for number in numbers:
             names = self._waits_for[number]
@@ -93,7 +93,7 @@ class Conditions:
         return self.look(order)
 
     def settle(self) -> bool:
-        """Do what the ends of orders mean for others; tell whether any may be dispatched now."""
+        """Apply what the ends of orders mean for others; return whether any may be dispatched now."""
         dispatchable = False
         while ended := self._orders.take_ended():
             for order in ended:
@@ -120,7 +120,7 @@ class Conditions:
         return dispatchable
 
     def _look_again(self, order: TransportOrder) -> bool:
-        """Have an order noted as its conditions are now; tell whether it may be dispatched."""
+        """Note an order under its present conditions; return whether it may be dispatched."""
         order = self.look(order)
         self._orders.put(order)
         return order.state is S.DISPATCHABLE

@@ -86,7 +86,7 @@ def _objection(step: FailureStep, situation: Situation) -> str:
     if step.do.last:
         return ""
     if situation.kind is K.UNCLEAR or (situation.kind is K.LOST and situation.begun):
-        return "nobody knows what the robot has done of it"
+        return "what the robot has done of it is unknown"
     return _AGAINST[step.do](step, situation)
 
 
@@ -107,7 +107,7 @@ def _against_other_vehicle(_: FailureStep, situation: Situation) -> str:
     if situation.carrying:
         return "the vehicle carries something for the order, so no other one can go on with it"
     if not situation.heard:
-        return "the robot says nothing, so nobody knows what it does"
+        return "the robot is silent, so what it does is unknown"
     return "" if situation.others else "there is no other vehicle for it"
 
 
@@ -134,7 +134,7 @@ def is_carrying(
 ) -> bool:
     """Return whether a vehicle carries something for an order.
 
-    ``picks`` and ``drops`` are the operations that take and give loads; ``reported`` tells whether its robot
+    ``picks`` and ``drops`` are the operations that take and give loads; ``reported`` is whether its robot
     says that it has a load, None: it says nothing of that. A pick that has begun counts as done, unless the
     robot says otherwise; a drop that is not known to be done counts as not done.
     """
@@ -224,7 +224,7 @@ class FailureAssessment:
 
     def _vehicle(self, order: TransportOrder) -> FleetVehicle:
         vehicle = self._context.registry.named(order.vehicle)
-        assert vehicle, "who has an order is in the registry"  # noqa: S101 - for the type
+        assert vehicle, "a vehicle with an order is registered"  # noqa: S101 - for the type
         return vehicle
 
 

@@ -135,7 +135,7 @@ class LifeCycle:
     def withdraw(self, order: TransportOrder, reason: str, *, immediate: bool) -> None:
         """Withdraw an order that has not ended; of a withdrawn one only the manner may change.
 
-        With ``immediate`` its robot is told to cancel; else it drives to the end of its base, and performs
+        With ``immediate`` its robot gets cancelOrder; else it drives to the end of its base, and performs
         the actions there.
         """
         again = order.state is S.WITHDRAWN
@@ -155,7 +155,7 @@ class LifeCycle:
     def hold(self, order: TransportOrder, by: str, reason: str, *, immediate: bool) -> None:
         """Hold an order until it is resumed; an order on hold keeps its holder, and may only stop sooner.
 
-        Its vehicle keeps it. With ``immediate`` the robot is told to cancel, else it drives to the end of its
+        Its vehicle keeps it. With ``immediate`` the robot gets cancelOrder, else it drives to the end of its
         base. An operation that has begun is finished in either case.
         """
         now = self._clock.now()
@@ -252,7 +252,7 @@ class LifeCycle:
     def _give_way(self, dispatched: Dispatched) -> str:
         """Withdraw a vehicle's dispensable order for another one; return what that one waits for.
 
-        The vehicle drives to the end of its base; one that recharges is told to cancel.
+        The vehicle drives to the end of its base; one that recharges gets cancelOrder.
         """
         wanted, given_up = dispatched.assignment.order.name, dispatched.assignment.gives_up
         order = self._orders.named(given_up)

@@ -24,7 +24,7 @@ from nena_shared.vda5050.order import Edge
 
 log = get_logger(__name__)
 
-CHOSEN_LATER = "its way is chosen anew when it departs"
+CHOSEN_LATER = "its route is chosen when it departs"
 NOTHING_AHEAD = (
     "it has been given its whole way, and what it was given stays; a forced rerouting begins where it stands"
 )
@@ -53,7 +53,7 @@ class _UnderWay:
 class Rerouting:
     """Replans routes of vehicles under way, in the engine's units of work.
 
-    What a robot was told to drive, and what it holds, never changes by that. A *regular* rerouting gives back
+    The robot's base, and what it holds, never changes by that. A *regular* rerouting gives back
     the claims behind it and claims another way from there; where traffic does not grant that, the old one
     stays. A *forced* one has the robot let its order go; it keeps all that it holds until it is seen
     standing, and its transport order goes on from there.
@@ -73,11 +73,11 @@ class Rerouting:
         self._view = context.view
 
     def request(self, vehicle: FleetVehicle, kind: ReroutingType) -> Rerouted:
-        """Plan the way of the order that a vehicle works on anew.
+        """Replan the route of the order that a vehicle works on.
 
         Raises:
             NotReroutableError: it works on none, or on one whose way is not to change.
-            VehicleNotReachedError: it is to be stopped and cannot be told so.
+            VehicleNotReachedError: it is to be stopped and cannot be reached.
 
         """
         order = self._order(vehicle)
@@ -85,7 +85,7 @@ class Rerouting:
         if record is None:
             return Rerouted(ReroutingOutcome.UNCHANGED, CHOSEN_LATER)
         if record.cancelled:
-            return Rerouted(ReroutingOutcome.STOPPING, "it is told to stop already")
+            return Rerouted(ReroutingOutcome.STOPPING, "it is already stopping")
         if kind is ReroutingType.FORCED:
             return self._force(vehicle, order, record)
         return self._plan_anew(vehicle, order, record, "a host has asked for it")
@@ -93,7 +93,7 @@ class Rerouting:
     def keep_off_locked_paths(self) -> None:
         """Lead vehicles around paths that are locked now; where no other way is, they stop before them.
 
-        What they were told to drive they drive.
+        They still drive their bases.
         """
         for record in self._sent:
             vehicle = self._registry.discover(record.robot)
@@ -120,7 +120,7 @@ class Rerouting:
 
     def _number(self, vehicle: FleetVehicle) -> int:
         number = self._sent.order_number(vehicle.key)
-        assert number is not None, "who has an order's VDA order works for the order"  # noqa: S101 - for the type
+        assert number is not None, "a robot with an order's VDA order works on the order"  # noqa: S101 - for the type
         return number
 
     def _force(self, vehicle: FleetVehicle, order: TransportOrder, record: SentOrder) -> Rerouted:

@@ -52,7 +52,7 @@ class Sequences:
     def ended(self, order: TransportOrder) -> tuple[tuple[TransportOrder, ...], str | None]:
         """Note that an order is at its end.
 
-        Gives the orders that fail with it, and the name of the one whose turn it is now, if there are such.
+        Return the orders that fail with it, and the name of the next one, if there is one.
         """
         sequence = self._of(order)
         if sequence is None:

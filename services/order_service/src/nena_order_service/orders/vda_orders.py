@@ -51,7 +51,7 @@ class SentOrder(BaseModel):
     partial: bool = False
     """Whether it ends before its destination, and its order is to go on from there."""
     cancelled: bool = False
-    """Whether the robot is to be told cancelOrder."""
+    """Whether the robot is to be sent cancelOrder."""
     rerouting: bool = False
     """Whether it is cancelled so that its order goes on from where the robot stands then."""
 
@@ -149,7 +149,7 @@ class OrderPlanner:
     def standing(self, vehicle: FleetVehicle, view: RobotView) -> Standing:
         """Return where a vehicle stands; raises NotLocatedError."""
         if view.state is None:
-            raise NotLocatedError("it has not told its state yet")
+            raise NotLocatedError("it has not reported its state yet")
         return locate(self.plant, view.state, vehicle.profile)
 
     def map_id(self, point: str, vehicle: FleetVehicle) -> str:
@@ -191,8 +191,8 @@ class OrderPlanner:
         for each in order.status.drive_orders[order.index :]:
             action_type = self._operations.action_type(each.destination.operation)
             if action_type == PICK:
-                told = {each.key: each.value for each in each.destination.properties}
-                return Pick(told.get("loadType", ""), told.get("lhd", ""))
+                given = {each.key: each.value for each in each.destination.properties}
+                return Pick(given.get("loadType", ""), given.get("lhd", ""))
             if action_type == DROP:
                 return None
         return None

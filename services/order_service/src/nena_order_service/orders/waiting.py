@@ -38,8 +38,8 @@ def kind_of(order: TransportOrder) -> Kind:
         tuple(
             (
                 each.destination.operation,
-                next((told.value for told in each.destination.properties if told.key == "loadType"), ""),
-                next((told.value for told in each.destination.properties if told.key == "lhd"), ""),
+                next((given.value for given in each.destination.properties if given.key == "loadType"), ""),
+                next((given.value for given in each.destination.properties if given.key == "lhd"), ""),
             )
             for each in status.drive_orders[order.index :]
         ),

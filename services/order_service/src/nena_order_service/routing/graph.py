@@ -118,7 +118,7 @@ class RoutingProfile:
     vehicle_types: frozenset[str] = frozenset()
     """The types of which it may be; it goes only where each of them may."""
     loaded: bool | None = None
-    """Whether it carries anything; None: nobody knows."""
+    """Whether it carries anything; None: unknown."""
     bounding_box: BoundingBox | None = None
     allowed_maps: frozenset[str] | None = None
 
@@ -218,7 +218,7 @@ class VehicleKinds:
     """Knows the kind of each vehicle; as many are remembered as the plant model has vehicles."""
 
     def __init__(self, known_types: frozenset[str]) -> None:
-        """``known_types`` are the vehicle types that the plant tells apart."""
+        """``known_types`` are the vehicle types that the plant distinguishes."""
         self._known_types = known_types
         self._anybody = Kind(0, RoutingProfile())
         self._kinds = {self._anybody.profile: self._anybody}

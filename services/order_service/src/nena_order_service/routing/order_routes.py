@@ -286,7 +286,7 @@ class VehicleRoutes:
         return self._finder.costs(start, vehicle=self._registry.model(vehicle))
 
     def forget(self) -> None:
-        """Ask anew for each route: the plant has changed."""
+        """Forget all routes: the plant has changed."""
         self._route.cache_clear()
 
     def _model(self, vehicle: str) -> str | None:

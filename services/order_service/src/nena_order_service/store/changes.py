@@ -82,7 +82,7 @@ class Changes:
         self.documents.update(later.documents)
 
     def numbered(self, last: int) -> int:
-        """Return each order's change a number, from the one behind ``last`` on; gives the last one then."""
+        """Number each order's change, starting after ``last``; return the last number."""
         for number, change in self.orders.items():
             last += 1
             self.orders[number] = replace(change, change_number=last)
@@ -101,15 +101,15 @@ def _equal_entries(order: TransportOrder, before: TransportOrder) -> int:
 class ChangeNumbers:
     """Counts the changes of all orders of a store, over restarts and takeovers too.
 
-    They are given in the order in which changes are committed and told; a step that changes an order several
-    times has one number for all of its versions.
+    They follow the order in which changes are committed and published; a step that changes an order
+    several times has one number for all of its versions.
     """
 
     def __init__(self) -> None:
         self.last = 0
         """The last number given."""
-        self.told = 0
-        """The last number of a change that was told."""
+        self.published = 0
+        """The last number of a published change."""
         self._untold: dict[str, deque[tuple[int, int]]] = {}
         """Versions and their numbers, by the orders' names."""
 
@@ -123,12 +123,12 @@ class ChangeNumbers:
 
     def begin(self, last: int) -> None:
         """Go on behind the last number of the store."""
-        self.last = self.told = last
+        self.last = self.published = last
 
     def of(self, name: str, version: int) -> tuple[int, bool]:
-        """Return the number of a version that is told now, and whether it is the last version of its change.
+        """Return the number of a version to publish now, and whether it is the last version of its change.
 
-        Versions are told in their order. The number is 0 for one that is told without having been changed.
+        Versions are published in their order. The number is 0 for one that is published without a change.
         """
         versions = self._untold.get(name)
         while versions and versions[0][0] < version:
@@ -139,7 +139,7 @@ class ChangeNumbers:
         last_version, number = versions[0]
         if last_version > version:
             return number, False
-        self.told = number
+        self.published = number
         versions.popleft()
         if not versions:
             del self._untold[name]

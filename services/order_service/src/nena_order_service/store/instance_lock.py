@@ -65,7 +65,7 @@ class InstanceLock:
         except (FileNotFoundError, NotADirectoryError):
             return f"the database file {self._path} was deleted while in use"
         except OSError:
-            return ""  # whether it is another file is not known; the commit itself tells what is wrong
+            return ""  # whether it is another file is not known; the commit itself reports what is wrong
         return "" if os.path.samestat(present, self._opened) else f"another file was put at {self._path}"
 
     def release(self) -> None:

@@ -29,7 +29,7 @@ log = get_logger(__name__)
 T = TypeVar("T")
 
 POLL = 0.25
-"""Seconds between tries to take the lead, and between signs of life of the one who has it."""
+"""Seconds between tries to take the lead, and between signs of life of the program that has it."""
 
 GRACE = 2.0
 """Seconds that a standby leaves to the active one to come back, after a database that was away; not less than
@@ -83,7 +83,7 @@ class Lead:
         return False
 
     async def raise_fence(self, url: str, active_url: str) -> tuple[Engine, Fence]:
-        """Open the database, bring its tables up to date, and keep from now on whoever wrote before from it.
+        """Open the database, bring its tables up to date, and fence off the program that wrote before.
 
         Raises:
             StoreError: the store cannot be used.
@@ -122,7 +122,7 @@ class Lead:
         self._thread.shutdown()
 
     async def _hang_up_at(self, stop: asyncio.Event) -> None:
-        """Let a database that says nothing keep nobody from ending."""
+        """Close; a database that does not answer does not delay the end."""
         await stop.wait()
         self._lock.hang_up()
 
@@ -160,7 +160,7 @@ class Lead:
     async def _try_to_take(self) -> bool:
         try:
             if await self._run(self._lock.connect):
-                # The database was away: the one that was active shall have it again if it is still there.
+                # The database was away: the program that was active gets it again if it still runs.
                 await asyncio.sleep(GRACE)
             taken = await self._run(self._lock.take)
             self.active_url = "" if taken else await self._run(self._lock.active_url)

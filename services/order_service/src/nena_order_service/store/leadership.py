@@ -3,7 +3,7 @@
 A lock of the database, held by a connection of its own, says who may be active: it is free the moment the
 connection ends, however that comes. That alone is no fence, for a program learns late that its connection
 has ended. So each takeover raises an epoch in the store, and each commit of the active one begins with a
-look at it: whoever is not of this epoch commits nothing any more. The epoch is the time of day in seconds, or
+look at it: a program of another epoch commits nothing any more. The epoch is the time of day in seconds, or
 one more than the last one, whichever is greater: so it also rises over a restore from a backup.
 
 A message to a robot is no commit. So the active one also holds a :class:`Lease`, by its own clock, which ends
@@ -108,7 +108,7 @@ class LeaderLock:
         self._connection: Connection | None = None
 
     def connect(self) -> bool:
-        """Have a connection; tell whether it had to be made.
+        """Connect where there is no connection; return whether there was none.
 
         Raises:
             DBAPIError: the database does not answer.
@@ -119,7 +119,7 @@ class LeaderLock:
         return fresh
 
     def take(self) -> bool:
-        """Try to take the lock; tell whether this program has it.
+        """Try to take the lock; return whether this program has it.
 
         Raises:
             DBAPIError: the database does not answer.
@@ -148,7 +148,7 @@ class LeaderLock:
         return True
 
     def active_url(self) -> str:
-        """Read where the active order service is found; empty where nobody has said it.
+        """Read where the active order service is found; empty where none is recorded.
 
         Raises:
             DBAPIError: the database does not answer.
@@ -209,7 +209,7 @@ class Fence:
 
     @classmethod
     def raise_for(cls, engine: Engine, active_url: str) -> Fence:
-        """Take the store over: whoever wrote before commits nothing from now on.
+        """Take the store over: the program that wrote before commits nothing from now on.
 
         Waits for a commit that is under way. Raises DBAPIError where the database does not answer.
         """

@@ -232,7 +232,7 @@ STUCK_SECONDS = 3
 
 POSTGRESQL = "postgresql+psycopg"
 
-PATIENCE = {
+TIMEOUTS = {
     "connect_timeout": 5,
     # A server that is gone without a word is noticed within about ten seconds.
     "keepalives_idle": 5,
@@ -256,7 +256,7 @@ def parse_url(url: str) -> URL:
     except (ArgumentError, ValueError):
         # The URL may hold a password, so neither it nor what is said of its parts is repeated.
         raise unusable("it is no database URL") from None
-    if "@" in (parsed.host or ""):  # the end of a password, which would be told as a host that is not found
+    if "@" in (parsed.host or ""):  # the end of a password, which would be reported as an unknown host
         raise unusable(UNMASKED)
     kind = parsed.get_backend_name()
     if kind == "postgresql":
@@ -293,7 +293,7 @@ def make_engine(url: str, *, pooled: bool = True) -> Engine:
             event.listen(engine, "connect", _set_up_sqlite)
             event.listen(engine, "begin", _begin)
             return engine
-        given = {name: value for name, value in PATIENCE.items() if name not in parsed.query}
+        given = {name: value for name, value in TIMEOUTS.items() if name not in parsed.query}
         engine = create_engine(parsed, poolclass=pool, connect_args=given)
         event.listen(engine, "connect", lambda connection, _: remember(engine, connection))
     except ImportError as error:
@@ -324,7 +324,7 @@ def reason_of(error: DBAPIError) -> str:
 
 
 def _set_up_sqlite(connection: DBAPIConnection, _entry: ConnectionPoolEntry) -> None:
-    # The driver begins transactions by itself, but not before DDL; so it is told not to.
+    # The driver begins transactions itself, but not before DDL; so this is turned off.
     connection.isolation_level = None
     cursor = connection.cursor()
     for setting in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON", "busy_timeout=5000"):

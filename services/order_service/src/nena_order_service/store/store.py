@@ -33,14 +33,14 @@ WAITING_LIMIT = 10_000
 
 
 LOSS_SHOWN = 3.0
-"""Seconds that hosts and probes are told that the database file is gone, before the program ends."""
+"""Seconds in which hosts and probes can see that the database file is gone, before the program ends."""
 
 
 class Store:
     """Commits changes in the order in which they come; all that wait are committed together.
 
     A database that takes nothing is tried again for ever, with pauses: until it does, nothing that hangs on
-    the changes is told to anybody. Every method is for the event loop's thread.
+    the changes is published. Every method is for the event loop's thread.
     """
 
     def __init__(
@@ -124,7 +124,7 @@ class Store:
         answer.add_done_callback(self._answers.discard)
 
     async def drain(self, seconds: float) -> bool:
-        """Wait at most ``seconds`` until all that waits is committed and told; tell whether it is."""
+        """Wait at most ``seconds`` until all that waits is committed and published; return whether it is."""
         done = asyncio.Event()
         self.commit(Changes(), done.set)
         try:
@@ -200,7 +200,7 @@ class Store:
             if changes:
                 await self._write(changes)
                 if self._lost():
-                    return  # what was committed is gone with its file, so nobody is told of it
+                    return  # what was committed is gone with its file, so it is not published
             for each in then:
                 self._tell(each)
         finally:
@@ -241,7 +241,7 @@ class Store:
         try:
             then()
         except Exception:
-            log.exception("a committed change was not told")
+            log.exception("a committed change was not published")
 
 
 def _twice(work: Callable[[], T]) -> Callable[[], T]:

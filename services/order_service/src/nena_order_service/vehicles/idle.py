@@ -15,7 +15,7 @@ from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
 
 PAUSE = 10.0
-"""Seconds before a vehicle is sent to do the same once more, so that nobody tries all the time."""
+"""Seconds before a vehicle is sent to do the same once more, so that it is not tried all the time."""
 
 DISPLACES_AT_MOST = 2
 """How often a vehicle has others make room for it to park, until a host has work for it.
@@ -147,7 +147,7 @@ class IdleVehicles:
         self, candidate: LocatedCandidate, known: _Idle, round_: _IdleRound
     ) -> TransportOrderRequest | None:
         vehicle, standing = candidate.vehicle, candidate.standing
-        assert standing, "who has no obstacle stands somewhere"  # noqa: S101 - for the type
+        assert standing, "a vehicle without an obstacle stands somewhere"  # noqa: S101 - for the type
         found = self._positions.choose(
             vehicle.model,
             standing.point if standing.on_point else None,
@@ -166,7 +166,7 @@ class IdleVehicles:
     def _cost(self, candidate: LocatedCandidate) -> Callable[[str], float]:
         """Return what it costs a vehicle to reach points."""
         model, standing = candidate.vehicle.model, candidate.standing
-        assert standing, "who has no obstacle stands somewhere"  # noqa: S101 - for the type
+        assert standing, "a vehicle without an obstacle stands somewhere"  # noqa: S101 - for the type
         return lambda point: self._context.finder.costs_to(point, vehicle=model).source(standing.point)
 
     def _displaces(self, vehicle: FleetVehicle, point: str) -> bool:

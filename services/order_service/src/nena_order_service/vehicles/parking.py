@@ -158,7 +158,7 @@ class RechargeLocations:
     """The locations of one plant at which vehicles recharge."""
 
     def __init__(self, plant: PlantModel, recharges: Callable[[str], bool]) -> None:
-        """``recharges`` tells of an operation whether it recharges a vehicle that says no other one."""
+        """``recharges`` returns whether an operation recharges a vehicle that names no other one."""
         self._plant = plant
         self._recharges = recharges
 
@@ -172,7 +172,7 @@ class RechargeLocations:
     ) -> Recharging:
         """Return the best location for a vehicle.
 
-        ``cost`` is that of the way to a point, infinity where there is none; ``taken`` tells of a point
+        ``cost`` is that of the way to a point, infinity where there is none; ``taken`` returns of a point
         whether another vehicle is there or is to come there, ``held_in_vain`` whether that one has no need
         to be there: such a place is taken where none is free.
         """
@@ -182,9 +182,9 @@ class RechargeLocations:
         if not places:
             return Recharging(reason=_why_none(assigned))
         free = [each for each in places if not taken(each.point)]
-        wished = [each for each in free if each.location == properties.get(PREFERRED_RECHARGE_LOCATION)]
+        preferred = [each for each in free if each.location == properties.get(PREFERRED_RECHARGE_LOCATION)]
         cleared = [each for each in places if held_in_vain(each.point)]
-        if found := (wished or free or cleared):
+        if found := (preferred or free or cleared):
             return Recharging(found[0].location, found[0].operation)
         whose = f"its assigned recharge location {assigned!r}" if assigned else "each recharge location"
         return Recharging(reason=f"{whose} is taken")

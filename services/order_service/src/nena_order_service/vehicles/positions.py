@@ -19,14 +19,14 @@ log = get_logger(__name__)
 
 @dataclass(slots=True)
 class _Sighting:
-    """The last state of a vehicle by which it was placed, and whether that told where it is."""
+    """The last state of a vehicle by which it was placed, and whether that reported where it is."""
 
     state: State
     located: bool
 
 
 class Positions:
-    """Tells the traffic manager where vehicles without a way are, by what their robots say.
+    """Informs the traffic manager where vehicles without a route are, by what their robots report.
 
     What a vehicle holds is stored, so that a restart knows it before it hears anything. A vehicle that says
     nothing, or not where it is, keeps what it holds.
@@ -44,7 +44,7 @@ class Positions:
         """When routes ended of which the robots reported nothing; only what they report later counts."""
 
     def see(self, vehicle: FleetVehicle) -> bool:
-        """Handle what a vehicle without a way says of its place; tell whether that changes what it holds."""
+        """Handle the position of a vehicle without a route; return whether that changes what it holds."""
         name = vehicle.name
         if not self._counts(vehicle):
             return self._take_out(vehicle)
@@ -75,7 +75,7 @@ class Positions:
         self._records.change(vehicle.key, held=self._traffic.held(name), beside=self._traffic.beside(name))
 
     def forget_sighting(self, vehicle: FleetVehicle, *, doubt: bool = False) -> None:
-        """Look anew where a vehicle is; with ``doubt`` only at what it says from now on."""
+        """Look again where a vehicle is; with ``doubt`` only at what it says from now on."""
         self._sightings.pop(vehicle.name, None)
         if doubt:
             self._doubted[vehicle.name] = self._clock.monotonic()
@@ -95,7 +95,7 @@ class Positions:
         if level is not IntegrationLevel.TO_BE_UTILIZED and not goes_on:
             return f"has the integration level {level.value}"
         if self._traffic.broke_off(vehicle.name):
-            return "has broken off its way or drives by itself, and has not been seen standing since"
+            return "has left its route or drives on its own, and has not been seen standing since"
         return ""
 
     def level(self, vehicle: FleetVehicle) -> IntegrationLevel:

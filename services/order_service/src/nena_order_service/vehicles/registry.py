@@ -84,7 +84,7 @@ class VehicleRegistry:
         return self._add(FleetVehicle(self._free_name(key), key, profile, None, obstacle))
 
     def learn_map(self, vehicle: FleetVehicle, map_id: str) -> FleetVehicle:
-        """Let a vehicle whose map nobody has named be on the one that the robot reports."""
+        """Put a vehicle without a named map on the one that its robot reports."""
         if vehicle.profile.map_id:
             return vehicle
         return self._add(replace(vehicle, profile=replace(vehicle.profile, map_id=map_id)))
@@ -120,22 +120,22 @@ COMBINATIONS_KEPT = 1000
 
 
 def robot_maps(state: State) -> tuple[RobotMap, ...] | None:
-    """Return the maps of a robot; None where it does not tell of any."""
+    """Return the maps of a robot; None where it reports none."""
     if state.maps is None:
         return None
     return _maps(tuple((each.map_id, each.map_version, each.map_status) for each in state.maps))
 
 
 @lru_cache(COMBINATIONS_KEPT)
-def _maps(told: tuple[tuple[str, str, MapStatus], ...]) -> tuple[RobotMap, ...]:
+def _maps(reported: tuple[tuple[str, str, MapStatus], ...]) -> tuple[RobotMap, ...]:
     return tuple(
         RobotMap(map_id=map_id, map_version=version, enabled=status is MapStatus.ENABLED)
-        for map_id, version, status in told
+        for map_id, version, status in reported
     )
 
 
 def why_not_on(map_id: str, state: State) -> str:
-    """Return, as a predicate, why a robot cannot drive on a map; empty where it can, or tells of no maps."""
+    """Return, as a predicate, why a robot cannot drive on a map; empty where it can, or reports no maps."""
     maps = robot_maps(state)
     if not maps or not map_id:
         return ""

@@ -27,7 +27,7 @@ from nena_shared.vda5050.state import State
 
 
 class Essentials(NamedTuple):
-    """What is told of a vehicle when it changes; all else changes all the time while a robot drives."""
+    """What is published of a vehicle when it changes; all else changes all the time while a robot drives."""
 
     state: VehicleState
     processing_state: ProcessingState
@@ -78,7 +78,7 @@ def essentials(
 
 
 def vehicle_status(
-    vehicle: FleetVehicle, view: RobotView, told: Essentials, last_state: datetime | None
+    vehicle: FleetVehicle, view: RobotView, essentials: Essentials, last_state: datetime | None
 ) -> VehicleStatus:
     """Return how a vehicle stands; positions are in m and rad of the plant's frame."""
     state = view.state
@@ -89,7 +89,7 @@ def vehicle_status(
         precise_position=_precise_position(vehicle, state) if state else None,
         energy_level=state.power_supply.state_of_charge if state else None,
         last_state=last_state,
-        **told._asdict(),
+        **essentials._asdict(),
     )
 
 
@@ -124,7 +124,7 @@ def _in_words(error: ErrorEntry) -> str:
 
 
 class StatusReporter:
-    """Tells how vehicles stand, and why those without an order have none."""
+    """Reports the status of vehicles, and why those without an order have none."""
 
     def __init__(
         self,

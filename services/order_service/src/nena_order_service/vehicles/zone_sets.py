@@ -225,7 +225,7 @@ class ZoneSets:
         self.look()
 
     def look(self) -> None:
-        """Bring to robots what they lack and can be told now."""
+        """Send robots what they lack and can receive now."""
         if not self._wanted:
             return
         now = self._engine.clock.monotonic()
@@ -252,8 +252,8 @@ class ZoneSets:
 
     def _ended(self, due: Due, end: asyncio.Future[InstantActionEnded]) -> None:
         if not end.cancelled() and end.result().status is not ActionStatus.FINISHED:
-            told = end.result()
-            words = ": ".join(filter(None, (told.reason, told.result)))
+            outcome = end.result()
+            words = ": ".join(filter(None, (outcome.reason, outcome.result)))
             self._distribution.note(due.robot, due.zone_set_id, f"{due.step} failed: {words}")
 
     def _knows_zones(self, vehicle: FleetVehicle) -> bool:

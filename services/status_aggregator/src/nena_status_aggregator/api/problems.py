@@ -10,9 +10,9 @@ from fastapi.exceptions import RequestValidationError
 from pydantic_core import to_json
 from starlette.exceptions import HTTPException
 
+from nena_shared.findings import FINDINGS_SHOWN, in_words
 from nena_shared.fleet_api.transport_order import Problem
 from nena_shared.log import get_logger
-from nena_shared.misfits import TOLD, in_words
 from nena_shared.web.problem import answer
 
 log = get_logger(__name__)
@@ -47,7 +47,7 @@ def install(app: FastAPI) -> None:
         return answered
 
     async def on_invalid(_request: Request, error: RequestValidationError) -> Response:
-        errors = tuple(in_words(error.errors(), whole="request", most=TOLD))
+        errors = tuple(in_words(error.errors(), whole="request", most=FINDINGS_SHOWN))
         return response(HTTPStatus.UNPROCESSABLE_ENTITY, "Invalid request; see errors.", errors)
 
     async def on_failure(request: Request, error: Exception) -> Response:

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from pydantic import ValidationError
 
-from nena_shared.misfits import path_of, words_of
+from nena_shared.findings import path_of, words_of
 from nena_shared.plant.checks import disconnected_points
 from nena_shared.plant.errors import ObjectKind, PlantProblem
 from nena_shared.plant.lif import curve

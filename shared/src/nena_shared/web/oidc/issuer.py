@@ -16,8 +16,8 @@ from jwt.exceptions import PyJWTError
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from nena_shared.clock import Clock, SystemClock
+from nena_shared.findings import in_words, shortened
 from nena_shared.log import get_logger
-from nena_shared.misfits import in_words, shortened
 from nena_shared.settings import ConfigurationError
 from nena_shared.web.access import RateLimit
 from nena_shared.web.oidc.tokens import TokenHeader, header_of, verified

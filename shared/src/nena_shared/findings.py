@@ -1,4 +1,4 @@
-"""What does not fit its form, in words: pydantic's findings, a line for each, with the path of the field."""
+"""Findings of pydantic in words, a line each with the path of the field."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ PREFIX = "Value error, "
 """What pydantic puts before words of our own."""
 SHOWN = 300
 """Signs of a name or of words that are repeated: both may hold what somebody sent, however long."""
-TOLD = 10
+FINDINGS_SHOWN = 10
 """Maximum findings in one answer."""
 
 

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 from pydantic import BaseModel, ConfigDict, ValidationError, field_validator
 
-from nena_shared.misfits import in_words
+from nena_shared.findings import in_words
 
 
 class Part(BaseModel):
