@@ -45,13 +45,13 @@ class Bench:
         self._faults: Any = None
         self._broker = broker
         self._interface_name = interface_name
-        self._domain_id = domain_id
+        self.domain_id = domain_id
         self._folder = folder
 
     @contextmanager
     def simulator(self, *options: str, time_factor: float = 5.0, **robot: Any) -> Iterator[SimulatorProcess]:
         """Run the robot as a program of its own; ``robot`` holds fields of its settings."""
-        fields = json.dumps([{"domain_id": self._domain_id, **robot}])
+        fields = json.dumps([{"domain_id": self.domain_id, **robot}])
         options = ("--time_factor", str(time_factor), "--robots", fields, *options)
         with SimulatorProcess(*options, directory=self._folder) as process:
             process.wait_for_line("robot ready")
@@ -83,6 +83,11 @@ class Bench:
         """Where the robot has been by its odometry: x, m."""
         return [each.pose.pose.position.x for each in self._odometry.messages]
 
+    @property
+    def odometry(self) -> list[Any]:
+        """All that its odometry has told."""
+        return self._odometry.messages
+
     async def moves(self) -> None:
         """Wait until the robot drives; then navigation has taken its goal."""
         await until(lambda: self.speed > 0.5, what="the robot on its way")
@@ -94,7 +99,7 @@ class Bench:
 
     def settings(self, *, ros: dict[str, Any] | None = None, **changes: Any) -> EdgeAgentSettings:
         """Return the agent's settings."""
-        values = {"domain_id": self._domain_id, **ROS, **(ros or {})}
+        values = {"domain_id": self.domain_id, **ROS, **(ros or {})}
         return agent_settings(
             self._broker,
             self._interface_name,
@@ -107,7 +112,7 @@ class Bench:
 
     def agent_process(self, *options: str) -> AgentProcess:
         """Start the agent as a program of its own, with more of its settings."""
-        domain = ("--ros.domain_id", str(self._domain_id), "--ros.watch_period", "0.1")
+        domain = ("--ros.domain_id", str(self.domain_id), "--ros.watch_period", "0.1")
         folder = self._folder / "journal"
         return AgentProcess(self._broker, self._interface_name, folder, *domain, *options, driver="nav2")
 

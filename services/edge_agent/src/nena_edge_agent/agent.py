@@ -263,7 +263,7 @@ class RobotAgent:
             case SetPosition(pose):
                 self._driver.initialize_position(pose)
             case SendFactsheet():
-                self._link.publish(self._messages.factsheet())
+                self._link.publish(self._messages.factsheet(self._core.robot.reports.limits))
             case StartAction() | PauseAction() | ResumeAction() | CancelAction():
                 self._perform_action(effect)
 
@@ -340,7 +340,7 @@ class RobotAgent:
     def _greet(self) -> Iterator[Outbound]:
         """Yield what is published first on each connection; the robot's task publishes the state."""
         yield self._messages.connection(ConnectionState.ONLINE)
-        yield self._messages.factsheet()
+        yield self._messages.factsheet(self._core.robot.reports.limits)
         if self._map:
             yield self._map
         self._greeting = True

@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from nena_edge_agent.actions.registry import ActionRegistry
+from nena_edge_agent.driver.port import DriveLimits
 from nena_edge_agent.nav2.offers import NO_OFFERS, Nav2Offers
+from nena_edge_agent.nav2.settings import GOAL_TOLERANCE
 from nena_edge_agent.protocol.capabilities import Capabilities, supported
 from nena_edge_agent.protocol.declaration import ActionDeclaration, Parameter, supported_actions
 from nena_edge_agent.protocol.geometry import Footprint
@@ -64,7 +66,7 @@ def make_capabilities(
         default_deviation_theta=drive.deviation_theta,
         strategy=drive.strategy,
         pass_radius=drive.pass_radius,
-        hand_over_distance=goals.goal_tolerance if by_nav2 else 0.0,
+        hand_over_distance=(goals.goal_tolerance or GOAL_TOLERANCE) if by_nav2 else 0.0,
         hand_over_time=goals.replan_period if by_nav2 else 0.0,
         drives_ahead=settings.drives_ahead,
         base_request_distance=drive.base_request_distance,
@@ -82,16 +84,19 @@ def make_capabilities(
 
 
 def make_factsheet(
-    header: dict[str, Any], settings: EdgeAgentSettings, capabilities: Capabilities
+    header: dict[str, Any],
+    settings: EdgeAgentSettings,
+    capabilities: Capabilities,
+    limits: DriveLimits | None = None,
 ) -> Factsheet:
-    """Make the factsheet message under ``header``."""
+    """Make the factsheet message under ``header``; ``limits`` are those of navigation, where it has told."""
     return Factsheet(
         **header,
         type_specification=_type(settings, capabilities),
         physical_parameters=_physical(settings),
         protocol_limits=_limits(settings, capabilities.maximum_nodes),
         protocol_features=ProtocolFeatures(
-            optional_parameters=supported(capabilities),
+            optional_parameters=supported(capabilities, limits.tolerance if limits else None),
             mobile_robot_actions=tuple(_action(each) for each in _offered(capabilities)),
         ),
         mobile_robot_geometry=_geometry(settings),

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
+from nena_edge_agent.driver.port import DriveLimits
 from nena_edge_agent.factsheet import make_factsheet
 from nena_edge_agent.protocol.capabilities import Capabilities
 from nena_edge_agent.protocol.errors import Until
@@ -137,9 +138,10 @@ class RobotMessages:
         message = Connection(**self.header(Topic.CONNECTION), connection_state=state)
         return self._outbound(Topic.CONNECTION, message, qos=1, retain=True)
 
-    def factsheet(self) -> Outbound:
-        """Make the factsheet message (section 6.10), retained."""
-        message = make_factsheet(self.header(Topic.FACTSHEET), self._settings, self._capabilities)
+    def factsheet(self, limits: DriveLimits | None = None) -> Outbound:
+        """Make the factsheet message (section 6.10), retained; ``limits`` are those of navigation."""
+        header = self.header(Topic.FACTSHEET)
+        message = make_factsheet(header, self._settings, self._capabilities, limits)
         return self._outbound(Topic.FACTSHEET, message, qos=self._settings.qos, retain=True)
 
     def state(self, message: State, *, keep: bool) -> Outbound:

@@ -199,3 +199,14 @@ def test_the_command(broker: Broker, domain_id: int) -> None:
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.endswith("No link is missing.\n")
     assert [line.split()[0] for line in done.stdout.splitlines()[:8]] == ["ok"] * 8
+
+
+async def test_what_nav2s_parameters_say_is_told(domain_id: int) -> None:
+    settings = RosSettings(domain_id=domain_id, call_timeout=CALLS)
+    with simulated_robot(domain_id, tolerance={"xy": 0.15}):
+        view = await look(settings)
+
+    assert (view.tolerance, view.server_timeout) == (0.15, 20)
+    (nav2,) = (each for each in judge_robot(view, settings) if each.link is Link.NAVIGATION)
+    assert "within 0.15 m" in nav2.text
+    assert "waits 20 ms" in nav2.text

@@ -43,9 +43,18 @@ def test_a_robot_that_is_well() -> None:
 
     assert [each.link for each in findings] == list(ROS_LINKS)
     assert {each.verdict for each in findings} == {LinkVerdict.OK}
-    assert (
-        findings[-1].text == "the robot is at 1.00 m, 2.00 m, 29 degrees, give or take 0.20 m and 6 degrees"
-    )
+    (place,) = (each.text for each in findings if each.link is Link.LOCALISATION)
+    assert place == "the robot is at 1.00 m, 2.00 m, 29 degrees, give or take 0.20 m and 6 degrees"
+
+
+@pytest.mark.parametrize("lifecycle", [Lifecycle.INACTIVE, Lifecycle.SILENT])
+def test_a_missing_pose_is_named_before_a_nav2_that_waits_for_it(lifecycle: Lifecycle) -> None:
+    findings = judge_robot(replace(WELL, lifecycle=lifecycle, pose=None), SETTINGS)
+
+    lacks = [each for each in findings if each.verdict is LinkVerdict.MISSING]
+    assert [each.link for each in lacks] == [Link.LOCALISATION, Link.NAVIGATION]
+    assert "gives up for good" in lacks[1].remedy
+    assert "activate it" not in lacks[1].remedy
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,7 @@ from nena_edge_agent.nav2.action_tracker import (
 )
 from nena_edge_agent.nav2.commands import AskResult, CancelGoal, Command, PublishGoal, Report, SendGoal
 from nena_edge_agent.nav2.error_codes import meaning_of
-from nena_edge_agent.nav2.goals import GoalEntry, GoalIdPrefix, GoalStatus
+from nena_edge_agent.nav2.goals import YIELD_TIME, GoalEntry, GoalIdPrefix, GoalStatus
 from nena_edge_agent.nav2.settings import GoalSettings, Navigation, RosSettings
 from nena_shared.clock import SystemClock
 from nena_shared.program import StartError
@@ -460,9 +460,9 @@ def test_progress_is_told_each_second_and_recoveries_at_once() -> None:
     assert told.progress(READING, "hall", 0.0) == DriveProgress(7.0, 0, "hall")
     assert told.progress(replace(READING, left=6.0), "hall", 0.5) is None
     assert told.progress(replace(READING, recoveries=1), "hall", 0.6) == DriveProgress(7.0, 1, "hall")
-    assert told.progress(replace(READING, recoveries=1, left=-0.1), "hall", 1.7) == DriveProgress(
-        0.0, 1, "hall"
-    )
+    assert told.progress(replace(READING, recoveries=1, left=0.0), "hall", 1.7) == DriveProgress(
+        None, 1, "hall"
+    ), "0 means that Nav2 has no path"
 
 
 def test_another_drive_is_told_of_at_once() -> None:
@@ -509,3 +509,79 @@ async def test_a_goal_that_no_door_takes_has_no_answer() -> None:
     await side(applied).send(goal, GoalIdPrefix("agent").new())
     side().ask_result("aa")
     assert applied == []
+
+
+def test_an_abort_without_a_reason_names_what_is_likely(talk: Conversation) -> None:
+    goal_id = talk.driving()
+    talk.result(goal_id, GoalStatus.ABORTED, 0)
+    talk.array(**{f"g{goal_id}": 6})
+    (failed,) = talk.ends
+    assert isinstance(failed, DriveFailed)
+    assert "deactivated" in failed.description
+    assert "default_server_timeout" in failed.description
+
+
+def others(talk: Conversation, **statuses: int) -> None:
+    entries = [GoalEntry(goal_id.removeprefix("g"), GoalStatus.of(s)) for goal_id, s in statuses.items()]
+    talk.said += talk.tracker.on_other_statuses(entries, talk.now)
+
+
+def test_a_foreign_goal_that_nav2_refuses_is_made_way_for(talk: Conversation) -> None:
+    others(talk, **{f"g{'aa' * 16}": 6})
+    goal_id = talk.driving()
+    others(talk, **{f"g{THEIRS}": 2})
+    (failed,) = talk.ends
+    assert isinstance(failed, DriveFailed)
+    assert failed.failure is DriveFailure.TAKEN_OVER
+    assert CancelGoal(goal_id) in talk.said
+    others(talk, **{f"g{THEIRS}": 6})
+    assert [each.goal_id for each in talk.tables[-1].external] == [THEIRS], "it can be given again"
+    talk.array(**{f"g{goal_id}": 5})
+    talk.later(YIELD_TIME - 0.5)
+    assert talk.tracker.busy
+    assert talk.tables[-1].external
+    talk.later(1.0)
+    assert not talk.tables[-1].external
+    assert not talk.tracker.busy
+
+
+def test_a_foreign_goal_that_is_given_again_drives_and_ends(talk: Conversation) -> None:
+    again = "ee" * 16
+    others(talk)
+    goal_id = talk.driving()
+    others(talk, **{f"g{THEIRS}": 6})
+    talk.array(**{f"g{goal_id}": 5})
+    others(talk, **{f"g{THEIRS}": 6, f"g{again}": 2})
+    talk.later(2 * YIELD_TIME)
+    assert [each.goal_id for each in talk.tables[-1].external] == [again]
+    others(talk, **{f"g{THEIRS}": 6, f"g{again}": 4})
+    assert not talk.tables[-1].external
+
+
+def test_foreign_goals_that_had_ended_before_take_nothing_over(talk: Conversation) -> None:
+    ended = [GoalEntry(THEIRS, GoalStatus.ABORTED)]
+    talk.said += talk.tracker.on_other_statuses(ended, 1.0)
+    talk.driving()
+    talk.said += talk.tracker.on_other_statuses(ended, talk.now)
+    assert talk.ends == []
+
+
+def test_the_first_foreign_goal_of_all_is_made_way_for_too(talk: Conversation) -> None:
+    talk.driving()
+    others(talk, **{f"g{THEIRS}": 6})
+    assert len(talk.ends) == 1
+
+
+def test_a_way_that_succeeded_undriven_is_given_again_at_once(talk: Conversation) -> None:
+    ahead = (MapPose(9.0, 0.0, 0.0, "hall"), MapPose(13.0, 0.0, 0.0, "hall"))
+    first = talk.driving()
+    talk.array(**{f"g{first}": 2})
+    talk.go_to(MapGoal(2, MapPose(7.0, 0.0, 0.0, "hall"), deviation_xy=0.5, ahead=ahead))
+    talk.answer()
+    second = talk.sent[-1]
+    talk.arrive(4.8)
+    talk.array(**{f"g{first}": 6, f"g{second}": 4})
+    talk.later(0.1)
+    assert len(talk.sent) == 3
+    assert [command.goal.ahead for command in talk.said if isinstance(command, SendGoal)][-1] == ahead
+    assert talk.ends == []

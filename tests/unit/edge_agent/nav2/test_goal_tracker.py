@@ -965,3 +965,29 @@ def test_before_the_arrival_no_pose_is_late() -> None:
     drive.on_pose(pose(3.0), pose(2.0), 1.0)
     drive.reached_at = 2.0
     assert not drive.pose_may_come(4.0, WAIT)
+
+
+def test_a_pose_of_the_robot_at_rest_is_asked_for_after_each_arrival() -> None:
+    talk = Conversation().ready()
+    talk.go_to(goal(1))
+    talk.array("A:2")
+    talk.at(5.0)
+    talk.array("A:4")
+    assert talk.events[-1] == Arrived(1)
+    assert RequestPose() not in talk.said, "it still rolls"
+    for _ in range(8):
+        talk.tracker.on_velocity(0.0, 0.0, talk.now)
+        talk.later(0.05)
+    assert talk.said.count(RequestPose()) == 1
+    assert not talk.tracker.busy
+
+
+def test_no_pose_at_rest_is_asked_for_when_the_next_goal_has_come() -> None:
+    talk = Conversation().ready()
+    talk.go_to(goal(1))
+    talk.array("A:2")
+    talk.at(5.0)
+    talk.array("A:4")
+    talk.go_to(goal(2, 9.0))
+    talk.later(5.0)
+    assert RequestPose() not in talk.said

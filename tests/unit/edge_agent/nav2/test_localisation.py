@@ -9,7 +9,13 @@ from structlog.testing import capture_logs
 from nena_edge_agent.driver.map_port import MapPose, MapPoseReport
 from nena_edge_agent.driver.port import PositionInitialized, VelocityReport
 from nena_edge_agent.nav2.commands import Report
-from nena_edge_agent.nav2.localisation import InitialPosition, Localisation, PoseWatch, PublishInitialPose
+from nena_edge_agent.nav2.localisation import (
+    InitialPosition,
+    Localisation,
+    LocaliserWatch,
+    PoseWatch,
+    PublishInitialPose,
+)
 from nena_edge_agent.nav2.poses import PoseReading
 from nena_edge_agent.nav2.settings import LocalisationSettings, RosSettings
 
@@ -226,3 +232,23 @@ def test_a_robot_that_is_unsure_or_lost_goes_on_asking_also_at_standstill(watch:
     assert watch.look(driving=False, unsure=True, now=107.0)
     assert watch.lost
     assert watch.look(driving=False, unsure=False, now=109.0)
+
+
+def test_a_localisation_that_has_gone_or_come_back_is_noticed_once() -> None:
+    watch = LocaliserWatch()
+    one, other = frozenset({"a"}), frozenset({"b"})
+    seen = [watch.look(each, inactive=False) for each in (frozenset[str](), one, one)]
+    assert seen == [None, None, None]
+    looks = [watch.look(frozenset(), inactive=False) for _ in range(4)]
+    assert ["has gone" in str(each) for each in looks] == [False, True, False, False]
+    assert watch.look(other, inactive=False) is None, "its pose is new"
+    assert "started again" in str(watch.look(one | other, inactive=False)), "DDS still shows the old one"
+    assert watch.look(one, inactive=False) is None, "the old one is gone at last"
+
+
+def test_a_localisation_that_is_deactivated_is_noticed() -> None:
+    watch = LocaliserWatch()
+    one = frozenset({"a"})
+    assert watch.look(one, inactive=False) is None
+    assert "not active" in str(watch.look(one, inactive=True))
+    assert watch.look(one, inactive=True) is None

@@ -11,7 +11,7 @@ import pytest
 
 FOLDER = Path(__file__).parents[4] / "services" / "edge_agent"
 FOR_LAUNCH = {"ros2launch", "launch_xml"}
-ROS_IMPORT = re.compile(r"^\s*(?:from|import) (rclpy|\w+_msgs|std_srvs)\b", re.MULTILINE)
+ROS_IMPORT = re.compile(r"^\s*(?:from|import) (rclpy|\w+_msgs|std_srvs|rcl_interfaces)\b", re.MULTILINE)
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from nena_edge_agent.nav2.presence import Lifecycle, LifecycleWatch, Presence, judge
+from nena_edge_agent.nav2.presence import DISCOVERY, Lifecycle, LifecycleWatch, Presence, judge
 from nena_edge_agent.nav2.settings import Navigation, RosSettings
 
 SETTINGS = RosSettings(namespace="r1", domain_id=7)
@@ -32,6 +32,33 @@ def test_what_is_missing_is_said_in_words(presence: Presence, *, pose_known: boo
     assert not report.available
     assert reason in report.reason
     assert "in namespace /r1, domain 7" in report.reason
+
+
+@pytest.mark.parametrize("lifecycle", [Lifecycle.INACTIVE, Lifecycle.STARTING, Lifecycle.SILENT])
+def test_the_pose_is_asked_for_before_nav2_is_blamed(lifecycle: Lifecycle) -> None:
+    report = judge(Presence(GID, 1, lifecycle), SETTINGS, pose_known=False)
+    assert "set the initial position first" in report.reason
+    assert "60 s" in report.reason
+
+
+def test_a_localisation_that_is_not_active_keeps_the_robot() -> None:
+    presence = Presence(GID, 1, Lifecycle.ACTIVE, localiser=Lifecycle.INACTIVE)
+    assert "amcl/get_state" in judge(presence, SETTINGS, pose_known=True).reason
+
+
+def test_the_first_seconds_say_starting() -> None:
+    nothing = Presence(frozenset(), 0, Lifecycle.ABSENT)
+    report = judge(nothing, SETTINGS, pose_known=False, seconds=1.0)
+    assert (report.available, report.starting) == (False, True)
+    assert "just started" in report.reason
+    later = judge(nothing, SETTINGS, pose_known=False, seconds=DISCOVERY)
+    assert (later.starting, "is Nav2 running there?" in later.reason) == (False, True)
+
+
+def test_what_nav2_says_is_told_in_the_first_seconds_too() -> None:
+    report = judge(Presence(GID, 1, Lifecycle.INACTIVE), SETTINGS, pose_known=False, seconds=0.5)
+    assert not report.starting
+    assert judge(Presence(GID, 1, Lifecycle.ACTIVE), SETTINGS, pose_known=True, seconds=0.5).available
 
 
 def test_one_answer_that_stays_out_is_chance_and_two_are_silence() -> None:

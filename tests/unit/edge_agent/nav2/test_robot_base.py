@@ -98,6 +98,34 @@ def test_velocity_that_is_none_and_a_gap_in_the_odometry_are_no_movement() -> No
     assert watch.blocked(driving=True, now=10.0)
 
 
+def recover(watch: MovementWatch, start: float, seconds: float, *, count: bool) -> float:
+    """Let a robot spin, wait and back up as Nav2's recoveries do; gives the time at the end."""
+    now, recoveries = start, 0
+    while now < start + seconds:
+        for speed, omega, lasts in ((0.0, 1.0, 1.6), (0.0, 0.0, 5.0), (-0.15, 0.0, 2.0)):
+            recoveries += 1
+            if count:
+                watch.on_recoveries(recoveries)
+            now = drive(watch, speed, omega, start=now, seconds=lasts)
+    return now
+
+
+def test_recoveries_are_no_progress() -> None:
+    watch = MovementWatch(10.0)
+    watch.blocked(driving=True, now=0.0)
+    now = recover(watch, 0.0, 12.0, count=True)
+    assert watch.blocked(driving=True, now=now)
+    now = drive(watch, 0.5, 0.0, start=now, seconds=2.0)
+    assert not watch.blocked(driving=True, now=now)
+
+
+def test_recoveries_that_nothing_counts_are_no_progress_in_the_end() -> None:
+    watch = MovementWatch(10.0)
+    watch.blocked(driving=True, now=0.0)
+    now = recover(watch, 0.0, 45.0, count=False)
+    assert watch.blocked(driving=True, now=now)
+
+
 DISCHARGING = 2
 CHARGING = 1
 

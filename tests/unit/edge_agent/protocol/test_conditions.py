@@ -7,6 +7,7 @@ import pytest
 from nena_edge_agent.driver.port import (
     BlockedReport,
     CollisionReport,
+    DriveLimits,
     DriveProgress,
     NavigationReport,
     Pose,
@@ -14,7 +15,12 @@ from nena_edge_agent.driver.port import (
     SessionReport,
     SessionState,
 )
-from nena_edge_agent.protocol.conditions import ACTION_PLUGIN_UNUSABLE, RECOVERY_SHOWN, ROBOT_BLOCKED
+from nena_edge_agent.protocol.conditions import (
+    ACTION_PLUGIN_UNUSABLE,
+    DEVIATION_TOO_SMALL,
+    RECOVERY_SHOWN,
+    ROBOT_BLOCKED,
+)
 from nena_edge_agent.protocol.declaration import ActionDeclaration
 from nena_edge_agent.protocol.events import (
     ErrorSwitched,
@@ -26,13 +32,14 @@ from nena_edge_agent.protocol.events import (
     ReportState,
     ResumeAction,
     SafetyReport,
+    SendFactsheet,
     StartAction,
 )
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType
 from nena_shared.vda5050.factsheet import ActionScope
 from nena_shared.vda5050.own_actions import ROS_SESSION, START_ROS_SESSION, STOP_ROS_SESSION
 from nena_shared.vda5050.state import EmergencyStop, OperatingMode
-from support.robot_core import ACTIONS, MAP, Bench, action, at, order
+from support.robot_core import ACTIONS, MAP, Bench, action, at, order, position
 
 STANDS = BlockedReport(blocked=True, seconds=20.0)
 
@@ -279,3 +286,31 @@ def test_the_collision_monitor_is_a_reason_only_on_the_way() -> None:
     assert robot.errors == ["COLLISION_STOP"]
     robot.do(CollisionReport(stops=False, polygon=""))
     assert robot.errors == []
+
+
+LIMITS = DriveLimits(tolerance=0.25, hand_over=0.6, map_id=MAP)
+
+
+def test_a_node_that_navigation_reaches_by_chance_alone_is_told_before_it_is_driven_to() -> None:
+    bench = Bench()
+    bench.do(LIMITS)
+    narrow = {"n2": position(20.0, radius=0.1)}
+    bench.send(order("n0", "n1", "n2", positions=narrow))
+
+    (error,) = bench.state.errors
+    assert (error.error_type, error.error_level) == (DEVIATION_TOO_SMALL, ErrorLevel.WARNING)
+    assert "'n2' allows a deviation of 0.1 m" in str(error.error_description)
+    assert "0.25 m" in str(error.error_description)
+
+
+def test_nodes_that_allow_enough_or_leave_it_to_the_robot_are_well() -> None:
+    bench = Bench()
+    bench.do(LIMITS)
+    bench.send(order("n0", "n1", "n2", positions={"n2": position(20.0, radius=0.25)}))
+    assert bench.errors == []
+
+
+def test_limits_of_navigation_are_in_the_factsheet_once() -> None:
+    bench = Bench()
+    assert SendFactsheet() in bench.do(LIMITS)
+    assert SendFactsheet() not in bench.do(LIMITS)

@@ -11,6 +11,7 @@ from nena_edge_agent.driver.port import (
     Arrived,
     DriveFailed,
     DriveFailure,
+    DriveLimits,
     GoalReport,
     GoalTable,
     Halted,
@@ -223,6 +224,15 @@ def test_a_fast_robot_is_given_the_next_goal_before_navigation_plans_again(
     bench.send(order("n0", "n1", "n2", positions={"n1": position(10.0, radius=3.0)}))
     for x, nodes in ((given_at - 0.11, ["n1", "n2"]), (given_at, ["n2"])):
         bench.do(PoseReport(Pose(x, 0.0, 0.0, MAP), localized=True, vx=speed, omega=0.0))
+        assert bench.nodes == nodes
+
+
+def test_what_navigation_tells_of_itself_says_when_the_next_goal_is_given() -> None:
+    bench = Bench(**PASS, pass_radius=0.5, hand_over_distance=0.25, hand_over_time=1.0)
+    bench.do(DriveLimits(tolerance=0.25, hand_over=0.6, map_id=MAP))
+    bench.send(order("n0", "n1", "n2", positions={"n1": position(10.0, radius=3.0)}))
+    for x, nodes in ((8.85, ["n1", "n2"]), (8.95, ["n2"])):
+        bench.do(PoseReport(Pose(x, 0.0, 0.0, MAP), localized=True, vx=0.5, omega=0.0))
         assert bench.nodes == nodes
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from nena_edge_agent.driver.port import Pose, PositionInitialized
+from nena_edge_agent.driver.port import NavigationReport, Pose, PositionInitialized, VelocityReport
 from nena_edge_agent.protocol.action_states import DESCRIPTOR_SHOWN
 from nena_edge_agent.protocol.events import (
     ActionReport,
@@ -460,3 +460,27 @@ def test_an_ended_order_does_not_go_on_from_a_place_that_the_robot_was_taken_awa
     (refusal,) = bench.state.errors
     assert refusal.error_type == ErrorType.OUTDATED_ORDER_UPDATE
     assert refusal.error_hint == "send a new order"
+
+
+GONE = NavigationReport(available=False, reason="Nav2 does not come up without a pose")
+
+
+def test_a_position_can_be_set_while_a_goal_waits_for_navigation() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1"))
+    bench.do(GONE)
+
+    bench.instant(be_at(x=0.0, node="n0"))
+
+    assert bench.effects_of(SetPosition)
+    assert bench.status("i") == "RUNNING"
+
+
+def test_no_position_is_set_while_the_robot_rolls_without_navigation() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1"))
+    bench.do(GONE, VelocityReport(0.4, 0.0))
+
+    bench.instant(be_at(x=0.0, node="n0"))
+
+    assert bench.status("i") == "FAILED"

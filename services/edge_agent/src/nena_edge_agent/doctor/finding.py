@@ -15,8 +15,8 @@ class Link(StrEnum):
     ACCESS = "access"
     DOMAIN = "ROS domain"
     NAMESPACE = "namespace"
-    NAVIGATION = "Nav2"
     LOCALISATION = "localisation"
+    NAVIGATION = "Nav2"
     MAP = "map"
     CLOCK = "clock"
 

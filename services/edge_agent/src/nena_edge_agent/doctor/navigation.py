@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from nena_edge_agent.doctor.finding import Link, LinkFinding, LinkVerdict, missing, ok, unknown
 from nena_edge_agent.nav2.poses import PoseReading, localized
-from nena_edge_agent.nav2.presence import Lifecycle
+from nena_edge_agent.nav2.presence import POSE_FIRST, Lifecycle
 from nena_edge_agent.nav2.settings import RosSettings
 
 
@@ -44,6 +44,10 @@ class RosView:
     lifecycle: Lifecycle = Lifecycle.ABSENT
     pose: PoseReading | None = None
     grid: Grid | None = None
+    tolerance: float | None = None
+    """Metres from a goal within which Nav2 counts it as reached (``xy_goal_tolerance``)."""
+    server_timeout: float | None = None
+    """Milliseconds that bt_navigator waits for its servers (``default_server_timeout``)."""
     clock_offset: float | None = None
     """Seconds that the newest odometry was stamped ahead of this program's clock; None: none came."""
 
@@ -86,18 +90,21 @@ def judge_clock(*, kept: bool | None, ros_offset: float | None) -> LinkFinding:
     return ok(Link.CLOCK, f"{'synchronised' if kept else 'runs'}; {seen}")
 
 
-ROS_LINKS = (Link.DOMAIN, Link.NAMESPACE, Link.NAVIGATION, Link.LOCALISATION)
+ROS_LINKS = (Link.DOMAIN, Link.NAMESPACE, Link.LOCALISATION, Link.NAVIGATION)
 NODES_SHOWN = 3
 
 
 def judge_robot(view: RosView, settings: RosSettings) -> list[LinkFinding]:
-    """Judge domain, namespace, Nav2 and localisation; what builds on a missing link is not judged."""
+    """Judge domain, namespace, localisation and Nav2; what builds on a missing link is not judged.
+
+    The localisation comes first: Nav2's planner does not become active without a pose.
+    """
     findings = [_domain(view, settings)]
     if findings[-1].verdict is LinkVerdict.OK:
         findings.append(_namespace(view, settings))
     if findings[-1].link is Link.NAMESPACE and findings[-1].verdict is LinkVerdict.OK:
-        findings.append(_navigation(view, settings))
         findings.append(_localisation(view, settings))
+        findings.append(_navigation(view, settings))
     return [*findings, *unknown(ROS_LINKS[len(findings) :], f"needs the {findings[-1].link}")]
 
 
@@ -164,6 +171,11 @@ def _namespace(view: RosView, settings: RosSettings) -> LinkFinding:
 
 def _navigation(view: RosView, settings: RosSettings) -> LinkFinding:
     names = settings.names
+    if view.lifecycle in (Lifecycle.INACTIVE, Lifecycle.SILENT) and view.pose is None:
+        state = (
+            "is not active" if view.lifecycle is Lifecycle.INACTIVE else "does not answer, as while it starts"
+        )
+        return missing(Link.NAVIGATION, f"Nav2 {state}, and the robot has no pose", POSE_FIRST)
     if view.lifecycle is Lifecycle.INACTIVE:
         remedy = "activate it: ros2 service call .../manage_nodes, or autostart: true in Nav2's parameters"
         return missing(Link.NAVIGATION, f"{names.lifecycle} says that Nav2 is not active", remedy)
@@ -173,14 +185,31 @@ def _navigation(view: RosView, settings: RosSettings) -> LinkFinding:
         remedy = "see that bt_navigator is configured and active; ros.names.goal_pose names the topic"
         return missing(Link.NAVIGATION, f"no node subscribes to {names.goal_pose}", remedy)
     known = "active" if view.lifecycle is Lifecycle.ACTIVE else "there; it has no lifecycle manager to ask"
-    return ok(Link.NAVIGATION, f"{known}, and takes goals on {names.goal_pose}")
+    text = f"{known}, and takes goals on {names.goal_pose}{_drives(view)}"
+    tolerance = settings.goals.goal_tolerance
+    if tolerance is not None and view.tolerance is not None and tolerance < view.tolerance:
+        remedy = "leave ros.goals.goal_tolerance unset, so that it is read from Nav2"
+        text = f"{text}, and ros.goals.goal_tolerance is {tolerance:g} m"
+        return LinkFinding(Link.NAVIGATION, LinkVerdict.DOUBTFUL, text, remedy)
+    return ok(Link.NAVIGATION, text)
+
+
+def _drives(view: RosView) -> str:
+    """Describe what Nav2's parameters say."""
+    told = []
+    if view.tolerance is not None:
+        told.append(f"counts them as reached within {view.tolerance:g} m (no node may allow less)")
+    if view.server_timeout is not None:
+        told.append(f"waits {view.server_timeout:g} ms for its servers")
+    return "".join(f"; {each}" for each in told)
 
 
 def _localisation(view: RosView, settings: RosSettings) -> LinkFinding:
     pose, names = view.pose, settings.names
     if pose is None:
         remedy = (
-            "set the initial position (RViz, or the action initPosition); see whether the localisation runs"
+            "set the initial position (RViz, or the action initPosition); see whether the localisation runs. "
+            "Nav2 needs it within 60 s of its start"
         )
         return missing(Link.LOCALISATION, f"no pose comes on {names.pose}", remedy)
     if pose.frame.removeprefix("/") != settings.frame:

@@ -16,6 +16,7 @@ from std_srvs.srv import Empty, Trigger
 from nena_edge_agent.doctor.navigation import Grid, RosView
 from nena_edge_agent.nav2 import messages
 from nena_edge_agent.nav2.node import LATCHED, RELIABLE, SENSOR
+from nena_edge_agent.nav2.parameters import ParameterReader
 from nena_edge_agent.nav2.poses import PoseReading
 from nena_edge_agent.nav2.presence import Lifecycle
 from nena_edge_agent.nav2.session import RosSession
@@ -69,6 +70,7 @@ class _Probe:
             namespace=settings.namespace,
             domain_id=settings.domain_id,
         )
+        self._parameters = ParameterReader(settings)
         self._pose: PoseReading | None = None
         self._grid: Grid | None = None
         self._clock_offset: float | None = None
@@ -92,6 +94,7 @@ class _Probe:
         if self._pose is None:
             await self._session.call(self._fresh_pose, Empty.Request(), seconds=self._settings.call_timeout)
             await _until(lambda: self._pose is not None, POSE_WAIT)
+        parameters = await self._parameters.read()
         return RosView(
             nodes=self._nodes(),
             servers=self._servers(),
@@ -100,6 +103,8 @@ class _Probe:
             lifecycle=await self._lifecycle_state(),
             pose=self._pose,
             grid=self._grid,
+            tolerance=parameters.xy_tolerance,
+            server_timeout=parameters.server_timeout,
             clock_offset=self._clock_offset,
         )
 
@@ -143,6 +148,7 @@ class _Probe:
     def _furnish(self, node: Any) -> None:  # noqa: ANN401 - rclpy carries no types
         names, subscribe = self._settings.names, self._session.subscribe
         self._node = node
+        self._parameters.enter(self._session, node)
         self._goals = node.create_publisher(PoseStamped, names.goal_pose, RELIABLE)
         self._lifecycle = node.create_client(Trigger, names.lifecycle)
         self._fresh_pose = node.create_client(Empty, names.fresh_pose)

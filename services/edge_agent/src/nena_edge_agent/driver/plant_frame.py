@@ -24,6 +24,7 @@ from nena_edge_agent.driver.map_port import (
 from nena_edge_agent.driver.port import (
     Area,
     DriveGoal,
+    DriveLimits,
     DriveProgress,
     DriverEvent,
     Emit,
@@ -92,7 +93,11 @@ class PlantFrame:
                 places = (to_plant(geometry.MapPlace(x, y)) for x, y in points)
                 return PlanReport(tuple((place.x_m, place.y_m) for place in places))
             case DriveProgress(left, recoveries, map_id):
-                return DriveProgress(self.on(map_id).length_to_plant(left), recoveries, map_id)
+                in_plant = None if left is None else self.on(map_id).length_to_plant(left)
+                return DriveProgress(in_plant, recoveries, map_id)
+            case DriveLimits(tolerance, hand_over, map_id):
+                to_length = self.on(map_id).length_to_plant
+                return DriveLimits(to_length(tolerance), to_length(hand_over), map_id)
             case _:
                 return event
 

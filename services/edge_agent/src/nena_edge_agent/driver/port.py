@@ -178,10 +178,14 @@ class BatteryReport:
 
 @dataclass(frozen=True, slots=True)
 class NavigationReport:
-    """Whether goals can be given now; ``reason`` says in words what is missing."""
+    """Whether goals can be given now; ``reason`` says in words what is missing.
+
+    ``starting``: the driver has not looked for it long enough to say.
+    """
 
     available: bool
     reason: str
+    starting: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,6 +217,19 @@ class BlockedReport:
 
 
 @dataclass(frozen=True, slots=True)
+class DriveLimits:
+    """How near to a goal navigation drives: m of the map ``map_id``.
+
+    It counts a goal as reached within ``tolerance``. A goal that is to be passed at speed is replaced
+    ``hand_over`` m, and the way of a replanning period, before it.
+    """
+
+    tolerance: float
+    hand_over: float
+    map_id: str
+
+
+@dataclass(frozen=True, slots=True)
 class PlanReport:
     """The way that navigation means to drive to its goal, from where the robot was: m, two points or more."""
 
@@ -228,9 +245,12 @@ class NoRouteReport:
 
 @dataclass(frozen=True, slots=True)
 class DriveProgress:
-    """What navigation says of the drive under way: metres of ``map_id`` that are left, recoveries so far."""
+    """What navigation says of the drive under way: metres of ``map_id`` that are left, recoveries so far.
 
-    left: float
+    ``left`` None: it has no path.
+    """
+
+    left: float | None
     recoveries: int
     map_id: str
 
@@ -313,6 +333,7 @@ FramelessEvent = (
     | BlockedReport
     | DriveProgress
     | CollisionReport
+    | DriveLimits
     | PositionInitialized
     | GoalTable
     | SessionReport

@@ -27,10 +27,19 @@ if TYPE_CHECKING:
     from nena_edge_agent.nav2.action_client import ActionClient, GoalResult
 
 
+WITHOUT_REASON = (
+    "it gives no reason. Likely it was deactivated or paused by its lifecycle manager, or one of its servers "
+    "did not answer in time: default_server_timeout of bt_navigator is 20 ms, too short for a loaded computer"
+)
+"""What to think of a goal that is aborted with error code 0."""
 SAME = 0.001
 """Metres that two places of the same node may differ by."""
 TURNED_AWAY = 0.3
 """Metres by which a robot is further from a place than it was, when it does not drive to it any more."""
+
+
+FROM_END = 1.0
+"""Metres from the end of a way beyond which a robot has not driven it, whatever navigation says."""
 
 
 class WayDriven:
@@ -131,7 +140,8 @@ class FeedbackFilter:
         if drive == self._progress and now - self._progress_at < PROGRESS_PERIOD:
             return None
         self._progress, self._progress_at = drive, now
-        return DriveProgress(max(0.0, reading.left), reading.recoveries, map_id)
+        left = reading.left if reading.left > 0.0 else None  # Nav2 says 0 as long as it has no path
+        return DriveProgress(left, reading.recoveries, map_id)
 
 
 log = get_logger(__name__)
@@ -166,7 +176,7 @@ class ActionTracker(GoalTracker):
     @property
     def busy(self) -> bool:
         """Whether something is waited for, so that :meth:`tick` is needed."""
-        return self._aborted is not None or super().busy
+        return self._aborted is not None or self._registry.yields or super().busy
 
     def go_to(self, goal: MapGoal, now: float) -> list[Command]:
         """GoalDrive to ``goal``; where the one that is driven leads there anyway, nothing is sent."""
@@ -193,8 +203,15 @@ class ActionTracker(GoalTracker):
 
     def on_other_statuses(self, entries: Sequence[GoalEntry], now: float) -> list[Command]:
         """Take the status array of the action that this agent gives no goals to."""
-        self._registry.set_others(entries)
+        foreign = self._registry.set_others(entries, now)
         self._report_table()
+        drive = self._drive
+        if foreign and drive is not None and drive.goal_id is not None and drive.reached_at is None:
+            text = (
+                f"another client gave Nav2 a goal ({foreign}), which Nav2 does not take while it drives over "
+                "several places: this robot makes way, and the goal can be given again"
+            )
+            self._fail(drive, DriveFailure.TAKEN_OVER, text)
         return self._advance(now)
 
     def on_goal_answer(self, goal_id: str, now: float, *, accepted: bool | None) -> list[Command]:
@@ -247,7 +264,9 @@ class ActionTracker(GoalTracker):
         if drive is None or drive.reached_at is None or not drive.goal.ahead or pose is None:
             super()._judge_arrival(now)
         elif agrees(pose, drive.goal):
-            self._arrive(drive)
+            self._arrive(drive, now)
+        elif drive.may_be_undriven and not near(pose, drive.goal.ahead[-1], xy=FROM_END, theta=None):
+            self._give_again(drive)
         elif now - drive.reached_at >= self._settings.pose_wait:
             self._give_alone(drive)
 
@@ -264,6 +283,8 @@ class ActionTracker(GoalTracker):
                 self._follow(drive, goal_id, now, lost=False)
             else:
                 self._aborted = None
+        if self._registry.end_yielding(now):
+            self._report_table()
         self._ask_result()
         return super()._advance(now)
 
@@ -286,11 +307,13 @@ class ActionTracker(GoalTracker):
 
     def _fail_aborted(self, drive: GoalDrive, goal_id: str) -> None:
         told_of, code, meaning = self._reason
-        if told_of != goal_id or meaning is None:
+        if told_of == goal_id and meaning is not None:
+            text = f"Nav2 has aborted the goal {goal_id}: {meaning.reason}"
+            self._fail(drive, DriveFailure.ABORTED, text, hint=meaning.hint, code=code)
+        elif told_of == goal_id and self._registry.taken_over(goal_id) is None:
+            self._fail(drive, DriveFailure.ABORTED, f"Nav2 has aborted the goal {goal_id}: {WITHOUT_REASON}")
+        else:
             super()._fail_aborted(drive, goal_id)
-            return
-        text = f"Nav2 has aborted the goal {goal_id}: {meaning.reason}"
-        self._fail(drive, DriveFailure.ABORTED, text, hint=meaning.hint, code=code)
 
     def _refusal(self, drive: GoalDrive) -> str:
         if drive is self._sent_for and self._refused:

@@ -10,6 +10,7 @@ import asyncio
 from collections.abc import Iterable, Sequence
 from contextlib import AsyncExitStack, suppress
 from dataclasses import replace
+from math import inf
 from typing import TYPE_CHECKING
 
 from nena_edge_agent.driver.map_port import (
@@ -27,6 +28,7 @@ from nena_edge_agent.driver.port import (
     BlockedReport,
     DriveFailed,
     DriveFailure,
+    DriveLimits,
     Halted,
     NavigationReport,
     PositionInitialized,
@@ -48,7 +50,13 @@ from nena_edge_agent.nav2.commands import (
 )
 from nena_edge_agent.nav2.goals import GoalEntry, GoalIdPrefix
 from nena_edge_agent.nav2.keep_out import KeepOutMask
-from nena_edge_agent.nav2.localisation import InitialPosition, Localisation, PoseWatch, PublishInitialPose
+from nena_edge_agent.nav2.localisation import (
+    InitialPosition,
+    Localisation,
+    LocaliserWatch,
+    PoseWatch,
+    PublishInitialPose,
+)
 from nena_edge_agent.nav2.map_server import MapServer
 from nena_edge_agent.nav2.offers import COLLISION_MONITOR, interface, nav2_offers
 from nena_edge_agent.nav2.poses import PoseReading, impossible
@@ -59,7 +67,7 @@ from nena_edge_agent.nav2.session_control import (
     SessionManager,
     prepare_environment,
 )
-from nena_edge_agent.nav2.settings import RosAddress, RosSettings
+from nena_edge_agent.nav2.settings import GOAL_TOLERANCE, RosAddress, RosSettings
 from nena_edge_agent.nav2.speed_limit import SpeedLimiter
 from nena_edge_agent.nav2.transforms import TransformWatch
 from nena_shared.clock import Clock
@@ -69,6 +77,7 @@ from nena_shared.tasks import Supervisor, forever
 
 if TYPE_CHECKING:
     from nena_edge_agent.nav2.node import Nav2Node
+    from nena_edge_agent.nav2.parameters import ParameterReader
 
 
 TICK = 0.05
@@ -120,11 +129,13 @@ class Nav2Driver:
         self._feedback = FeedbackFilter()
         self._initial_position = InitialPosition(settings.localisation)
         self._battery = Battery(settings.battery_scale)
+        self._looking_since = -inf
         self._forget_place()
         self._blocked = False
         self._navigation: NavigationReport | None = None
         self._node: Nav2Node | None = None
         self._transforms = TransformWatch(settings, self._on_pose)
+        self._parameters: ParameterReader | None = None
         self._tasks = Supervisor()
         self._stack = AsyncExitStack()
         self._ticking: asyncio.TimerHandle | None = None
@@ -243,6 +254,7 @@ class Nav2Driver:
 
     async def _open_node(self, address: RosAddress) -> None:
         from nena_edge_agent.nav2.node import Listeners, Nav2Node  # noqa: PLC0415 - needs rclpy
+        from nena_edge_agent.nav2.parameters import ParameterReader  # noqa: PLC0415 - needs rclpy
 
         self._settings = address.applied(self._settings)
         listeners = Listeners(
@@ -253,14 +265,15 @@ class Nav2Driver:
             self._on_battery,
             self._on_plan,
         )
-        found = (self._transforms, self._limiter, self._map_server, self._keep_out)
+        self._parameters = ParameterReader(self._settings)
+        found = (self._transforms, self._parameters, self._limiter, self._map_server, self._keep_out)
         own: list[NodeExtension] = [each for each in found if each is not None]
         if interface(COLLISION_MONITOR) is not None:
             own.append(CollisionMonitor(self._settings.names.collision_monitor, self._tell))
         extensions = (*self._extensions, *own, *self._action.new_client(self._settings))
         node = Nav2Node(self._settings, listeners, extensions)
         await node.start(self._on_failure)
-        self._node = node
+        self._node, self._looking_since = node, self._clock.monotonic()
 
     async def _close_node(self) -> None:
         """Leave the graph with the robot at a stand."""
@@ -270,22 +283,34 @@ class Nav2Driver:
         if node is not None:
             await node.stop()
 
-    def _lose_place(self) -> None:
-        """Report that the robot's position is unknown."""
+    def _lose_place(self, problem: str) -> None:
+        """Report that the robot's position is unknown; the one of before counts no more."""
         report = self._localisation.report()
         self._forget_place()
+        self._tracker.forget_pose()
         if report is not None:
-            problem = "its ROS session is not active"
+            self._log.warning("the robot's position is not known any more", reason=problem)
             self._tell(replace(report, localized=False, vx=None, omega=None, problem=problem))
 
     def _forget_place(self) -> None:
         """Start again to learn where the robot is: it may be another one, or be pushed around."""
         settings = self._settings
         self._localisation = Localisation(settings, self._map_id)
+        self._localiser_watch = LocaliserWatch()
         self._movement = MovementWatch(settings.goals.blocked_after)
         self._pose_watch = PoseWatch(
             timeout=settings.localisation.pose_timeout, wait=settings.goals.pose_wait
         )
+
+    def _watch_localiser(self, seen: presence.Presence) -> None:
+        """Forget the pose of a localisation that has gone or was started again, and ask for a new one."""
+        inactive = seen.localiser is presence.Lifecycle.INACTIVE
+        problem = self._localiser_watch.look(seen.localisers, inactive=inactive)
+        if problem is not None:
+            watch = self._localiser_watch
+            self._lose_place(problem)
+            self._localiser_watch = watch
+            self._apply([RequestPose()])
 
     async def _stand(self) -> None:
         self.halt()
@@ -305,9 +330,16 @@ class Nav2Driver:
                 self._look_at_transforms()
                 seen = await self._node.presence()
                 seen = replace(seen, action=self._action.look())
-                report = presence.judge(seen, self._settings, pose_known=self._localisation.known)
+                report = presence.judge(
+                    seen,
+                    self._settings,
+                    pose_known=self._localisation.known,
+                    seconds=self._clock.monotonic() - self._looking_since,
+                )
+                await self._read_limits(report)
                 report = await self._with_map(self._with_limits(report))
                 self._on_navigation(seen.servers, report)
+                self._watch_localiser(seen)
                 self._watch_drive()
         await asyncio.sleep(self._settings.watch_period)
 
@@ -337,10 +369,23 @@ class Nav2Driver:
             return report
         return NavigationReport(available=False, reason=self._map_server.problem)
 
+    async def _read_limits(self, report: NavigationReport) -> None:
+        """Read how near Nav2 drives to a goal, each time that it has become available."""
+        was_available = self._navigation is not None and self._navigation.available
+        if not report.available or was_available or self._parameters is None:
+            return
+        told = await self._parameters.read()
+        tolerance = self._settings.goals.goal_tolerance or told.xy_tolerance or GOAL_TOLERANCE
+        hand_over = max(tolerance, told.approach or 0.0)
+        self._log.info("Nav2's parameters", tolerance=tolerance, hand_over=hand_over)
+        self._tell(DriveLimits(tolerance, hand_over, self._map_id))
+
     def _on_navigation(self, servers: frozenset[str], report: NavigationReport) -> None:
         now = self._clock.monotonic()
         self._apply(self._tracker.on_servers(servers, now))
         self._apply(self._tracker.on_navigation(report, now))
+        if report.available:
+            self._looking_since = -inf
         self._tell_navigation(report)
 
     def _tell_navigation(self, report: NavigationReport) -> None:
@@ -378,7 +423,7 @@ class Nav2Driver:
         """Report the session; without one there is no Nav2, and with a new one it is looked for."""
         self._tell(report)
         if report.state in (SessionState.NOT_ACTIVE, SessionState.FAILED):
-            self._lose_place()
+            self._lose_place("its ROS session is not active")
             text = f"its ROS session is {report.state}"
             reason = f"{text}: {report.reason}" if report.reason else text
             self._on_navigation(frozenset(), NavigationReport(available=False, reason=reason))
@@ -414,6 +459,7 @@ class Nav2Driver:
                 self._movement.on_pose(pose, now)
                 self._report_pose()
                 self._apply(self._tracker.on_pose(pose, now))
+        self._movement.on_recoveries(reading.recoveries)
         if progress := self._feedback.progress(reading, self._map_id, now):
             self._tell(progress)
 

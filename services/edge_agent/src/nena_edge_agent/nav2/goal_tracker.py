@@ -147,6 +147,8 @@ class GoalTracker:
         self._table = GoalTable()
         self._reclaimed: MapOwnGoals | None = None
         self._reclaimed_until: float | None = None
+        self._arrived_at: float | None = None
+        """When the last goal was reached, while a pose of the robot at rest is still to be asked for."""
         self._out: list[Command] = []
 
     @property
@@ -155,7 +157,7 @@ class GoalTracker:
         drive = self._drive
         waiting = drive is not None and (drive.goal_id is None or drive.reached_at is not None)
         stopping = self._halt is not None or bool(self._cancels) or self._runaway
-        return waiting or stopping or self._reclaimed is not None
+        return waiting or stopping or self._reclaimed is not None or self._arrived_at is not None
 
     @property
     def driving(self) -> bool:
@@ -240,6 +242,10 @@ class GoalTracker:
         self._pose, self._pose_at = pose, now
         return self._advance(now)
 
+    def forget_pose(self) -> None:
+        """Forget where the robot is: the localisation does not know it any more."""
+        self._pose = None
+
     def on_velocity(self, speed: float, omega: float, now: float) -> None:
         """Take a velocity of the odometry: m/s and rad/s."""
         self._standstill.on_velocity(speed, omega, now)
@@ -288,6 +294,7 @@ class GoalTracker:
         self._stop_motion(now)
         self._let_go_of_reclaimed(now)
         self._cancel_leftovers(now)
+        self._refresh_pose(now)
         commands, self._out = self._out, []
         return commands
 
@@ -397,7 +404,7 @@ class GoalTracker:
         if drive is None or drive.reached_at is None:
             return
         if self._pose is not None and agrees(self._pose, drive.goal):
-            self._arrive(drive)
+            self._arrive(drive, now)
         elif drive.may_be_undriven and not self._may_agree(drive.goal):
             self._give_again(drive)
         elif drive.pose_may_come(now, self._settings.pose_wait):
@@ -405,7 +412,7 @@ class GoalTracker:
         elif drive.may_be_undriven:
             self._give_again(drive)
         elif self._pose_at < drive.reached_at and self._may_agree(drive.goal):
-            self._arrive(drive)
+            self._arrive(drive, now)
         elif not drive.poses_are_late(now):
             self._fail(drive, DriveFailure.OUTSIDE_TOLERANCE, self._disagreement(drive.goal))
 
@@ -520,8 +527,19 @@ class GoalTracker:
                 self._cancels[goal_id] = now + self._settings.cancel_time
                 self._out.append(CancelGoal(goal_id))
 
-    def _arrive(self, drive: GoalDrive) -> None:
-        self._drive = None
+    def _refresh_pose(self, now: float) -> None:
+        """Ask for a pose once the robot has come to rest at its goal: the last one is from the way there."""
+        arrived_at, stands = self._arrived_at, self._standstill
+        if arrived_at is None:
+            return
+        if self._drive is not None:
+            self._arrived_at = None
+        elif stands.stands(now) or now - arrived_at >= self._settings.standstill_timeout:
+            self._arrived_at = None
+            self._out.append(RequestPose())
+
+    def _arrive(self, drive: GoalDrive, now: float) -> None:
+        self._drive, self._arrived_at = None, now
         self._report(Arrived(drive.goal.generation))
 
     def _fail(

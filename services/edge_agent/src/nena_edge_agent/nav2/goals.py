@@ -267,6 +267,9 @@ def _merged(old: Goal | None, entry: GoalEntry, *, ours: bool) -> Goal:
     return Goal(old.ours, entry.status, old.past)
 
 
+YIELD_TIME = 10.0
+"""Seconds in which another client can give a goal again that Nav2 refused because this agent drove."""
+
 LENGTH = 8
 """Bytes of an id, of 16, that are the same in all ids of an agent; the others are drawn by lot."""
 
@@ -296,19 +299,56 @@ class PrefixedGoalRegistry(GoalRegistry):
         super().__init__(confirmation_time=confirmation_time, settle_time=settle_time)
         self._prefix = prefix
         self._others: tuple[GoalReport, ...] = ()
+        self._others_known: dict[str, GoalStatus] | None = None
+        self._yield_until: float | None = None
 
     @property
     def table(self) -> GoalTable:
         """The goals of the last array, and before them those that run at the other action."""
         return GoalTable((*self._others, *super().table.goals))
 
-    def set_others(self, entries: Sequence[GoalEntry]) -> None:
-        """Take the goals of the action that only others give goals to."""
+    @property
+    def yields(self) -> bool:
+        """Whether somebody may give a goal again that Nav2 did not take."""
+        return self._yield_until is not None
+
+    def set_others(self, entries: Sequence[GoalEntry], now: float) -> str | None:
+        """Take the goals of the action that others alone use; return a new one that comes in our way.
+
+        Nav2 drives for one action at a time, and aborts a goal of the other one within milliseconds. Such a
+        goal counts as running for :data:`YIELD_TIME`, in which it can be given again.
+        """
+        foreign = {each.goal_id: each.status for each in entries if not self._prefix.matches(each.goal_id)}
+        known, self._others_known = self._others_known, foreign
+        running = [goal_id for goal_id, status in foreign.items() if not status.terminal]
+        since = self._servers_since
+        latched = known is None and (since is None or now - since < self._settle_time)
+        before = foreign if latched else known or {}
+        refused = [
+            goal_id
+            for goal_id, status in foreign.items()
+            if status is GoalStatus.ABORTED and not (goal_id in before and before[goal_id].terminal)
+        ]
+        if running:
+            self._yield_until, shown = None, running
+        elif refused and self.live:
+            self._yield_until, shown = now + YIELD_TIME, refused[-1:]
+        elif self._yield_until is None:
+            shown = []
+        else:
+            return None
         self._others = tuple(
-            GoalReport(entry.goal_id, external=True, status=entry.status.name)
-            for entry in entries
-            if not entry.status.terminal and not self._prefix.matches(entry.goal_id)
+            GoalReport(goal_id, external=True, status=foreign[goal_id].name) for goal_id in shown
         )
+        fresh = [goal_id for goal_id in shown if goal_id not in before]
+        return fresh[-1] if fresh and self.live else None
+
+    def end_yielding(self, now: float) -> bool:
+        """Go on once the time is over in which another client's goal could be given again; return whether."""
+        if self._yield_until is None or now < self._yield_until:
+            return False
+        self._yield_until, self._others = None, ()
+        return True
 
     def sent(self, now: float) -> None:
         """Note that a goal with an id of ours is sent; its answer is awaited."""

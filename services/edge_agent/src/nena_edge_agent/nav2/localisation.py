@@ -102,6 +102,33 @@ class Localisation:
             )
 
 
+class LocaliserWatch:
+    """Notices that the localisation has died, was started again or deactivated; its pose counts no more then.
+
+    One that is missing at two looks has gone. A publisher that turns up beside another one is that one,
+    started again: DDS shows one that has crashed for another 20 s.
+    """
+
+    def __init__(self) -> None:
+        self._publishers: frozenset[str] = frozenset()
+        self._missed = self._inactive = False
+
+    def look(self, publishers: frozenset[str], *, inactive: bool) -> str | None:
+        """Take the endpoint ids of those who publish the pose; return why it is to be forgotten."""
+        before, was_missed, was_inactive = self._publishers, self._missed, self._inactive
+        self._missed, self._inactive = bool(before) and not publishers, inactive
+        if self._missed and not was_missed:
+            return None  # all of Nav2 may be going, which is told first
+        self._publishers = publishers
+        if self._missed:
+            return "the localisation has gone: nothing publishes its pose"
+        if before and publishers - before:
+            return "the localisation was started again, and its pose from before counts no more"
+        if inactive and not was_inactive:
+            return "the localisation is not active"
+        return None
+
+
 def _is_past(reading: PoseReading, newest: PoseReading) -> bool:
     return reading == newest or 0 < newest.stamp - reading.stamp < CLOCK_JUMP
 

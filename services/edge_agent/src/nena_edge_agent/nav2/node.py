@@ -14,6 +14,8 @@ from typing import Any
 from action_msgs.msg import GoalStatusArray
 from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+from lifecycle_msgs.msg import State
+from lifecycle_msgs.srv import GetState
 from nav_msgs.msg import Odometry, Path
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -66,7 +68,7 @@ class Nav2Node:
         self._extensions = extensions
         self._settings = settings
         self._listeners = listeners
-        self._lifecycle_watch = LifecycleWatch()
+        self._lifecycle_watch, self._localiser_watch = LifecycleWatch(), LifecycleWatch()
         self._hears_all_localisers = False
         self._session = RosSession(
             node_name=settings.node_name, namespace=settings.namespace, domain_id=settings.domain_id
@@ -117,17 +119,28 @@ class Nav2Node:
 
     async def presence(self) -> Presence:
         """Check whether Nav2 is there; takes at most the time-out of a call."""
-        there = self._lifecycle.service_is_ready()
-        answer = await self._call(self._lifecycle, Trigger.Request()) if there else None
+        there, localiser = self._lifecycle.service_is_ready(), self._localiser.service_is_ready()
+        active, state = await asyncio.gather(
+            self._call(self._lifecycle, Trigger.Request()), self._call(self._localiser, GetState.Request())
+        )
         self._hear_localiser_that_does_not_latch()
-        publishers = self._node.get_publishers_info_by_topic(status_of(self._settings.action))
         return Presence(
-            servers=frozenset(bytes(publisher.endpoint_gid).hex() for publisher in publishers),
+            servers=self._publishers(status_of(self._settings.action)),
             goal_listeners=self._goals.get_subscription_count(),
             lifecycle=self._lifecycle_watch.judge(
-                there=there, active=None if answer is None else bool(answer.success)
+                there=there, active=None if active is None else bool(active.success)
+            ),
+            localisers=self._publishers(self._settings.names.pose),
+            localiser=self._localiser_watch.judge(
+                there=localiser,
+                active=None if state is None else state.current_state.id == State.PRIMARY_STATE_ACTIVE,
             ),
         )
+
+    def _publishers(self, topic: str) -> frozenset[str]:
+        """Return the endpoint ids of those who publish a topic."""
+        found = self._node.get_publishers_info_by_topic(topic)
+        return frozenset(bytes(publisher.endpoint_gid).hex() for publisher in found)
 
     async def _call(self, client: Any, request: Any) -> Any:  # noqa: ANN401 - rclpy carries no types
         return await self._session.call(client, request, seconds=self._settings.call_timeout)
@@ -145,6 +158,7 @@ class Nav2Node:
         ]
         self._fresh_pose = node.create_client(Empty, names.fresh_pose)
         self._lifecycle = node.create_client(Trigger, names.lifecycle)
+        self._localiser = node.create_client(GetState, names.localiser)
         self._listen(node)
         for extension in self._extensions:
             extension.enter(self._session, node)

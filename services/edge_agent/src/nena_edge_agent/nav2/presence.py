@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import Enum, auto
 
@@ -10,6 +11,15 @@ from nena_edge_agent.nav2.settings import Navigation, RosSettings, status_of
 
 MISSES = 2
 """Calls without an answer after which a service counts as silent."""
+
+
+DISCOVERY = 5.0
+"""Seconds that it takes at most to see what there is in the ROS graph."""
+POSE_FIRST = (
+    "set the initial position first. Nav2's planner waits 60 s for one and then gives up for good: if Nav2 "
+    "has run for longer without, start it again"
+)
+"""What to do where Nav2 is not active and the robot has no pose."""
 
 
 class Lifecycle(Enum):
@@ -31,18 +41,25 @@ LIFECYCLE_PROBLEMS = {
 }
 
 
+UNTOLD = frozenset({Lifecycle.ABSENT, Lifecycle.ACTIVE})
+"""Where the lifecycle manager does not say what is wrong."""
+
+
 @dataclass(frozen=True, slots=True)
 class Presence:
     """What the ROS graph shows of Nav2.
 
-    ``servers`` are the endpoint ids of the status array's publishers; ``action``: the action's server is
-    there, and this machine can speak to it.
+    ``servers`` are the endpoint ids of the status array's publishers, ``localisers`` those of the pose's;
+    ``localiser`` is what the localisation's own lifecycle says. ``action``: the action's server is there, and
+    this machine can speak to it.
     """
 
     servers: frozenset[str]
     goal_listeners: int
     lifecycle: Lifecycle
     action: bool = False
+    localisers: frozenset[str] = frozenset()
+    localiser: Lifecycle = Lifecycle.ABSENT
 
 
 class LifecycleWatch:
@@ -66,9 +83,15 @@ class LifecycleWatch:
         return self._known
 
 
-def judge(presence: Presence, settings: RosSettings, *, pose_known: bool) -> NavigationReport:
-    """Return whether goals can be given now."""
+def judge(
+    presence: Presence, settings: RosSettings, *, pose_known: bool, seconds: float = math.inf
+) -> NavigationReport:
+    """Return whether goals can be given now; ``seconds`` is for how long Nav2 has been looked for."""
     missing = _missing(presence, settings, pose_known=pose_known)
+    there = presence.servers and _takes_goals(presence, settings) and pose_known
+    if missing and not there and seconds < DISCOVERY and presence.lifecycle in UNTOLD:
+        missing = f"the agent has just started, and looks for Nav2 {_where(settings)}"
+        return NavigationReport(available=False, reason=missing, starting=True)
     return NavigationReport(available=missing is None, reason=missing or "")
 
 
@@ -79,8 +102,7 @@ def _takes_goals(presence: Presence, settings: RosSettings) -> bool:
 
 
 def _missing(presence: Presence, settings: RosSettings, *, pose_known: bool) -> str | None:
-    names = settings.names
-    where = f"in namespace {settings.namespace}, domain {settings.domain_id}"
+    names, where = settings.names, _where(settings)
     if not presence.servers:
         return f"no node publishes {status_of(settings.action)} {where}: is Nav2 running there?"
     if not _takes_goals(presence, settings):
@@ -88,11 +110,26 @@ def _missing(presence: Presence, settings: RosSettings, *, pose_known: bool) -> 
         if settings.by_action_only:
             doing = f"serves the action {settings.action}"
         return f"no node {doing} {where}: is bt_navigator configured?"
-    if problem := LIFECYCLE_PROBLEMS.get(presence.lifecycle):
+    return _inactive(presence, settings, pose_known=pose_known)
+
+
+def _inactive(presence: Presence, settings: RosSettings, *, pose_known: bool) -> str | None:
+    """Return what is missing of a Nav2 that is there."""
+    names, where = settings.names, _where(settings)
+    problem = LIFECYCLE_PROBLEMS.get(presence.lifecycle)
+    if problem and not pose_known:
+        return f"no pose has come on {names.pose} {where}, and Nav2 is not active: {POSE_FIRST}"
+    if problem:
         return f"{names.lifecycle} {where} {problem}"
+    if presence.localiser is Lifecycle.INACTIVE:
+        return f"{names.localiser} {where} says that the localisation is not active: activate it on the robot"
     if not pose_known:
         return (
             f"no pose has come on {names.pose} {where}: set the initial position, or see whether "
             "the localisation runs"
         )
     return None
+
+
+def _where(settings: RosSettings) -> str:
+    return f"in namespace {settings.namespace}, domain {settings.domain_id}"

@@ -62,41 +62,83 @@ class Standstill:
 
 REACH = 0.1
 """Metres, or radians, that count as movement."""
+AWAY = 0.5
+"""Metres that a robot gets on after recoveries, to count as moving again (Nav2 backs up by 0.3 m)."""
+TURNED = 4.0
+"""Radians that a robot may turn on one spot and count as moving; Nav2's recoveries turn again and again."""
 LONGEST_GAP = 1.0
 """Seconds between two velocities over which the way in between can be reckoned."""
 
 
 class MovementWatch:
-    """Follows odometry and poses; ``timeout`` is in seconds, times are monotonic seconds."""
+    """Follows odometry and poses; ``timeout`` is in seconds, times are monotonic seconds.
+
+    Nav2's recoveries (it spins, backs up and waits) are no progress: while they are counted, and where they
+    cannot be, a robot counts as moving only where it gets away from its place.
+    """
 
     def __init__(self, timeout: float) -> None:
         self._timeout = timeout
         self._moved_at: float | None = None
         self._heard_at = -math.inf
         self._way = self._turn = 0.0
+        self._x = self._y = self._yaw = 0.0
+        self._spot: tuple[float, float] = (0.0, 0.0)
+        self._turned = 0.0
+        self._recoveries = 0
+        self._recovering = False
         self._anchor: MapPose | None = None
+        self._pose_spot: MapPose | None = None
 
     def on_velocity(self, speed: float, omega: float, now: float) -> None:
         """Take a velocity in m/s and rad/s."""
         seconds, self._heard_at = now - self._heard_at, now
         if seconds > LONGEST_GAP or not math.isfinite(speed + omega):
             return
+        self._yaw += omega * seconds
+        self._x += speed * seconds * math.cos(self._yaw)
+        self._y += speed * seconds * math.sin(self._yaw)
         self._way += speed * seconds
         self._turn += omega * seconds
-        if abs(self._way) >= REACH or abs(self._turn) >= REACH:
+        if math.dist((self._x, self._y), self._spot) >= AWAY:
+            self._get_on(now)
+        elif abs(self._way) >= REACH or abs(self._turn) >= REACH:
+            self._turned += abs(self._turn)
             self._way, self._turn = 0.0, 0.0
-            self._moved_at = now
+            self._stir(now)
 
     def on_pose(self, pose: MapPose, now: float) -> None:
         """Take a pose of the localisation."""
-        if self._anchor is None or not near(pose, self._anchor, xy=REACH, theta=REACH):
-            self._anchor, self._moved_at = pose, now
+        stirred = self._anchor is None or not near(pose, self._anchor, xy=REACH, theta=REACH)
+        self._anchor = pose if stirred else self._anchor
+        if self._pose_spot is None or not near(pose, self._pose_spot, xy=AWAY, theta=None):
+            self._get_on(now)
+        elif stirred:
+            self._stir(now)
+
+    def on_recoveries(self, count: int) -> None:
+        """Take how many recoveries navigation has counted in the drive under way."""
+        if count > self._recoveries:
+            self._recovering = True
+            self._spot = (self._x, self._y)
+            self._pose_spot = self._anchor
+        self._recoveries = count
 
     def blocked(self, *, driving: bool, now: float) -> bool:
         """Return whether the robot has stood for too long, with a goal under way all the time."""
         if not driving or self._moved_at is None:
+            self._get_on(now)
+        return self._moved_at is not None and now - self._moved_at >= self._timeout
+
+    def _get_on(self, now: float) -> None:
+        """Note that the robot has got away from where it was."""
+        self._moved_at, self._recovering, self._turned = now, False, 0.0
+        self._spot, self._pose_spot = (self._x, self._y), self._anchor
+
+    def _stir(self, now: float) -> None:
+        """Note that the robot has moved, and maybe only on the spot."""
+        if not self._recovering and self._turned < TURNED:
             self._moved_at = now
-        return now - self._moved_at >= self._timeout
 
 
 log = get_logger(__name__)

@@ -60,6 +60,10 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Radians = Annotated[float, Field(gt=0, le=math.pi)]
 
 
+GOAL_TOLERANCE = 0.25
+"""Metres from a goal within which Nav2 counts it as reached, where nothing else is known."""
+
+
 class Navigation(StrEnum):
     """How goals are given to Nav2."""
 
@@ -105,7 +109,12 @@ class RosNames(SettingsGroup):
         "lifecycle_manager_navigation/is_active",
         description="Service that reports whether Nav2 is active; optional.",
     )
-
+    controller: RosName = Field("controller_server", description="Node whose parameters are read.")
+    planner: RosName = Field("planner_server", description="Node whose parameters are read.")
+    navigator: RosName = Field("bt_navigator", description="Node whose parameters are read.")
+    localiser: RosName = Field(
+        "amcl/get_state", description="Service with the localisation's lifecycle state; optional."
+    )
     through_poses: RosName = Field("navigate_through_poses", description="Nav2's action for several poses.")
     speed_limit: RosName = Field("speed_limit", description="Topic of the controller's speed limit.")
     collision_monitor: RosName = Field(
@@ -179,15 +188,19 @@ class GoalSettings(SettingsGroup):
         description="Largest odometry velocity of a robot that stands, m/s and rad/s. Raise it if the "
         "odometry drifts at rest; the robot's velocity below it is reported as 0.",
     )
-    goal_tolerance: Positive = Field(0.25, description="Nav2's goal tolerance (xy_goal_tolerance), metres.")
+    goal_tolerance: Positive | None = Field(
+        None,
+        description="Nav2's goal tolerance (xy_goal_tolerance), metres. Unset: read from Nav2; 0.25 if it "
+        "does not answer.",
+    )
     replan_period: float = Field(
         1.0,
         ge=0,
         le=60,
         description=(
             "Replanning period of Nav2's behaviour tree, seconds. At a passed node the next goal "
-            "is sent goal_tolerance plus the distance of this time before it, within the node's "
-            "deviation."
+            "is sent the goal tolerance, or the distance in which the controller slows down, plus the "
+            "distance of this time before it, within the node's deviation."
         ),
     )
     blocked_after: Seconds = Field(

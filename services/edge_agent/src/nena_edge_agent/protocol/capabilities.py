@@ -118,7 +118,6 @@ _ALWAYS: tuple[OptionalParameter, ...] = (
         description="The robot drives to coordinates and has no nodes by name.",
     ),
     OptionalParameter(parameter="order.nodes.nodePosition.theta", support=Support.SUPPORTED),
-    OptionalParameter(parameter="order.nodes.nodePosition.allowedDeviationXY", support=Support.SUPPORTED),
     OptionalParameter(parameter="order.nodes.nodePosition.allowedDeviationTheta", support=Support.SUPPORTED),
     OptionalParameter(parameter="order.edges.length", support=Support.SUPPORTED),
 )
@@ -159,15 +158,24 @@ TOLERABLE: frozenset[str] = frozenset({ZONE_SET, *DEMANDS})
 """Fields that the setting ``tolerated_parameters`` may name."""
 
 
-def supported(capabilities: Capabilities) -> tuple[OptionalParameter, ...]:
-    """Return the optional fields for the factsheet; fields that it does not list are unsupported."""
+def supported(capabilities: Capabilities, tolerance: float | None = None) -> tuple[OptionalParameter, ...]:
+    """Return the optional fields for the factsheet; fields that it does not list are unsupported.
+
+    ``tolerance`` is the distance in m from a goal within which navigation counts it as reached.
+    """
+    least = f"at least {tolerance:g} m: Nav2 counts a goal as reached within that" if tolerance else None
+    deviation = OptionalParameter(
+        parameter="order.nodes.nodePosition.allowedDeviationXY",
+        support=Support.SUPPORTED,
+        description=least,
+    )
     more: list[str] = []
     if capabilities.limits_speed:
         more.append(SPEED)
     if ActionStatus.RETRIABLE in capabilities.rules.action_statuses:
         more += ["nodes.actions.retriable", "edges.actions.retriable"]
     listed = (OptionalParameter(parameter=f"order.{each}", support=Support.SUPPORTED) for each in more)
-    return (*_ALWAYS, *listed)
+    return (*_ALWAYS, deviation, *listed)
 
 
 def unsupported(order: Order, capabilities: Capabilities) -> tuple[str, Edge | None] | None:

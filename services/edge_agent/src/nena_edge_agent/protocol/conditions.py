@@ -6,6 +6,7 @@ from functools import lru_cache
 
 from nena_edge_agent.driver.port import PoseReport, SessionReport, SessionState
 from nena_edge_agent.protocol.errors import Until
+from nena_edge_agent.protocol.geometry import radius
 from nena_edge_agent.protocol.robot_state import INSTANT_ACTIONS_SHOWN, NOT_REPORTED, RobotState
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference, ErrorType, error
 from nena_shared.vda5050.own_actions import CONFIGURE_ROS_SESSION, ROS_SESSION, STOP_ROS_SESSION
@@ -16,6 +17,7 @@ ROBOT_BLOCKED = "ROBOT_BLOCKED"
 COLLISION_STOP = "COLLISION_STOP"
 DRIVE_RECOVERS = "DRIVE_RECOVERS"
 DRIVE_RETRIED = "DRIVE_RETRIED"
+DEVIATION_TOO_SMALL = "DEVIATION_TOO_SMALL"
 EXTERNAL_GOAL = "EXTERNAL_GOAL"
 JOURNAL_NOT_WRITTEN = "JOURNAL_NOT_WRITTEN"
 JOURNAL_LOST = "JOURNAL_LOST"
@@ -39,6 +41,7 @@ def check_conditions(robot: RobotState) -> None:
     robot.errors.set_condition(COLLISION_STOP, _collision(robot))
     robot.errors.set_condition(DRIVE_RECOVERS, _recovers(robot))
     robot.errors.set_condition(DRIVE_RETRIED, _retried(robot))
+    robot.errors.set_condition(DEVIATION_TOO_SMALL, _deviation(robot))
     robot.errors.set_condition(EXTERNAL_GOAL, _external_goal(robot))
     robot.errors.set_condition(JOURNAL_NOT_WRITTEN, _journal(robot))
     robot.errors.set_condition(SUBSCRIPTION_REFUSED, _subscriptions(robot))
@@ -97,6 +100,8 @@ def _localization(robot: RobotState) -> ErrorEntry | None:
     unknown_in_order = pose is None and robot.progress.next_node is not None
     if (pose is None or pose.localized) and not unknown_in_order:
         return None
+    if pose is None and robot.reports.navigation.starting:
+        return None  # it has not been looked for long enough
     if switched_off(robot) and robot.idle:
         return None  # expected then, and NAVIGATION_NOT_AVAILABLE says why
     return error(
@@ -196,6 +201,29 @@ def _retried(robot: RobotState) -> ErrorEntry | None:
         error_level=ErrorLevel.WARNING,
         error_description=f"retry {number} of {most} to reach node '{node.node_id}': {goal.problem}",
         error_hint="check the robot's path; the drive fails after the last retry",
+        error_references=_references(nodeId=node.node_id, orderId=robot.progress.order_id),
+    )
+
+
+def _deviation(robot: RobotState) -> ErrorEntry | None:
+    """Report a node of the order that navigation reaches by chance alone, before it is driven to."""
+    limits, default = robot.reports.limits, robot.capabilities.default_deviation_xy
+    if limits is None:
+        return None
+    narrow = (
+        (node, allowed)
+        for node in robot.progress.nodes
+        if node.node_position and (allowed := radius(node.node_position, default)) < limits.tolerance
+    )
+    node, allowed = next(narrow, (None, 0.0))
+    if node is None:
+        return None
+    return ErrorEntry(
+        error_type=DEVIATION_TOO_SMALL,
+        error_level=ErrorLevel.WARNING,
+        error_description=f"node '{node.node_id}' allows a deviation of {allowed:g} m, and Nav2 counts a "
+        f"goal as reached within {limits.tolerance:g} m: the drive to it can fail",
+        error_hint="allow the node a larger deviation, or lower xy_goal_tolerance of Nav2's goal checker",
         error_references=_references(nodeId=node.node_id, orderId=robot.progress.order_id),
     )
 

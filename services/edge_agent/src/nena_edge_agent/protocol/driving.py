@@ -189,7 +189,9 @@ def _may_pass(robot: RobotState, node: Node) -> bool:
 def _pass_radius(robot: RobotState) -> float:
     """Return the distance in m from a passed node at which the next goal is sent, at the present speed."""
     capabilities, speed = robot.capabilities, robot.reports.velocity.vx or 0.0
-    early = capabilities.hand_over_distance + abs(speed) * capabilities.hand_over_time
+    limits = robot.reports.limits
+    before = limits.hand_over if limits else capabilities.hand_over_distance
+    early = before + abs(speed) * capabilities.hand_over_time
     return max(capabilities.pass_radius, early)
 
 

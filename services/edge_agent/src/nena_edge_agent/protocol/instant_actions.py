@@ -244,13 +244,24 @@ def _position_problem(robot: RobotState, action: Action) -> str | None:
         return f"the robot has {map_list(robot.map_ids)}, not '{map_id}'"
     if abs(_number(action, "theta")) > pi + 1e-6:
         return "theta must be within -π and π"
-    if robot.goal.moving:
+    if robot.goal.moving and not _waits_for_navigation(robot):
         return "the robot drives; pause it or cancel its order first"
     if not robot.idle and node_id != robot.progress.last_node_id:
         return f"an order is active at node '{robot.progress.last_node_id}'; cancel it first"
     if len(robot.running_instant_actions(INITIALIZE_POSITION)) > 1:
         return "another position is being set"
     return None
+
+
+def _waits_for_navigation(robot: RobotState) -> bool:
+    """Return whether the robot stands with a goal that navigation cannot take, maybe for want of a position.
+
+    Nav2 does not come up without one. A robot that was told to stop must be seen to stand.
+    """
+    velocity = robot.reports.velocity
+    if robot.reports.navigation.available or velocity.moves:
+        return False
+    return velocity.vx is not None or not robot.goal.halting
 
 
 def _number(action: Action, key: str) -> float:

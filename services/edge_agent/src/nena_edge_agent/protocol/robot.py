@@ -12,6 +12,7 @@ from nena_edge_agent.driver.port import (
     BlockedReport,
     CollisionReport,
     DriveFailed,
+    DriveLimits,
     DriveProgress,
     GoalTable,
     Halted,
@@ -51,6 +52,7 @@ from nena_edge_agent.protocol.events import (
     ReportState,
     ResponsesReceived,
     SafetyReport,
+    SendFactsheet,
     Started,
     SubscriptionsReport,
     TimePassed,
@@ -326,6 +328,13 @@ def _progress_reported(robot: RobotState, event: DriveProgress) -> None:
     robot.reports.progress = event
 
 
+def _limits_reported(robot: RobotState, event: DriveLimits) -> None:
+    """Note how near navigation drives to a goal; the factsheet says so."""
+    if event != robot.reports.limits:
+        robot.reports.limits = event
+        robot.effects.append(SendFactsheet())
+
+
 def _blocked_reported(robot: RobotState, event: BlockedReport) -> None:
     robot.reports.blocked = event if event.blocked else None
 
@@ -371,6 +380,7 @@ _HANDLERS: dict[type, Callable[[RobotState, Any], None]] = {
     NavigationReport: driving.navigation_changed,
     PlanReport: _plan_reported,
     DriveProgress: _progress_reported,
+    DriveLimits: _limits_reported,
     BlockedReport: _blocked_reported,
     CollisionReport: _collision_reported,
     NoRouteReport: _no_route_reported,

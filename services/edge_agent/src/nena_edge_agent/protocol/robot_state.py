@@ -11,6 +11,7 @@ from nena_edge_agent.driver.port import (
     BlockedReport,
     Circle,
     CollisionReport,
+    DriveLimits,
     DriveProgress,
     GoalTable,
     NavigationReport,
@@ -37,7 +38,9 @@ INSTANT_ACTIONS_SHOWN = 200
 SAFE = SafetyReport()
 UNKNOWN_VELOCITY = VelocityReport(None, None)
 NO_GOALS = GoalTable()
-NOT_REPORTED = NavigationReport(available=False, reason="navigation has not reported yet")
+NOT_REPORTED = NavigationReport(
+    available=False, reason="the agent is starting, and navigation has not reported yet", starting=True
+)
 
 
 @dataclass(slots=True)
@@ -58,6 +61,7 @@ class Reports:
     plan: PlanReport | None = None
     progress: DriveProgress | None = None
     recovered_at: float | None = None
+    limits: DriveLimits | None = None
     safety: SafetyReport = SAFE
     pause_button: bool = False
     session: SessionReport | None = None

@@ -142,7 +142,7 @@ def _left_to(robot: RobotState, goal: Pose, pose: Pose) -> float:
     plan, progress = current_plan(robot), robot.reports.progress
     if plan:
         return _along(plan, pose)
-    return progress.left if progress else _apart(pose, goal)
+    return progress.left if progress and progress.left is not None else _apart(pose, goal)
 
 
 def _from_node(robot: RobotState) -> float:
