@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
-from nena_edge_agent.actions.builtin import LogReport, MapTransforms, Wait, ZoneSetDownload
+from nena_edge_agent.actions.builtin import LogReport, MapTransforms, UseBehaviorTree, Wait, ZoneSetDownload
 from nena_edge_agent.actions.maps import map_actions
 from nena_edge_agent.actions.plugin import ActionPlugin, PluginContext
 from nena_edge_agent.actions.ready_made import ready_made
@@ -159,6 +159,9 @@ def make_registry(
     if store:
         places = context.drive if settings.maps.store == NAV2_STORE else None
         plugins.extend(map_actions(store, settings.download, places))
+    trees = nav2_offers(settings.ros).behavior_trees if settings.driver == "nav2" else ()
+    if trees:
+        plugins.append(UseBehaviorTree(trees))
     if settings.driver == "nav2" and switch:
         plugins.extend(session_actions(switch))
     if settings.driver == "nav2" and settings.map_transforms:

@@ -170,7 +170,8 @@ def goal_of(request: Any, action: Action) -> Goal:  # noqa: ANN401 - rclpy carri
     stamped = request.goal.poses if action is Action.THROUGH_POSES else [request.goal.pose]
     places = [goal_pose_of(each.pose) for each in stamped] or [NOWHERE]
     frame_id = stamped[-1].header.frame_id if stamped else ""
-    return Goal(goal_id_of(request), places[-1], frame_id, tuple(places[:-1]))
+    tree = str(request.goal.behavior_tree)
+    return Goal(goal_id_of(request), places[-1], frame_id, tuple(places[:-1]), tree)
 
 
 def fill_result(response: Any, entry: GoalEntry | None) -> None:  # noqa: ANN401

@@ -34,6 +34,8 @@ class Goal:
     pose: Pose
     frame_id: str
     via: tuple[Pose, ...] = ()
+    tree: str = ""
+    """File of the behaviour tree; empty: the default one."""
 
 
 class Target(NamedTuple):
@@ -150,6 +152,10 @@ class Navigator:
     def _preempted(self, current: Goal, now: float) -> Goal:
         """Replace the current goal by the pending one; with an invalid pose the robot keeps its old path."""
         if self._pending is None:
+            return current
+        if self._pending.tree != current.tree:  # the running tree is not replaced
+            self._terminate(self._pending, now)
+            self._pending = None
             return current
         self.goals.end(current.goal_id, GoalStatus.ABORTED, now)
         self._current, self._pending, self._began_at = self._pending, None, now

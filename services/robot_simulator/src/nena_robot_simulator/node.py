@@ -237,7 +237,9 @@ class RobotNode:
         taken = self._robot.take_goal(goal, stamp, self._clock.monotonic(), action)
         x, y, via = goal.pose.x, goal.pose.y, len(goal.via)
         goal_id, frame = str(goal.goal_id), goal.frame_id
-        self._log.info("goal", action=action, goal=goal_id, x=x, y=y, via=via, frame=frame, taken=taken)
+        self._log.info(
+            "goal", tree=goal.tree, action=action, goal=goal_id, x=x, y=y, via=via, frame=frame, taken=taken
+        )
         self._publish_statuses()
         self._loop.reset()
         return stamp if taken else None

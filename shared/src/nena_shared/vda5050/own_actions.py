@@ -16,6 +16,11 @@ SHOW_MAP_TRANSFORMS: Final = "nena:showMapTransforms"
 A robot that lists it speaks in the plant's frame and transforms poses itself; so fleet control must not.
 """
 
+USE_BEHAVIOR_TREE: Final = "nena:useBehaviorTree"
+"""Edge action: has Nav2 drive the edge by another behaviour tree."""
+BEHAVIOR_TREE: Final = "behaviorTree"
+"""Parameter of USE_BEHAVIOR_TREE: the tree's name in the agent's settings."""
+
 ROS_SESSION: Final = "rosSession"
 """Type of the information entry with the state of the robot's ROS session."""
 

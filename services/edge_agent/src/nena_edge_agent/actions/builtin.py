@@ -27,11 +27,11 @@ from nena_edge_agent.protocol.declaration import DOWNLOAD_ZONE_SET, ActionDeclar
 from nena_edge_agent.protocol.events import ActionReport
 from nena_shared.log import recent_lines
 from nena_shared.settings import SettingsGroup
-from nena_shared.vda5050.action import Action, ActionStatus
+from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
 from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.factsheet import ActionScope, ValueDataType
 from nena_shared.vda5050.malformed import MalformedMessageError
-from nena_shared.vda5050.own_actions import SHOW_MAP_TRANSFORMS
+from nena_shared.vda5050.own_actions import BEHAVIOR_TREE, SHOW_MAP_TRANSFORMS, USE_BEHAVIOR_TREE
 from nena_shared.vda5050.state import Load
 from nena_shared.vda5050.zone_set import ZoneSet, ZoneSetTransfer
 
@@ -235,6 +235,29 @@ def _parsed(content: bytes) -> Any:  # noqa: ANN401 - anything that JSON holds
 
 
 NO_ROS = 'it uses ROS, which this robot does not have; actions.without_ros = "rehearse" would rehearse it'
+
+
+class UseBehaviorTree:
+    """Names the behaviour tree of its edge; the goal carries the name, and the action ends with the edge."""
+
+    def __init__(self, names: tuple[str, ...]) -> None:
+        which = Parameter(BEHAVIOR_TREE, ValueDataType.STRING, choices=names)
+        self.declaration = ActionDeclaration(
+            USE_BEHAVIOR_TREE,
+            scopes=(ActionScope.EDGE,),
+            parameters=(which,),
+            blocking_types=(BlockingType.NONE,),
+            cancel_allowed=True,
+            open_ended=True,
+            restartable=True,
+            description="Drives the edge by another behaviour tree of Nav2.",
+        )
+
+    def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
+        """Last until the edge ends."""
+        lasting = Countdown(action.action_id, LONGEST, report, lambda: None)
+        lasting.start()
+        return lasting
 
 
 class Unavailable:

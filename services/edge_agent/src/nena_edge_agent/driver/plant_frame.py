@@ -74,6 +74,7 @@ class PlantFrame:
             deviation_theta=goal.deviation_theta,
             maximum_speed=goal.maximum_speed,
             ahead=tuple(map(self.to_map, goal.ahead)),
+            behavior_tree=goal.behavior_tree,
         )
 
     def area(self, area: Area) -> MapArea:

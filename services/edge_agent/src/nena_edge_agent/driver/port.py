@@ -63,7 +63,7 @@ class GoalAt(Generic[P]):
     never finishes a newer goal. ``deviation_xy`` (m) and ``deviation_theta`` (rad, None: any heading will do)
     say when the robot counts as there. ``maximum_speed`` is in m/s, None: the robot's own. ``ahead`` are the
     places that come behind, up to the next stop: a driver that can drives on over them meanwhile, and goes on
-    so when it is given the next of them.
+    so when it is given the next of them. ``behavior_tree`` names how navigation is to drive; "": as usual.
     """
 
     generation: int
@@ -72,6 +72,7 @@ class GoalAt(Generic[P]):
     deviation_theta: float | None = None
     maximum_speed: float | None = None
     ahead: tuple[P, ...] = ()
+    behavior_tree: str = ""
 
 
 class DriveGoal(GoalAt[Pose]):

@@ -88,8 +88,10 @@ class ActionClient:
         """Whether a server is there that takes goals."""
         return bool(self._goals.service_is_ready() and self._results.service_is_ready())
 
-    async def send(self, goal_id: str, way: Sequence[MapPose]) -> bool | None:
+    async def send(self, goal_id: str, way: Sequence[MapPose], tree: str = "") -> bool | None:
         """Send a goal over the places of ``way``, of which NavigateToPose takes the first alone.
+
+        ``tree`` is the name of a behaviour tree of the settings; "": Nav2's own.
 
         Tells whether the server has accepted it, None: it has not answered in time.
         """
@@ -103,6 +105,7 @@ class ActionClient:
             request.goal.poses.goals = places
         else:
             request.goal.poses = places
+        request.goal.behavior_tree = self._settings.behavior_trees.get(tree, "")
         answer = await self._session.call(self._goals, request, seconds=self._settings.call_timeout)
         return None if answer is None else bool(answer.accepted)
 

@@ -382,7 +382,9 @@ class ActionSide:
         """Send a goal and take the server's answer."""
         log.info("goal sent", generation=goal.generation, goal=goal_id, x=goal.pose.x, y=goal.pose.y)
         accepted = (
-            await self._client.send(goal_id, (goal.pose, *goal.ahead)) if self._client is not None else None
+            await self._client.send(goal_id, (goal.pose, *goal.ahead), goal.behavior_tree)
+            if self._client is not None
+            else None
         )
         self._apply(self._tracker.on_goal_answer(goal_id, self._clock.monotonic(), accepted=accepted))
 

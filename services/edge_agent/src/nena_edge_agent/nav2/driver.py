@@ -192,6 +192,10 @@ class Nav2Driver:
                 self._tell_navigation(NavigationReport(available=False, reason=reason))
                 return
             self._limiter.for_goal(goal.maximum_speed)
+        if goal.behavior_tree and not self._tracker.by_action:
+            problem = (
+                f"the behaviour tree '{goal.behavior_tree}' needs {self._settings.action}, which is not there"
+            )
         if problem is None:
             self._apply(self._tracker.go_to(goal, now))
         else:

@@ -10,11 +10,12 @@ from importlib import import_module
 from typing import Any
 
 from nena_edge_agent.nav2.session_control import prepare_environment
-from nena_edge_agent.nav2.settings import RosSettings
+from nena_edge_agent.nav2.settings import Navigation, RosSettings
 
 CLEAR_COSTMAP = "nav2_msgs/srv/ClearEntireCostmap"
 COLLISION_MONITOR = "nav2_msgs/msg/CollisionMonitorState"
 FILTER_INFO = "nav2_msgs/msg/CostmapFilterInfo"
+NAVIGATE = "nav2_msgs/action/NavigateToPose"
 LOAD_MAP = "nav2_msgs/srv/LoadMap"
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 SPEED_LIMIT = "nav2_msgs/msg/SpeedLimit"
@@ -34,11 +35,13 @@ def interface(name: str) -> Any | None:  # noqa: ANN401 - rclpy carries no types
 class Nav2Offers:
     """What the robot can do by Nav2.
 
-    ``limits_speed``: it obeys limits of its speed; ``keeps_out``: it plans around areas that are closed.
+    ``limits_speed``: it obeys limits of its speed; ``keeps_out``: it plans around areas that are closed;
+    ``behavior_trees``: names of those that orders may ask for.
     """
 
     limits_speed: bool = False
     keeps_out: bool = False
+    behavior_trees: tuple[str, ...] = ()
 
 
 NO_OFFERS = Nav2Offers()
@@ -46,7 +49,9 @@ NO_OFFERS = Nav2Offers()
 
 def nav2_offers(settings: RosSettings) -> Nav2Offers:
     """Return what the settings want and this machine has the types for."""
+    by_action = settings.navigation is not Navigation.TOPICS and interface(NAVIGATE) is not None
     return Nav2Offers(
         limits_speed=settings.nav2.speed_limit and interface(SPEED_LIMIT) is not None,
         keeps_out=settings.nav2.keep_out and interface(FILTER_INFO) is not None,
+        behavior_trees=tuple(sorted(settings.behavior_trees)) if by_action else (),
     )

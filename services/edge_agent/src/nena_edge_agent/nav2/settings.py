@@ -299,6 +299,11 @@ class RosSettings(SettingsGroup):
     localisation: LocalisationSettings = Field(
         default_factory=LocalisationSettings, description="Initial position and limits of a localised pose."
     )
+    behavior_trees: dict[str, str] = Field(
+        default_factory=dict,
+        description="Behaviour trees that orders may name, with their files on the robot: "
+        "{ careful = '/opt/trees/careful.xml' }. Needs nav2_msgs.",
+    )
     nav2: OfferSettings = Field(
         default_factory=OfferSettings, description="What of Nav2 is used where nav2_msgs is available."
     )

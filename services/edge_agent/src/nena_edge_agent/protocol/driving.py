@@ -22,6 +22,7 @@ from nena_edge_agent.protocol.geometry import distance, heading_fits, in_place, 
 from nena_edge_agent.protocol.robot_state import RobotState
 from nena_shared.vda5050.error import ErrorType, error
 from nena_shared.vda5050.order import Edge, Node, NodePosition
+from nena_shared.vda5050.own_actions import BEHAVIOR_TREE, USE_BEHAVIOR_TREE
 
 HALT_TIMEOUT = 5.0
 """Seconds after which a halt without an answer is requested again."""
@@ -179,6 +180,7 @@ def _may_pass(robot: RobotState, node: Node) -> bool:
         and not robot.link.out_of_reach(robot.now)
         and lets_drive(node.actions)
         and lets_drive(following.actions)
+        and _behavior_tree(following) == _behavior_tree(robot.progress.edges[0])
         and (capabilities.drives_ahead or distance(pose, position) <= _pass_radius(robot))
         and in_place(pose, position, capabilities.default_deviation_xy)
         and heading_fits(pose, position, capabilities.default_deviation_theta)
@@ -272,7 +274,14 @@ def _make_goal(robot: RobotState, position: NodePosition, pose: Pose) -> DriveGo
         deviation_theta=allowed if position.theta is not None else None,
         maximum_speed=robot.progress.edges[0].maximum_speed,
         ahead=robot.goal.ahead,
+        behavior_tree=_behavior_tree(robot.progress.edges[0]),
     )
+
+
+def _behavior_tree(edge: Edge) -> str:
+    """Return the behaviour tree that an action of ``edge`` names; empty: navigation's own."""
+    found = (each for each in edge.actions if each.action_type == USE_BEHAVIOR_TREE)
+    return next((str(each.parameter(BEHAVIOR_TREE)) for each in found), "")
 
 
 def _heading(pose: Pose, position: NodePosition) -> float:
@@ -335,11 +344,12 @@ def _poses_ahead(robot: RobotState) -> tuple[Pose, ...]:
     before: Pose | NodePosition = (progress.last_node and progress.last_node.node_position) or pose
     poses: list[Pose] = []
     edges = islice(progress.edges, 1, POSES_AHEAD + 1)
+    tree = _behavior_tree(progress.edges[0]) if progress.edges else ""
     for node, edge, following in zip(progress.nodes, edges, islice(progress.nodes, 1, None), strict=False):
         here, there = node.node_position, following.node_position
         if here is None or there is None or not _drives_over(node, edge, before, there, capabilities):
             break
-        if zones.first_barred(robot, here, there) is not None:
+        if zones.first_barred(robot, here, there) is not None or _behavior_tree(edge) != tree:
             break
         theta = there.theta if there.theta is not None else atan2(there.y - here.y, there.x - here.x)
         poses.append(Pose(there.x, there.y, theta, there.map_id))
