@@ -14,7 +14,8 @@ WORKERS ?= 2
 SHARED_OUT := -n $(WORKERS) --dist worksteal
 COVERED := --cov --cov-report=xml --cov-fail-under=85
 # Property tests: more examples find more.
-SOAK := tests/unit/edge_agent/protocol/test_robot_machine.py tests/unit/edge_agent/nav2/test_goal_tracker_property.py \
+SOAK := tests/unit/shared/vda5050/test_round_trip.py tests/unit/shared/vda5050/test_records.py \
+	tests/unit/edge_agent/protocol/test_robot_machine.py tests/unit/edge_agent/nav2/test_goal_tracker_property.py \
 	tests/unit/robot_simulator/test_navigator.py \
 	tests/unit/order_service/traffic/test_simulation.py tests/unit/order_service/test_traffic_simulation.py \
 	tests/unit/edge_agent/test_restart_safety.py tests/integration/edge_agent/nav2/test_kills.py \
@@ -22,6 +23,8 @@ SOAK := tests/unit/edge_agent/protocol/test_robot_machine.py tests/unit/edge_age
 # Parsers of external input.
 FUZZED := tests/fuzz tests/unit/shared/plant/lif/test_damaged_files.py tests/unit/shared/plant/opentcs_xml/test_damaged_files.py
 STAMP := $(VENV)/.set-up
+# Tests start programs by the hundred, which need not be compiled each time.
+unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
 .PHONY: help setup action-types lock format lint test test-unit test-all soak soak-cores soak-site compose-test colcon-test smoke demo bench conversations hooks clean broker browser sbom fuzz faults conformance reference
@@ -83,7 +86,7 @@ reference: $(STAMP) ## regenerate docs/configuration.md: every setting of every 
 soak: soak-site soak-cores ## soak-site, then soak-cores
 
 soak-cores: $(STAMP) broker ## property tests of the cores with many more examples: about two hours on two cores
-	NENA_EXAMPLES=100000 NENA_PLANTS=400 NENA_KERNEL_PLANTS=400 NENA_RESTARTS=1000 NENA_KILLS=40 NENA_SESSIONS=200 NENA_ORDER_KILLS=50 $(BIN)/pytest --long -n $(WORKERS) --timeout 7200 $(SOAK)
+	NENA_EXAMPLES=100000 NENA_MESSAGES=2000 NENA_PLANTS=400 NENA_KERNEL_PLANTS=400 NENA_RESTARTS=1000 NENA_KILLS=40 NENA_SESSIONS=200 NENA_ORDER_KILLS=50 $(BIN)/pytest --long -n $(WORKERS) --timeout 7200 $(SOAK)
 
 # Cut network links and full disks need root; without it these tests are skipped with a message.
 faults: $(STAMP) broker ## inject every kind of fault into a working site, about an hour; writes docs/recovery.md

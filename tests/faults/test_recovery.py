@@ -31,6 +31,7 @@ LONGEST_LIFE = 3.0
 AGREED_WITHIN = 30.0
 
 
+@pytest.mark.long
 async def test_order_service_killed_at_random_moments(trial: Callable[..., Any]) -> None:
     chance = Random(50)
     async with trial(seed=50, at_once=AT_ONCE, loopback=ROBOTS, on_ros=False) as running:

@@ -26,7 +26,7 @@ from support.order_service_fleet import Fleet
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker, pytest.mark.timeout(1800)]
 
-EXAMPLES = int(os.environ.get("NENA_FUZZ_EXAMPLES", "12"))
+EXAMPLES = int(os.environ.get("NENA_FUZZ_EXAMPLES", "4"))
 """Requests of each kind (allowed, forbidden) to each operation."""
 CHECKS = [
     not_a_server_error,

@@ -7,10 +7,16 @@ import os
 EXAMPLES = int(os.environ.get("NENA_EXAMPLES", "600"))
 """Random histories of the robot's core, over all versions; machines of one part take a share of it."""
 
+MESSAGES = int(os.environ.get("NENA_MESSAGES", "25"))
+"""Random messages of each kind in each version."""
+
 PLANTS = int(os.environ.get("NENA_PLANTS", "8"))
 """Random plants on which a fleet is simulated."""
 
-KERNEL_PLANTS = int(os.environ.get("NENA_KERNEL_PLANTS", "4"))
+KERNEL_MESSAGES = int(os.environ.get("NENA_MESSAGES", "25"))
+"""Random messages of each kind in each version."""
+
+PLANTS = int(os.environ.get("NENA_KERNEL_PLANTS", "4"))
 """Random plants on which a fleet is simulated under the real kernel."""
 
 KILLS = int(os.environ.get("NENA_KILLS", "5"))
@@ -22,5 +28,5 @@ DAMAGED_FILES = int(os.environ.get("NENA_FUZZ_FILES", "100"))
 FUZZ_SEED = os.environ.get("NENA_FUZZ_SEED", "")
 """Chooses how messages and files go wrong; as it is, the same in each run."""
 
-RESTARTS = int(os.environ.get("NENA_RESTARTS", "24"))
+RESTARTS = int(os.environ.get("NENA_RESTARTS", "12"))
 """Moments of each order at which the edge agent dies."""

@@ -196,7 +196,7 @@ async def test_axe_finds_nothing_serious(hall: Hall, browser: Browser, *, dark: 
                 assert await findings(page) == [], view
 
 
-@pytest.mark.parametrize("language", ["en-GB", "de-DE"])
+@pytest.mark.parametrize("language", [pytest.param("en-GB", marks=pytest.mark.long), "de-DE"])
 async def test_no_view_is_wider_than_a_telephone(hall: Hall, browser: Browser, language: str) -> None:
     with hall.aggregator(*commanded()) as aggregator:
         await aggregator.logged("broker connected")

@@ -154,7 +154,7 @@ async def test_a_lost_broker_is_said(own_broker: Broker, browser: Browser) -> No
             await expect(banner).to_be_hidden()
 
 
-@pytest.mark.parametrize("dark", [False, True])
+@pytest.mark.parametrize("dark", [False, pytest.param(True, marks=pytest.mark.long)])
 async def test_nothing_sticks_out_of_a_telephone(hall: Hall, browser: Browser, *, dark: bool) -> None:
     with hall.aggregator() as aggregator:
         await aggregator.logged("broker connected")

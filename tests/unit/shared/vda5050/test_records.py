@@ -22,6 +22,7 @@ from nena_shared.vda5050.v2_0 import CODEC as CODEC_2_0
 from nena_shared.vda5050.v2_1 import CODEC as CODEC_2_1
 from nena_shared.vda5050.v3_0 import CODEC as CODEC_3_0
 from nena_shared.vda5050.versions import CODECS
+from support.examples import MESSAGES
 from support.fleet_examples import position, state, way
 from support.messages import messages
 
@@ -77,14 +78,14 @@ def check(codec: Codec, kind: type[Any], payload: bytes) -> None:
 
 
 @EACH_KIND
-@settings(max_examples=50)
+@settings(max_examples=MESSAGES)
 @given(st.data())
 def test_it_says_what_the_codec_reads(codec: Codec, kind: type[Any], data: st.DataObject) -> None:
     check(codec, kind, codec.encode(data.draw(strategy(kind))))
 
 
 @EACH_KIND
-@settings(max_examples=50)
+@settings(max_examples=MESSAGES)
 @given(st.data())
 def test_a_message_of_another_version_is_read_or_refused_as_by_the_codec(
     codec: Codec, kind: type[Any], data: st.DataObject
@@ -97,7 +98,7 @@ def test_a_message_of_another_version_is_read_or_refused_as_by_the_codec(
 
 
 @EACH_KIND
-@settings(max_examples=100)
+@settings(max_examples=2 * MESSAGES)
 @given(st.data())
 def test_what_is_put_into_a_message_is_judged_as_by_the_codec(
     codec: Codec, kind: type[Any], data: st.DataObject

@@ -11,6 +11,7 @@ from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.malformed import MalformedMessageError
 from nena_shared.vda5050.topics import Topic
 from nena_shared.vda5050.versions import CODECS
+from support.examples import MESSAGES
 from support.messages import messages
 from support.nearest import nearest, plain
 from support.schemas import schema_problems
@@ -24,6 +25,7 @@ EACH_MESSAGE = pytest.mark.parametrize(
 
 @pytest.mark.clause("7.3", "7.4", "7.5", "7.6", "7.7", "7.8", "7.9", "7.10/message")
 @EACH_MESSAGE
+@settings(max_examples=MESSAGES)
 @given(st.data())
 def test_message_arrives_as_the_nearest_that_the_version_can_say(
     codec: Codec, topic: Topic, data: st.DataObject
@@ -36,7 +38,7 @@ def test_message_arrives_as_the_nearest_that_the_version_can_say(
 
 @pytest.mark.clause("7.3", "7.4", "7.5", "7.6", "7.7", "7.8", "7.9", "7.10/message")
 @EACH_MESSAGE
-@settings(max_examples=50)
+@settings(max_examples=MESSAGES)
 @given(st.data())
 def test_encoded_message_keeps_the_official_schema(codec: Codec, topic: Topic, data: st.DataObject) -> None:
     payload = codec.encode(data.draw(messages(codec.kinds[topic])))
@@ -45,7 +47,7 @@ def test_encoded_message_keeps_the_official_schema(codec: Codec, topic: Topic, d
 
 
 @EACH_MESSAGE
-@settings(max_examples=50)
+@settings(max_examples=MESSAGES)
 @given(st.data())
 def test_what_was_read_can_be_written_again_unchanged(
     codec: Codec, topic: Topic, data: st.DataObject
@@ -56,7 +58,7 @@ def test_what_was_read_can_be_written_again_unchanged(
 
 
 @EACH_MESSAGE
-@settings(max_examples=50)
+@settings(max_examples=MESSAGES)
 @given(st.data())
 def test_what_was_read_in_another_version_can_be_said_in_this_one(
     codec: Codec, topic: Topic, data: st.DataObject
@@ -73,6 +75,7 @@ def test_what_was_read_in_another_version_can_be_said_in_this_one(
 
 @pytest.mark.clause("7.1/malformed")
 @EACH_MESSAGE
+@settings(max_examples=MESSAGES)
 @given(st.data())
 def test_garbled_message_never_breaks_the_reader(codec: Codec, topic: Topic, data: st.DataObject) -> None:
     kind = codec.kinds[topic]
