@@ -99,7 +99,7 @@ def make_factsheet(
             optional_parameters=supported(capabilities, limits.tolerance if limits else None),
             mobile_robot_actions=tuple(_action(each) for each in _offered(capabilities)),
         ),
-        mobile_robot_geometry=_geometry(settings),
+        mobile_robot_geometry=_geometry(settings, limits.contour if limits else ()),
         load_specification=_loads(capabilities),
     )
 
@@ -179,9 +179,10 @@ def _parameter(parameter: Parameter) -> ActionParameterDescription:
     )
 
 
-def _geometry(settings: EdgeAgentSettings) -> MobileRobotGeometry:
+def _geometry(settings: EdgeAgentSettings, contour: tuple[tuple[float, float], ...]) -> MobileRobotGeometry:
+    """Return the robot's outline as navigation has it, else the rectangle of the settings."""
     x, y = settings.description.length / 2, settings.description.width / 2
-    corners = ((x, y), (-x, y), (-x, -y), (x, -y))
+    corners = contour or ((x, y), (-x, y), (-x, -y), (x, -y))
     vertices = tuple(Envelope2dPoint(x=x, y=y) for x, y in corners)
     return MobileRobotGeometry(envelopes2d=(Envelope2d(envelope2d_id="footprint", vertices=vertices),))
 

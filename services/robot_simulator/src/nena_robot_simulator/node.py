@@ -30,7 +30,7 @@ from nena_robot_simulator.faults import disturbed
 from nena_robot_simulator.goals import Action, GoalEntry, Snapshot
 from nena_robot_simulator.motion import GridMap, Pose
 from nena_robot_simulator.navigator import Goal
-from nena_robot_simulator.offers import Offers, costmap_services, map_services
+from nena_robot_simulator.offers import Offers, costmap_parameters, costmap_services, map_services
 from nena_robot_simulator.robot import Robot
 from nena_robot_simulator.server_endpoints import ServerEndpoints
 from nena_robot_simulator.servers import Server, parameters
@@ -103,6 +103,7 @@ class RobotNode:
         self._endpoints = Offers(self._session, self._robot) if self._offers else None
         if self._offers:
             self._behaviours.open(DOCKING)
+            costmap_parameters(self._session, settings.footprint)
             costmap_services(self._session, lambda name: self._log.info("costmap cleared", costmap=name))
         for fault in (*simulator.faults, *settings.faults):
             self._apply(fault)

@@ -7,6 +7,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from nav_msgs.msg import OccupancyGrid
+from rcl_interfaces.msg import ParameterType, ParameterValue
+from rcl_interfaces.srv import GetParameters
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from nena_robot_simulator import faults, messages
@@ -65,6 +67,17 @@ def costmap_services(session: RosSession, cleared: Callable[[str], None]) -> Non
     for name in ("global_costmap", "local_costmap"):
         if kind is not None:
             session.serve(kind, f"{name}/clear_entirely_{name}", partial(clear, name))
+
+
+def costmap_parameters(session: RosSession, footprint: str) -> None:
+    """Serve the parameters of the local costmap: none, unless all that are asked for are known."""
+
+    def tell(request: GetParameters.Request, response: GetParameters.Response) -> None:
+        if footprint and set(request.names) == {"footprint"}:
+            kind = ParameterType.PARAMETER_STRING
+            response.values = [ParameterValue(type=kind, string_value=footprint)]
+
+    session.serve(GetParameters, "local_costmap/local_costmap/get_parameters", tell)
 
 
 class Offers:

@@ -104,6 +104,10 @@ class RobotSettings(SettingsGroup):
     localisation: LocalisationSettings = Field(
         default_factory=LocalisationSettings, description="Localisation."
     )
+    footprint: str = Field(
+        "[[0.4, 0.3], [-0.4, 0.3], [-0.4, -0.3], [0.4, -0.3]]",
+        description="Parameter footprint of the local costmap: corners, m. Empty: none.",
+    )
     docks: tuple[str, ...] = Field(("dock",), description="Docks that the docking server knows, by name.")
     map_frame: str = Field("map", min_length=1, description="Frame of map, goals and pose estimates.")
     odom_frame: str = Field("odom", min_length=1, description="Frame of the odometry.")

@@ -53,6 +53,7 @@ async def test_nav2_is_told_what_to_keep_out_of(bench: Bench) -> None:
             assert set(mask.data) == {100}
 
         masks.clear()
+        bench.fleet.peer.clear()
         async with bench.agent():
             await until(lambda: bool(masks.messages), what="the mask of an agent that was restarted")
             assert masks.messages[-1].info.origin.position.x == pytest.approx(13.0)

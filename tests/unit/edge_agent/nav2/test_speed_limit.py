@@ -98,3 +98,14 @@ def test_without_a_listener_a_goal_with_a_limit_has_a_problem(
     assert limiter.problem(None) == limiter.problem(OWN) == ""
     controller.listeners = [b"controller"]
     assert limiter.problem(0.4) == ""
+
+
+def test_a_controller_that_is_slower_than_the_settings_say_gets_no_limit_above_its_speed(
+    limiter: SpeedLimiter, controller: Controller
+) -> None:
+    limiter.for_goal(0.8)
+    limiter.controller_drives(0.5)
+    assert controller.sent == [0.8, 0.0]
+    limiter.controller_drives(2.0)
+    limiter.for_goal(0.4)
+    assert controller.sent == [0.8, 0.0, 0.4]

@@ -98,7 +98,8 @@ class PlantFrame:
                 return DriveProgress(in_plant, recoveries, map_id)
             case DriveLimits(tolerance, hand_over, map_id):
                 to_length = self.on(map_id).length_to_plant
-                return DriveLimits(to_length(tolerance), to_length(hand_over), map_id)
+                contour = tuple((to_length(x), to_length(y)) for x, y in event.contour)
+                return DriveLimits(to_length(tolerance), to_length(hand_over), map_id, contour)
             case _:
                 return event
 

@@ -219,15 +219,17 @@ class BlockedReport:
 
 @dataclass(frozen=True, slots=True)
 class DriveLimits:
-    """How near to a goal navigation drives: m of the map ``map_id``.
+    """How near to a goal navigation drives, and the robot's outline: m of the map ``map_id``.
 
     It counts a goal as reached within ``tolerance``. A goal that is to be passed at speed is replaced
-    ``hand_over`` m, and the way of a replanning period, before it.
+    ``hand_over`` m, and the way of a replanning period, before it. ``contour`` is the outline around the
+    robot's origin as navigation has it; empty: it does not tell.
     """
 
     tolerance: float
     hand_over: float
     map_id: str
+    contour: tuple[tuple[float, float], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -340,8 +340,8 @@ class Nav2Driver:
                     pose_known=self._localisation.known,
                     seconds=self._clock.monotonic() - self._looking_since,
                 )
-                await self._read_limits(report)
                 report = await self._with_map(self._with_limits(report))
+                await self._read_limits(report)
                 self._on_navigation(seen.servers, report)
                 self._watch_localiser(seen)
                 self._watch_drive()
@@ -382,7 +382,9 @@ class Nav2Driver:
         tolerance = self._settings.goals.goal_tolerance or told.xy_tolerance or GOAL_TOLERANCE
         hand_over = max(tolerance, told.approach or 0.0)
         self._log.info("Nav2's parameters", tolerance=tolerance, hand_over=hand_over)
-        self._tell(DriveLimits(tolerance, hand_over, self._map_id))
+        if self._limiter is not None and told.speed is not None:
+            self._limiter.controller_drives(told.speed)
+        self._tell(DriveLimits(tolerance, hand_over, self._map_id, told.contour))
 
     def _on_navigation(self, servers: frozenset[str], report: NavigationReport) -> None:
         now = self._clock.monotonic()

@@ -1,8 +1,10 @@
-"""What Nav2's parameters say of how near it drives to a goal, read from its servers while it runs."""
+"""What Nav2's parameters say of how it drives and of the robot, read from its servers while it runs."""
 
 from __future__ import annotations
 
 import asyncio
+import json
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,13 +15,19 @@ from nena_edge_agent.nav2.session import RosSession
 from nena_edge_agent.nav2.settings import RosSettings
 
 Value = float | int | str | list[str] | None
+Contour = tuple[tuple[float, float], ...]
+SPEEDS = ("desired_linear_vel", "vx_max", "max_speed_xy", "max_vel_x")
+"""Names of the controllers' own speed: Regulated Pure Pursuit, MPPI, DWB."""
+CORNERS = 16
+"""Of the polygon around a round robot."""
 
 
 @dataclass(frozen=True, slots=True)
 class Nav2Parameters:
     """Metres, radians and milliseconds; None where Nav2 has no such parameter, or does not answer.
 
-    ``approach`` is the distance from a goal in which Regulated Pure Pursuit slows down.
+    ``approach`` is the distance from a goal in which Regulated Pure Pursuit slows down, ``speed`` the
+    controller's own in m/s, ``contour`` the robot's outline around its base frame.
     """
 
     xy_tolerance: float | None = None
@@ -27,6 +35,22 @@ class Nav2Parameters:
     planner_tolerance: float | None = None
     approach: float | None = None
     server_timeout: float | None = None
+    speed: float | None = None
+    contour: Contour = ()
+
+
+def contour_of(footprint: str, radius: float | None) -> Contour:
+    """Return the outline that a costmap's parameters name: a polygon, or a circle where there is none."""
+    try:
+        points = tuple((float(x), float(y)) for x, y in json.loads(footprint or "[]"))
+    except (ValueError, TypeError):
+        points = ()
+    if len(points) >= 3 and all(math.isfinite(x) and math.isfinite(y) for x, y in points):  # noqa: PLR2004
+        return points
+    if radius is None or not 0 < radius < math.inf:
+        return ()
+    angles = (number * math.tau / CORNERS for number in range(CORNERS))
+    return tuple((round(radius * math.cos(a), 4), round(radius * math.sin(a), 4)) for a in angles)
 
 
 class ParameterReader:
@@ -43,6 +67,7 @@ class ParameterReader:
             node.create_client(GetParameters, f"{server}/get_parameters")
             for server in (names.controller, names.planner, names.navigator)
         )
+        self._costmap = node.create_client(GetParameters, f"{names.costmap}/get_parameters")
 
     async def read(self) -> Nav2Parameters:
         """Ask for all of them; takes at most two time-outs of a call."""
@@ -58,7 +83,17 @@ class ParameterReader:
             self._number(self._controller, f"{follower}.approach_velocity_scaling_dist"),
             self._number(self._navigator, "default_server_timeout"),
         )
-        return Nav2Parameters(*numbers)
+        speeds = await asyncio.gather(
+            *(self._number(self._controller, f"{follower}.{each}") for each in SPEEDS)
+        )
+        speed = next((each for each in speeds if each is not None and each > 0), None)
+        return Nav2Parameters(*numbers, speed=speed, contour=await self._contour())
+
+    async def _contour(self) -> Contour:
+        text, radius = await asyncio.gather(
+            self._ask(self._costmap, "footprint"), self._number(self._costmap, "robot_radius")
+        )
+        return contour_of(text if isinstance(text, str) else "", radius)
 
     async def _first(self, client: Any, name: str, default: str) -> str:  # noqa: ANN401
         """Return the first of a list of plug-ins."""
@@ -81,6 +116,8 @@ class ParameterReader:
                 return float(found.double_value)
             case ParameterType.PARAMETER_INTEGER:
                 return int(found.integer_value)
+            case ParameterType.PARAMETER_STRING:
+                return str(found.string_value)
             case ParameterType.PARAMETER_STRING_ARRAY:
                 return list(found.string_array_value)
         return None

@@ -110,6 +110,9 @@ class RosNames(SettingsGroup):
         description="Service that reports whether Nav2 is active; optional.",
     )
     controller: RosName = Field("controller_server", description="Node whose parameters are read.")
+    costmap: RosName = Field(
+        "local_costmap/local_costmap", description="Node whose parameters hold the robot's footprint."
+    )
     planner: RosName = Field("planner_server", description="Node whose parameters are read.")
     navigator: RosName = Field("bt_navigator", description="Node whose parameters are read.")
     localiser: RosName = Field(

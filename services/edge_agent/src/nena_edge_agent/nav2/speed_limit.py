@@ -50,6 +50,17 @@ class SpeedLimiter:
         self._session, self._node, self._kind = session, node, kind
         self._listeners, self._sent = frozenset(), None
 
+    def controller_drives(self, speed: float) -> None:
+        """Note the controller's own speed by its parameters, m/s: a limit above that would make it faster."""
+        if speed < self._own_speed:
+            log.warning(
+                "the controller is slower than description.maximum_speed",
+                controller=speed,
+                own=self._own_speed,
+            )
+            self._own_speed = speed
+            self._send()
+
     @property
     def limit(self) -> float:
         """The limit that holds, m/s; 0: none."""
