@@ -7,7 +7,7 @@ from itertools import pairwise
 
 from nena_order_service.routing import Route, Router
 from nena_order_service.traffic.resources import ResourceSet
-from nena_order_service.traffic.traffic_control import RouteRejection, TrafficControl
+from nena_order_service.traffic.traffic_control import Evasion, RouteGrant, TrafficControl
 from nena_shared.plant import PlantModel
 
 
@@ -21,9 +21,17 @@ class Scene:
         for name, point in places.items():
             self.scheduler.place(name, [self.control.resources.at(point)], length_mm)
 
-    def route(self, vehicle: str, start: str, goal: str, *, avoid: Collection[str] = frozenset()) -> Route:
+    def route(
+        self,
+        vehicle: str,
+        start: str,
+        goal: str,
+        *,
+        avoid: Collection[str] = frozenset(),
+        burden: Mapping[str, float] | None = None,
+    ) -> Route:
         del vehicle
-        return self.router.route(start, goal, avoid=avoid)
+        return self.router.route(start, goal, avoid=avoid, burden=burden)
 
     def costs(self, vehicle: str, start: str) -> Mapping[str, float]:
         del vehicle
@@ -57,6 +65,6 @@ class Scene:
     def decide(self, *busy: str) -> Iterator[str]:
         """Let traffic control decide; gives each departure and evasion in words."""
         for each in self.control.decide(lambda name: name not in busy):
-            assert not isinstance(each, RouteRejection)
+            assert isinstance(each, RouteGrant | Evasion)
             points = each.route.points if each.route else ()
             yield f"{type(each).__name__} {each.vehicle} {' '.join(points)}"

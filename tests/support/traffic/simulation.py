@@ -70,8 +70,18 @@ class Simulation:
     def _find(self, start: str, goal: str, avoid: frozenset[str]) -> Route:
         return self.router.route(start, goal, avoid=avoid)
 
-    def route(self, vehicle: str, start: str, goal: str, *, avoid: Collection[str] = frozenset()) -> Route:
+    def route(
+        self,
+        vehicle: str,
+        start: str,
+        goal: str,
+        *,
+        avoid: Collection[str] = frozenset(),
+        burden: Mapping[str, float] | None = None,
+    ) -> Route:
         del vehicle
+        if burden:
+            return self.router.route(start, goal, avoid=avoid, burden=burden)
         return self._route(start, goal, frozenset(avoid))
 
     def costs(self, vehicle: str, start: str) -> Mapping[str, float]:

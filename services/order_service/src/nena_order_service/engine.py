@@ -372,6 +372,7 @@ class Engine:
     def plant_changed(self) -> None:
         """Find all routes again, also behind the bases of vehicles under way."""
         self.context.routes.forget()
+        self.traffic.forget_routes()
         self._dispatching.forget()
         with self.change():
             self._rerouting.keep_off_locked_paths()

@@ -35,10 +35,18 @@ class Bench:
         for vehicle, at in places.items():
             self.desk.seen(vehicle, Found(at, on_point=True), box)
 
-    def route(self, vehicle: str, start: str, goal: str, *, avoid: Collection[str] = frozenset()) -> Route:
+    def route(
+        self,
+        vehicle: str,
+        start: str,
+        goal: str,
+        *,
+        avoid: Collection[str] = frozenset(),
+        burden: Mapping[str, float] | None = None,
+    ) -> Route:
         if vehicle == "nowhere":
             raise NoRouteError(start, (goal,), None, avoid)
-        return self.router.route(start, goal, avoid=avoid)
+        return self.router.route(start, goal, avoid=avoid, burden=burden)
 
     def costs(self, vehicle: str, start: str) -> Mapping[str, float]:
         del vehicle

@@ -10,11 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nena_order_service.traffic.resources import ResourceSet, conflict
+from nena_order_service.traffic.scheduler import UnknownOccupantError
 from nena_order_service.traffic.traffic_control import (
     CANDIDATES_TRIED,
     Evader,
     RouteRequest,
-    UnknownOccupantError,
     overlap,
 )
 from nena_shared.plant import PlantModel

@@ -14,7 +14,7 @@ from nena_order_service.orders.vda_orders import SentOrder
 from nena_order_service.routing import NoRouteError, Route
 from nena_order_service.routing.order_routes import Leg
 from nena_order_service.traffic.driving import Driving
-from nena_order_service.traffic.traffic_control import Refusal, WaitReason
+from nena_order_service.traffic.scheduler import Refusal, WaitReason
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.transport_order import DriveOrderState, TransportOrderState
 from nena_shared.fleet_api.vehicle import ReroutingOutcome, ReroutingType

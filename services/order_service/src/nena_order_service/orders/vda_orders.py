@@ -22,9 +22,8 @@ from nena_order_service.fleet.vda_order import DROP, PICK, fresh_id, released_to
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.routing import NoRouteError, Route
 from nena_order_service.routing.order_routes import Leg, RouteFinder, RoutePlan
-from nena_order_service.traffic.manager import Journey
 from nena_order_service.traffic.resources import ResourceSet
-from nena_order_service.traffic.traffic_control import RouteRequest
+from nena_order_service.traffic.traffic_control import Journey, RouteRequest
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.plant import BACKWARD_SUFFIX, PlantModel, UnknownObjectError
 from nena_shared.vda5050.topics import RobotKey

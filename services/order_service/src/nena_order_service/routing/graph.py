@@ -252,6 +252,11 @@ class CostMap:
         return self.costs[self.indices[point]]
 
 
+def _burdened(burden: Mapping[str, float]) -> Callable[[Step], float]:
+    share = burden.get
+    return lambda step: step.cost * (1.0 + share(step.edge.id, 0.0) + share(step.edge.destination, 0.0))
+
+
 class RoutingGraph:
     """The drivable edges of a plant for one routing profile; built once, then only read.
 
@@ -292,12 +297,18 @@ class RoutingGraph:
             pruned._graph.remove_edge_from_index(index)  # noqa: SLF001 - an object of this class
         return pruned
 
-    def shortest(self, source: str, destination: str) -> tuple[Step, ...] | None:
-        """Return the cheapest steps between two points, or None if there is no way."""
+    def shortest(
+        self, source: str, destination: str, burden: Mapping[str, float] | None = None
+    ) -> tuple[Step, ...] | None:
+        """Return the cheapest steps between two points, or None if there is no way.
+
+        ``burden`` names edges and points, and by which share of its cost each makes a step to it dearer.
+        """
         start, goal = self._indices[source], self._indices[destination]
         if start == goal:
             return ()
-        ways = rx.digraph_dijkstra_shortest_paths(self._graph, start, target=goal, weight_fn=_COST)
+        cost = _burdened(burden) if burden else _COST
+        ways = rx.digraph_dijkstra_shortest_paths(self._graph, start, target=goal, weight_fn=cost)
         if goal not in ways:
             return None
         # Two points may be joined by several paths: the search went by the cheapest.

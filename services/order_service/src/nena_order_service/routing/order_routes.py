@@ -131,10 +131,16 @@ class RouteFinder:
         return RoutePlan(tuple(legs))
 
     def route(
-        self, start: str, goal: str, *, vehicle: Vehicle | None = None, avoid: Collection[str] = frozenset()
+        self,
+        start: str,
+        goal: str,
+        *,
+        vehicle: Vehicle | None = None,
+        avoid: Collection[str] = frozenset(),
+        burden: Mapping[str, float] | None = None,
     ) -> Route:
-        """Find the cheapest route between two points; raises NoRouteError."""
-        return self._router.route(start, goal, vehicle=vehicle, avoid=avoid)
+        """Find the cheapest route between two points; see :meth:`Router.route`."""
+        return self._router.route(start, goal, vehicle=vehicle, avoid=avoid, burden=burden)
 
     def costs(self, start: str, *, vehicle: Vehicle | None = None) -> Mapping[str, float]:
         """Return what it costs to reach each point that can be reached."""
@@ -274,8 +280,19 @@ class VehicleRoutes:
         self._registry = registry
         self._route = lru_cache(ROUTES_KEPT)(self._find)
 
-    def route(self, vehicle: str, start: str, goal: str, *, avoid: Collection[str] = frozenset()) -> Route:
-        """Return the cheapest route; raises NoRouteError."""
+    def route(
+        self,
+        vehicle: str,
+        start: str,
+        goal: str,
+        *,
+        avoid: Collection[str] = frozenset(),
+        burden: Mapping[str, float] | None = None,
+    ) -> Route:
+        """Return the cheapest route; raises NoRouteError. One with a ``burden`` is not remembered."""
+        if burden:
+            model = self._registry.model(vehicle)
+            return self._finder.route(start, goal, vehicle=model, avoid=avoid, burden=burden)
         found = self._route(self._model(vehicle), start, goal, frozenset(avoid))
         if isinstance(found, NoRouteError):
             raise found.with_traceback(None)

@@ -12,6 +12,7 @@ from nena_order_service.routing.graph import (
     Route,
     RoutingGraph,
     RoutingProfile,
+    Step,
     VehicleKinds,
     distance,
 )
@@ -56,15 +57,19 @@ class Router:
         vehicle: Vehicle | None = None,
         avoid: Collection[str] = frozenset(),
         loaded: bool | None = None,
+        burden: Mapping[str, float] | None = None,
     ) -> Route:
         """Return the cheapest route between two points.
+
+        `burden` names edges and points that are dearer now, each with the share of its cost that is added.
 
         `avoid` names points, paths and locations (which stand for their linked points) that must not be used.
         `loaded` says whether the vehicle carries anything, where paths are closed with or without a load.
         Raises UnknownObjectError for a name that the plant does not have and NoRouteError if there is no way.
         """
         self._check_points((source, destination))
-        return _shortest(self._graph(vehicle, avoid, loaded=loaded), source, destination, vehicle, avoid)
+        steps = self._graph(vehicle, avoid, loaded=loaded).shortest(source, destination, burden)
+        return _found(steps, source, destination, vehicle, avoid)
 
     def route_through(
         self,
@@ -92,7 +97,9 @@ class Router:
                     raise NoRouteError(next(iter(ways)), choice, vehicle, avoid)
                 ways = longer
             points = min(ways.values()).points
-        return tuple(_shortest(graph, start, end, vehicle, avoid) for start, end in pairwise(points))
+        return tuple(
+            _found(graph.shortest(start, end), start, end, vehicle, avoid) for start, end in pairwise(points)
+        )
 
     def costs_from(
         self, source: str, *, vehicle: Vehicle | None = None, loaded: bool | None = None
@@ -157,10 +164,13 @@ class _Way(NamedTuple):
     points: tuple[str, ...]
 
 
-def _shortest(
-    graph: RoutingGraph, source: str, destination: str, vehicle: Vehicle | None, avoid: Collection[str]
+def _found(
+    steps: tuple[Step, ...] | None,
+    source: str,
+    destination: str,
+    vehicle: Vehicle | None,
+    avoid: Collection[str],
 ) -> Route:
-    steps = graph.shortest(source, destination)
     if steps is None:
         raise NoRouteError(source, (destination,), vehicle, avoid)
     return Route(source, destination, steps)

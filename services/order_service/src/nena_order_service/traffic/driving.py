@@ -20,7 +20,14 @@ from nena_order_service.fleet.vda_order import state_request
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.vda_orders import SentOrder
 from nena_order_service.routing.order_routes import RoutePlan
-from nena_order_service.traffic.traffic_control import Evasion, RouteGrant, RouteRejection, RouteRequest
+from nena_order_service.traffic.traffic_control import (
+    Displacement,
+    Evasion,
+    MoreClaimed,
+    RouteGrant,
+    RouteRejection,
+    RouteRequest,
+)
 from nena_order_service.vehicles.positions import Positions
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.log import get_logger
@@ -337,7 +344,12 @@ class Driving:
             for granted in self._traffic.decide(
                 lambda name: not self._traffic.journey(name) and movable(name), lost
             ):
-                yield from self._begin(granted)
+                if isinstance(granted, MoreClaimed):
+                    self._go_on(self._vehicle(granted.vehicle))
+                elif isinstance(granted, Displacement):
+                    self._end_way_here(granted.vehicle)
+                else:
+                    yield from self._begin(granted)
             self._replan()
         for name in self._traffic.waiting | self._wanted.keys() | self._reported.keys():
             vehicle = self._vehicle(name)
@@ -367,10 +379,16 @@ class Driving:
         them or changes places.
         """
         for name in tuple(self._traffic.stuck(self._movable, self.mobility.lost)):
-            record = self._sent.of_robot(self._vehicle(name).key)
-            if record and not record.cancelled and not record.all_released:
-                log.info("vehicle goes another way", vehicle=name, reason=self._traffic.why_waiting(name))
-                self.end_early(record, partial=True)
+            self._end_way_here(name)
+
+    def _end_way_here(self, name: str) -> None:
+        """Let a vehicle that waits on its way request another one from where its base ends."""
+        record = self._sent.of_robot(self._vehicle(name).key)
+        if name in self._unsent:
+            self._request_again(name)
+        elif record and not record.cancelled and not record.all_released:
+            log.info("vehicle goes another way", vehicle=name, reason=self._traffic.why_waiting(name))
+            self.end_early(record, partial=True)
 
     def note(self, vehicle: FleetVehicle) -> str:
         """Return what keeps a vehicle from doing its order; empty for nothing."""

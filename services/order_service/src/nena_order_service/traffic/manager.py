@@ -3,43 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import TypeVar
 
 from nena_order_service.routing import Step
 from nena_order_service.traffic.resources import Found, OccupancyFinder, Resources, ResourceSet
+from nena_order_service.traffic.scheduler import Refusal, Scheduler, WaitReason
 from nena_order_service.traffic.traffic_control import (
+    Displacement,
     Evasion,
-    Refusal,
+    Journey,
+    MoreClaimed,
     RouteGrant,
     RouteRejection,
     RouteRequest,
     Routes,
-    Scheduler,
     TrafficControl,
-    WaitReason,
     nobody,
 )
 from nena_shared.plant import PlantModel
 from nena_shared.plant.track import BoundingBox
 
 D = TypeVar("D", bound=RouteGrant | Evasion)
-
-
-@dataclass(slots=True)
-class Journey:
-    """A way under way: its sets, how many of them are allocated, and how many the vehicle has come to."""
-
-    way: tuple[ResourceSet, ...]
-    allocated: int = 0
-    reached: int = 0
-    refusal: Refusal | None = None
-    """Why the next set is not allocated."""
-
-    @property
-    def all_allocated(self) -> bool:
-        """Whether nothing of the way is left to be allocated."""
-        return self.allocated == len(self.way)
 
 
 class TrafficManager:
@@ -55,7 +39,7 @@ class TrafficManager:
         self.resources = Resources(plant, exclusive=exclusive)
         self._control = TrafficControl(plant, ways, self.resources)
         self._footings = OccupancyFinder(plant, self.resources)
-        self._journeys: dict[str, Journey] = {}
+        self._journeys = self._control.journeys
         self._broken_off: dict[str, tuple[ResourceSet, ...]] = {}
         """What vehicles that broke off may be on, to the next point of their ways; or that move by hand."""
         self._left_at: dict[str, tuple[ResourceSet, ...]] = {}
@@ -153,13 +137,15 @@ class TrafficManager:
     def resume(self, vehicle: str, way: Sequence[ResourceSet], allocated: int) -> None:
         """Let a vehicle be on its way as before a restart; where it is on it will be heard."""
         self._broken_off.pop(vehicle, None)
-        self._scheduler.resume(vehicle, way[:allocated], way[allocated:])
+        ends = (index + 1 for index in range(len(way)) if self.resources.may_wait(way, index))
+        end = next((each for each in ends if each >= allocated), allocated)
+        self._scheduler.resume(vehicle, way[:allocated], way[allocated:end])
         self._journeys[vehicle] = Journey(tuple(way), allocated)
         self._to_extend[vehicle] = None
 
     def remove(self, vehicle: str) -> None:
         """Take a vehicle out: it holds, wants and claims nothing any more."""
-        self.drop(vehicle)
+        self._control.forget(vehicle)
         self._journeys.pop(vehicle, None)
         self._broken_off.pop(vehicle, None)
         self._left_at.pop(vehicle, None)
@@ -173,13 +159,17 @@ class TrafficManager:
         """Forget what a vehicle wants."""
         self._control.drop(vehicle)
 
+    def forget_routes(self) -> None:
+        """Search again for the routes that vehicles wait for: the plant has changed."""
+        self._control.forget_routes()
+
     def displaces(self, vehicle: str, goal: str) -> bool:
         """Return whether others that rest, or will, would have to make room for a drive to ``goal``."""
         return self._control.displaces(RouteRequest(vehicle, goal))
 
     def decide(
         self, movable: Callable[[str], bool], lost: Callable[[str], bool] = nobody
-    ) -> Iterator[RouteGrant | Evasion | RouteRejection]:
+    ) -> Iterator[RouteGrant | Evasion | RouteRejection | Displacement | MoreClaimed]:
         """Let vehicles depart; see :meth:`TrafficControl.decide`.
 
         Who has come to rest on the way of others, though it was to go on, is sent away first.
@@ -187,7 +177,7 @@ class TrafficManager:
         for evasion in self._clear_ways(movable):
             yield self._departed(evasion)
         for each in self._control.decide(movable, lost):
-            yield each if isinstance(each, RouteRejection) else self._departed(each)
+            yield self._departed(each) if isinstance(each, RouteGrant | Evasion) else each
 
     def _clear_ways(self, movable: Callable[[str], bool]) -> Iterator[Evasion]:
         for vehicle, journey in self.extending():
@@ -205,6 +195,12 @@ class TrafficManager:
                 blockers = [each for each in journey.refusal.vehicles if each not in self._journeys]
                 if blockers and all(movable(each) or lost(each) for each in blockers):
                     yield vehicle
+            elif self._scheduler.occupant(vehicle).resting and self._waits_for(vehicle, lost):
+                yield vehicle
+
+    def _waits_for(self, vehicle: str, lost: Callable[[str], bool]) -> bool:
+        why = self._control.why_waiting(vehicle)
+        return why is not None and why.hindrance is WaitReason.RESTING and any(map(lost, why.vehicles))
 
     def _departed(self, granted: D) -> D:
         self._left_at.pop(granted.vehicle, None)
@@ -219,7 +215,7 @@ class TrafficManager:
         """
         journey, occupant = self._journeys[vehicle], self._scheduler.occupant(vehicle)
         way = self.resources.way(steps, start=occupant.held[-1], location=location)
-        refusal = self._scheduler.claim(vehicle, way)
+        refusal = self._control.claim_other_way(vehicle, way)
         if refusal is None:
             journey.way, journey.refusal = (*journey.way[: journey.allocated], *way), None
             self._to_extend[vehicle] = None
@@ -309,7 +305,7 @@ class TrafficManager:
     def why_waiting(self, vehicle: str) -> str:
         """Return why a vehicle does not depart or go on; empty where traffic does not keep it."""
         journey = self._journeys.get(vehicle)
-        refusal = journey.refusal if journey else self._control.why_waiting(vehicle)
+        refusal = (journey and journey.refusal) or self._control.why_waiting(vehicle)
         return str(refusal or "")
 
     def sharing(self, vehicle: str) -> str:

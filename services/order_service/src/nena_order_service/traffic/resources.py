@@ -43,10 +43,27 @@ class Resources:
 
     def __init__(self, plant: PlantModel, *, exclusive: bool = True) -> None:
         self._exclusive = exclusive
+        driven = {(each.source, each.destination) for each in plant.paths}
+        self._two_way = {
+            each.name
+            for each in plant.paths
+            if each.max_reverse_velocity_mm_s or (each.destination, each.source) in driven
+        }
+        self._block_names = {each.name for each in plant.blocks}
         self._blocks: defaultdict[str, list[Block]] = defaultdict(list)
         for block in plant.blocks:
             for member in block.members:
                 self._blocks[member].append(block)
+
+    def may_wait(self, way: Sequence[ResourceSet], index: int) -> bool:
+        """Return whether a vehicle may wait at a set of its way until it can go on: at the end it may.
+
+        Elsewhere it may where it goes on by a one-way path, so that nobody who comes towards it waits for it,
+        and stands in no block.
+        """
+        if index + 1 == len(way):
+            return True
+        return self._two_way.isdisjoint(way[index + 1].uses) and self._block_names.isdisjoint(way[index].uses)
 
     def at(self, point: str) -> ResourceSet:
         """Return the resources of a vehicle that was found at ``point``, come by whatever way."""
@@ -115,21 +132,29 @@ class UseIndex:
     def __init__(self) -> None:
         self._users: defaultdict[str, dict[tuple[str, str | None], int]] = defaultdict(dict)
 
-    def add(self, vehicle: str, uses: Uses) -> None:
-        """Note that ``vehicle`` uses these resources once more."""
+    def add(self, vehicle: str, uses: Uses) -> Uses:
+        """Note that ``vehicle`` uses these resources once more; return those that it did not use before."""
+        new: dict[str, str | None] = {}
         for resource, direction in uses.items():
             users, user = self._users[resource], (vehicle, direction)
-            users[user] = users.get(user, 0) + 1
+            count = users.get(user, 0)
+            users[user] = count + 1
+            if not count:
+                new[resource] = direction
+        return new
 
-    def remove(self, vehicle: str, uses: Uses) -> None:
-        """Take back one :meth:`add` of the same uses."""
+    def remove(self, vehicle: str, uses: Uses) -> Uses:
+        """Take back one :meth:`add` of the same uses; return those that it does not use any more."""
+        gone: dict[str, str | None] = {}
         for resource, direction in uses.items():
             users, user = self._users[resource], (vehicle, direction)
             users[user] -= 1
             if not users[user]:
                 del users[user]
+                gone[resource] = direction
             if not users:
                 del self._users[resource]
+        return gone
 
     def others(self, vehicle: str, uses: Uses) -> Iterator[tuple[str, str]]:
         """Yield who else uses what ``vehicle`` cannot share with them: pairs of vehicle and resource."""

@@ -1,282 +1,41 @@
-"""Who may begin a route now, who must make room, and in which order vehicles pass (decision 0021)."""
+"""Who may begin a route or go on, and who must make room (decision 0038)."""
 
 from __future__ import annotations
 
-from collections import deque
+from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from enum import Enum, auto
 from math import inf
 from typing import Protocol
 
 from nena_order_service.routing import NoRouteError, Route
-from nena_order_service.traffic.resources import Occupant, Resources, ResourceSet, UseIndex, conflict
-from nena_shared.plant import PlantModel
+from nena_order_service.traffic.resources import Resources, ResourceSet, conflict
+from nena_order_service.traffic.scheduler import Refusal, Scheduler, WaitReason
+from nena_shared.plant import BACKWARD_SUFFIX, PlantModel
 from nena_shared.plant.track import PointType
 
 
 class Routes(Protocol):
     """Gives the ways of vehicles, which it knows by name, between points of the plant."""
 
-    def route(self, vehicle: str, start: str, goal: str, *, avoid: Collection[str] = frozenset()) -> Route:
-        """Return the cheapest way; raises NoRouteError."""
+    def route(
+        self,
+        vehicle: str,
+        start: str,
+        goal: str,
+        *,
+        avoid: Collection[str] = frozenset(),
+        burden: Mapping[str, float] | None = None,
+    ) -> Route:
+        """Return the cheapest way; raises NoRouteError.
+
+        ``burden`` names edges and points that are dearer now, each with the share of its cost that is added.
+        """
         ...
 
     def costs(self, vehicle: str, start: str) -> Mapping[str, float]:
         """Return what it costs to reach each point that can be reached from ``start``."""
         ...
-
-
-class WaitReason(Enum):
-    """Why resources are not granted."""
-
-    HELD = auto()
-    """Others hold them, and will go on."""
-    RESTING = auto()
-    """Others rest on them."""
-    ORDER = auto()
-    """Others must go first, or the vehicles would block each other."""
-
-
-@dataclass(frozen=True, slots=True)
-class Refusal:
-    """Why a vehicle must wait, and for whom."""
-
-    hindrance: WaitReason
-    vehicles: tuple[str, ...]
-    resource: str
-
-    def __str__(self) -> str:
-        names = ", ".join(self.vehicles)
-        match self.hindrance:
-            case WaitReason.HELD:
-                return f"waits for {self.resource!r}, which {names} holds"
-            case WaitReason.RESTING:
-                return f"waits for {self.resource!r}, where {names} rests"
-            case WaitReason.ORDER:
-                return f"lets {names} go first at {self.resource!r}"
-
-
-class UnknownOccupantError(LookupError):
-    """Traffic control has not been told where the vehicle ``name`` is."""
-
-    def __init__(self, name: str) -> None:
-        self.name = name
-        super().__init__(f"place vehicle {name!r} before anything is claimed for it")
-
-
-class Scheduler:
-    """Who holds, claims and will rest on what; names of vehicles and of resources are the plant's."""
-
-    def __init__(self) -> None:
-        self._occupants: dict[str, Occupant] = {}
-        self._holds = UseIndex()
-        self._claims = UseIndex()
-        self._ends = UseIndex()
-        self._rests: dict[str, list[ResourceSet]] = {}
-
-    def occupant(self, name: str) -> Occupant:
-        """Return a vehicle as it stands, to be read; raises UnknownOccupantError."""
-        try:
-            return self._occupants[name]
-        except KeyError:
-            raise UnknownOccupantError(name) from None
-
-    def __contains__(self, name: str) -> bool:
-        return name in self._occupants
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The vehicles that are known."""
-        return tuple(self._occupants)
-
-    def place(
-        self, name: str, place: Iterable[ResourceSet], length_mm: int, *, entry: ResourceSet | None = None
-    ) -> None:
-        """Handle a vehicle that rests on ``place``, oldest set first, whoever else is there.
-
-        ``entry`` is what it needs to come to the point of the last set, where it is not there yet.
-        """
-        self.remove(name)
-        sets = deque(place)
-        self._occupants[name] = Occupant(name, length_mm, sets, reached=len(sets) - 1, entry=entry)
-        for each in sets:
-            self._holds.add(name, each.uses)
-
-    def remove(self, name: str) -> None:
-        """Forget a vehicle and free what it holds; one that is not known stays so."""
-        if name not in self._occupants:
-            return
-        self.give_up_claim(name)
-        self._forget_end(name)
-        for each in self._occupants.pop(name).held:
-            self._holds.remove(name, each.uses)
-
-    def claim(self, name: str, way: Sequence[ResourceSet]) -> Refusal | None:
-        """Claim a way that follows what the vehicle holds; gives why not, and then nothing has changed.
-
-        A claim that is there already is replaced.
-        """
-        occupant = self.occupant(name)
-        if refusal := self._resting_on(name, way):
-            return refusal
-        before = tuple(occupant.claimed)
-        self._set_claim(occupant, way)
-        if refusal := self._cycle(name):
-            self._set_claim(occupant, before)
-        return refusal
-
-    def allocate(self, name: str) -> Refusal | None:
-        """Allocate the next claimed set; gives why not, and then nothing has changed.
-
-        Raises:
-            LookupError: the vehicle is not known, or claims nothing.
-
-        """
-        occupant = self.occupant(name)
-        if not occupant.claimed:
-            message = f"vehicle {name!r} claims nothing"
-            raise LookupError(message)
-        wanted = occupant.claimed[0]
-        # Somebody may have come to rest on the way since it was claimed, and must be able to get out of it.
-        if refusal := self._resting_on(name, occupant.claimed) or self._held(name, wanted):
-            return refusal
-        if refusal := self._precedence(name, wanted):
-            return refusal
-        self.seize(name)
-        return None
-
-    def resume(self, name: str, held: Sequence[ResourceSet], claimed: Sequence[ResourceSet]) -> None:
-        """Let a vehicle that rests hold and claim what it was granted before, unasked."""
-        occupant = self.occupant(name)
-        for each in held:
-            self._holds.add(name, each.uses)
-        occupant.held.extend(held)
-        self._set_claim(occupant, claimed)
-
-    def seize(self, name: str) -> None:
-        """Let a vehicle hold the next set that it claims, unasked: it is there already."""
-        occupant = self.occupant(name)
-        taken = occupant.claimed.popleft()
-        self._claims.remove(name, taken.uses)
-        occupant.held.append(taken)
-        self._holds.add(name, taken.uses)
-
-    def arrive(self, name: str, index: int) -> bool:
-        """Note that the vehicle has come to its ``index``-th held set; tell whether that frees any."""
-        occupant = self.occupant(name)
-        freed = occupant.arrive(index)
-        for each in freed:
-            self._holds.remove(name, each.uses)
-        if occupant.resting:
-            self._forget_end(name)
-        return bool(freed)
-
-    def give_up_claim(self, name: str) -> None:
-        """Drop what the vehicle claims; what it holds stays with it, for it may still drive there."""
-        self._set_claim(self.occupant(name), ())
-
-    def stand(self, name: str) -> None:
-        """Note that the vehicle stands for good where it is, and free what it was to drive to.
-
-        It may be anywhere on the way to the next point, so that set stays with it.
-        """
-        occupant = self.occupant(name)
-        self.give_up_claim(name)
-        while occupant.ahead > 1:
-            self._holds.remove(name, occupant.held.pop().uses)
-        occupant.reached = len(occupant.held) - 1
-        self._forget_end(name)
-
-    def sharing(self, name: str) -> tuple[str, str] | None:
-        """Return another vehicle that holds what this one holds exclusively, and the resource, or None."""
-        return next(self._others(self._holds, name, self.occupant(name).held), None)
-
-    def users(self, resource: str) -> frozenset[str]:
-        """Return who holds, claims or will rest on ``resource``."""
-        return self._holds.users(resource) | self._claims.users(resource) | self._ends.users(resource)
-
-    def resting_on(self, name: str, way: Iterable[ResourceSet]) -> tuple[str, ...]:
-        """Return the vehicles that rest where ``name`` would have to pass or to stop."""
-        found = (other for other, _ in self._others(self._holds, name, way))
-        return tuple(dict.fromkeys(other for other in found if self._occupants[other].resting))
-
-    def rests_or_will_rest_on(self, name: str, way: Iterable[ResourceSet]) -> bool:
-        """Return whether others rest where ``name`` would have to pass or to stop, or will at their ends."""
-        way = tuple(way)
-        return bool(self.resting_on(name, way)) or any(self._others(self._ends, name, way))
-
-    def end_of(self, name: str, way: Sequence[ResourceSet]) -> list[ResourceSet]:
-        """Return what the vehicle would rest on at the end of ``way``."""
-        return self.occupant(name).at_end(way)
-
-    def _set_claim(self, occupant: Occupant, way: Sequence[ResourceSet]) -> None:
-        name = occupant.name
-        for each in occupant.claimed:
-            self._claims.remove(name, each.uses)
-        self._forget_end(name)
-        occupant.claimed = deque(way)
-        for each in way:
-            self._claims.add(name, each.uses)
-        if not occupant.resting:
-            self._rests[name] = occupant.at_end(way)
-            for each in self._rests[name]:
-                self._ends.add(name, each.uses)
-
-    def _forget_end(self, name: str) -> None:
-        for each in self._rests.pop(name, ()):
-            self._ends.remove(name, each.uses)
-
-    def _others(self, index: UseIndex, name: str, sets: Iterable[ResourceSet]) -> Iterator[tuple[str, str]]:
-        for each in sets:
-            yield from index.others(name, each.uses)
-
-    def _resting_on(self, name: str, way: Iterable[ResourceSet]) -> Refusal | None:
-        way = tuple(way)
-        for other, resource in self._others(self._holds, name, way):
-            if self._occupants[other].resting:
-                return Refusal(WaitReason.RESTING, self.resting_on(name, way), resource)
-        return None
-
-    def _held(self, name: str, wanted: ResourceSet) -> Refusal | None:
-        others = list(self._holds.others(name, wanted.uses))
-        if not others:
-            return None
-        resting = all(self._occupants[other].resting for other, _ in others)
-        names = tuple(dict.fromkeys(other for other, _ in others))
-        return Refusal(WaitReason.RESTING if resting else WaitReason.HELD, names, others[0][1])
-
-    def _precedence(self, name: str, wanted: ResourceSet) -> Refusal | None:
-        """Return who claims ``wanted`` and must go before this vehicle, directly or by others in between."""
-        for other, resource in self._claims.others(name, wanted.uses):
-            if self._must_precede(other, name):
-                return Refusal(WaitReason.ORDER, (other,), resource)
-        return None
-
-    def _cycle(self, name: str) -> Refusal | None:
-        """Return who must go before this vehicle, directly or by others in between, and also after it."""
-        for other, resource in self._later(name):
-            if self._must_precede(other, name):
-                return Refusal(WaitReason.ORDER, (other,), resource)
-        return None
-
-    def _must_precede(self, first: str, later: str) -> bool:
-        """Return whether ``first`` must come to its end before ``later`` can come to its own."""
-        seen, open_ends = {first}, [first]
-        while open_ends:
-            for other, _ in self._later(open_ends.pop()):
-                if other == later:
-                    return True
-                if other not in seen:
-                    seen.add(other)
-                    open_ends.append(other)
-        return False
-
-    def _later(self, name: str) -> Iterator[tuple[str, str]]:
-        """Yield the vehicles that cannot come to their ends before this one, and for which resource."""
-        occupant = self._occupants[name]
-        yield from self._others(self._claims, name, occupant.held)
-        yield from self._others(self._ends, name, occupant.claimed)
 
 
 CANDIDATES_TRIED = 8
@@ -419,53 +178,134 @@ class _Senior:
     way: list[ResourceSet]
 
 
+CONGESTION = 0.1
+"""By which share of its cost a step is dearer for each other vehicle whose way leads to the same point."""
+
+ONCOMING = 0.3
+"""By which share a step is dearer for each other vehicle that is to drive the same path the other way."""
+
+SECTION = 4
+"""How many sets a vehicle claims ahead of what it holds; more where it cannot wait there."""
+
+
 def nobody(_vehicle: str) -> bool:
     """Tell of no vehicle that it is so."""
     return False
 
 
-class TrafficControl:
-    """Keeps route requests in the order in which they came, and grants each as soon as it can.
+@dataclass(slots=True)
+class Journey:
+    """A way under way: its sets, how many of them are allocated, and how many the vehicle has come to."""
 
-    The oldest request that waits has the right of way: no vehicle comes to rest on its route any more, and
+    way: tuple[ResourceSet, ...]
+    allocated: int = 0
+    reached: int = 0
+    refusal: Refusal | None = None
+    """Why the next set is not allocated."""
+
+    @property
+    def all_allocated(self) -> bool:
+        """Whether nothing of the way is left to be allocated."""
+        return self.allocated == len(self.way)
+
+
+@dataclass(frozen=True, slots=True)
+class Displacement:
+    """A vehicle under way stands where an older one has to pass.
+
+    Its way ends there, so that it can make room.
+    """
+
+    vehicle: str
+
+
+@dataclass(frozen=True, slots=True)
+class _RefusedSection:
+    """Why a vehicle under way was refused to claim more; so it is until one of these vehicles changes."""
+
+    refused: tuple[Refusal, list[ResourceSet]]
+    versions: dict[str, int]
+
+
+@dataclass(frozen=True, slots=True)
+class MoreClaimed:
+    """A vehicle under way claims more of its way than before."""
+
+    vehicle: str
+
+
+class TrafficControl:
+    """Grants routes, oldest request first, and each of them section by section.
+
+    A vehicle claims its way as far as :data:`SECTION` sets ahead, to a point where it can wait without
+    keeping others from passing it on a two-way track; behind that its way is only planned. So claims are
+    short, vehicles follow each other closely, and who stops on its way stops those behind alone.
+
+    The oldest request that waits has the right of way: no vehicle comes to rest on its section any more, and
     any that rests there makes room, even with a request of its own. So its turn comes.
     """
 
     def __init__(self, plant: PlantModel, ways: Routes, resources: Resources | None = None) -> None:
         self.resources = resources or Resources(plant)
         self.scheduler = Scheduler()
+        self.journeys: dict[str, Journey] = {}
+        """The vehicles under way."""
         self._ways = ways
         self._drivable = {*plant.points_by_name, *plant.paths_by_name}
         self._evader = Evader(plant, self.resources, self.scheduler, ways)
         self._requests: dict[str, RouteRequest] = {}
         self._refusals: dict[str, Refusal] = {}
+        self._paths = plant.paths_by_name
+        self._routes: dict[str, tuple[tuple[str, RouteRequest], Route]] = {}
+        """The routes that vehicles wait for, and for which requests they were found."""
+        self._refused_sections: dict[str, _RefusedSection] = {}
+        self._asked: set[str] = set()
+        self._turns: dict[str, tuple[int, str]] = {}
+        """When the request of each vehicle came and for which goal, also while its way is granted."""
+        self._last_turn = 0
 
     def request_route(self, route_request: RouteRequest, *, first: bool = False) -> None:
         """Handle what a vehicle wants; it replaces what the same vehicle wanted, and keeps its place.
 
-        A vehicle that had its turn, but could not come to its goal, is ``first`` in the row.
+        A vehicle that had its turn, but could not come to its goal, keeps that turn; one that is ``first``
+        and had none comes before all others.
         """
-        if first:
-            self._requests = {route_request.vehicle: route_request, **self._requests}
-        self._requests[route_request.vehicle] = route_request
+        vehicle = route_request.vehicle
+        turn, goal = self._turns.get(vehicle, (None, ""))
+        if first and turn is None:
+            turn = min((each for each, _ in self._turns.values()), default=0) - 1
+        elif turn is None or not (first or vehicle in self._requests or goal == route_request.goal):
+            self._last_turn += 1
+            turn = self._last_turn
+        self._turns[vehicle] = turn, route_request.goal
+        self._requests[vehicle] = route_request
 
     def drop(self, vehicle: str) -> None:
         """Forget what a vehicle wants."""
         self._requests.pop(vehicle, None)
         self._refusals.pop(vehicle, None)
+        self._routes.pop(vehicle, None)
+
+    def forget(self, vehicle: str) -> None:
+        """Forget a vehicle and its turn."""
+        self.drop(vehicle)
+        self._turns.pop(vehicle, None)
 
     @property
     def requesting(self) -> tuple[str, ...]:
         """The vehicles with a route request, oldest first."""
-        return tuple(self._requests)
+        return tuple(sorted(self._requests, key=self._turn))
+
+    def _turn(self, vehicle: str) -> int:
+        return self._turns.get(vehicle, (0, ""))[0]
 
     def why_waiting(self, vehicle: str) -> Refusal | None:
-        """Return why the request of a vehicle is not granted yet."""
+        """Return why the request of a vehicle is not granted yet, or no more of its way."""
         return self._refusals.get(vehicle)
 
     def decide(
         self, movable: Callable[[str], bool], lost: Callable[[str], bool] = nobody
-    ) -> Iterator[RouteGrant | Evasion | RouteRejection]:
+    ) -> Iterator[RouteGrant | Evasion | RouteRejection | Displacement | MoreClaimed]:
         """Grant what can be granted, oldest first, and send away who rests in the way.
 
         ``movable`` tells of a vehicle at rest whether it could drive away now: it does nothing else there.
@@ -473,21 +313,33 @@ class TrafficControl:
         anything, and takes a detour of any length.
         """
         senior: _Senior | None = None
-        for route_request in tuple(self._requests.values()):
-            if not self._may_be_granted(route_request) or not movable(route_request.vehicle):
+        for vehicle in sorted({*self._requests, *self.journeys}, key=self._turn):
+            if vehicle in self.journeys:
+                claims = len(self.scheduler.occupant(vehicle).claimed)
+                refused = self._go_on(vehicle, senior)
+                if len(self.scheduler.occupant(vehicle).claimed) > claims:
+                    yield MoreClaimed(vehicle)
+            else:
+                route_request = self._requests.get(vehicle)
+                if not route_request or not self._may_be_granted(route_request) or not movable(vehicle):
+                    continue
+                granted = self._grant(route_request, senior, lost)
+                if isinstance(granted, RouteGrant | RouteRejection):
+                    self.drop(vehicle)
+                    yield granted
+                    continue
+                refused = granted
+            if refused is None:
                 continue
-            granted = self._grant(route_request, senior, lost)
-            if isinstance(granted, RouteGrant | RouteRejection):
-                self.drop(route_request.vehicle)
-                yield granted
-                continue
-            refusal, way = granted
-            self._refusals[route_request.vehicle] = refusal
+            refusal, way = refused
+            self._refusals[vehicle] = refusal
             if refusal.hindrance is WaitReason.RESTING and any(map(lost, refusal.vehicles)):
                 continue
-            senior = senior or _Senior(route_request.vehicle, way)
+            if vehicle in self.journeys and not self.scheduler.occupant(vehicle).resting:
+                continue
+            senior = senior or _Senior(vehicle, way[: self._next_stop(way)])
             if refusal.hindrance is WaitReason.RESTING:
-                first = senior.vehicle == route_request.vehicle
+                first = senior.vehicle == vehicle
                 yield from self._make_room(refusal, [*senior.way, *way], movable, first=first)
 
     def _may_be_granted(self, route_request: RouteRequest) -> bool:
@@ -498,6 +350,68 @@ class TrafficControl:
         ):
             return False
         return self.scheduler.occupant(route_request.vehicle).resting
+
+    def _go_on(self, vehicle: str, senior: _Senior | None) -> tuple[Refusal, list[ResourceSet]] | None:
+        """Claim more of a way under way; gives why not, and what was wanted, where nothing is claimed."""
+        journey, claimed = self.journeys[vehicle], len(self.scheduler.occupant(vehicle).claimed)
+        ahead = journey.way[journey.allocated :]
+        if claimed == len(ahead) or claimed >= SECTION:
+            self._refusals.pop(vehicle, None)
+            return None
+        known = self._refused_sections.get(vehicle)
+        if known and known.versions == self.scheduler.versions(known.versions):
+            refused: tuple[Refusal, list[ResourceSet]] | None = known.refused
+        else:
+            self._refused_sections.pop(vehicle, None)
+            self._asked = {vehicle}
+            refused = self._claim_section(vehicle, ahead, senior, more_than=claimed)
+            if refused and (not senior or senior.vehicle not in self._asked):
+                self._refused_sections[vehicle] = _RefusedSection(
+                    refused, self.scheduler.versions(self._asked)
+                )
+        if refused is None or claimed:
+            self._refusals.pop(vehicle, None)
+            return None
+        return refused
+
+    def claim_other_way(self, vehicle: str, ahead: Sequence[ResourceSet]) -> Refusal | None:
+        """Claim a section of another way from the end of what the vehicle holds; gives why not."""
+        refused = self._claim_section(vehicle, ahead, None)
+        return refused and refused[0]
+
+    def _claim_section(
+        self, vehicle: str, ahead: Sequence[ResourceSet], senior: _Senior | None, *, more_than: int = 0
+    ) -> tuple[Refusal, list[ResourceSet]] | None:
+        """Claim the longest section that can be had; gives why the longest one wanted was refused."""
+        refused: tuple[Refusal, list[ResourceSet]] | None = None
+        sections = tuple(self._sections(ahead))
+        free = self.scheduler.free_of_rest(vehicle, ahead[: sections[0]]) if sections else 0
+        for count in sections:
+            if count <= more_than and (count or ahead):
+                break
+            if count > free and refused:
+                continue
+            way = list(ahead[:count])
+            refusal = self._claim(vehicle, way, senior)
+            if refusal is None:
+                return None
+            self._asked.update(refusal.vehicles, refusal.between)
+            refused = refused or (refusal, way)
+            if refused[0].hindrance is not WaitReason.RESTING and refusal.hindrance is WaitReason.RESTING:
+                refused = refusal, way
+        return refused
+
+    def _next_stop(self, way: Sequence[ResourceSet]) -> int:
+        """Return how many sets lead to the first point of a way where a vehicle can wait."""
+        return next((index + 1 for index in range(len(way)) if self.resources.may_wait(way, index)), 0)
+
+    def _sections(self, ahead: Sequence[ResourceSet]) -> Iterator[int]:
+        """Yield how many sets may be claimed at once, the wanted number first, then less and less."""
+        ends = [index + 1 for index in range(len(ahead)) if self.resources.may_wait(ahead, index)]
+        wanted = next((index for index, end in enumerate(ends) if end >= SECTION), len(ends) - 1)
+        yield from reversed(ends[: wanted + 1])
+        if not ahead:
+            yield 0
 
     def displaces(self, route_request: RouteRequest) -> bool:
         """Return whether vehicles at rest, now or soon, would have to make room for this request."""
@@ -520,12 +434,37 @@ class TrafficControl:
         yield from self._evader.evade(blockers, way, movable)
 
     def _make_room(
-        self, refusal: Refusal, kept_free: list[ResourceSet], movable: Callable[[str], bool], *, first: bool
-    ) -> Iterator[Evasion]:
-        def may_be_sent(vehicle: str) -> bool:
-            return movable(vehicle) and (first or vehicle not in self._requests)
+        self,
+        refusal: Refusal,
+        kept_free: list[ResourceSet],
+        movable: Callable[[str], bool],
+        *,
+        first: bool,
+    ) -> Iterator[Evasion | Displacement]:
+        def may_be_sent(other: str) -> bool:
+            if not movable(other) or other in self.journeys:
+                return False
+            return other not in self._requests or first or self._wait_in_ring(other)
 
-        yield from self._evader.evade(refusal.vehicles, kept_free, may_be_sent)
+        under_way = [other for other in refusal.vehicles if other in self.journeys]
+        for evasion in self._evader.evade(refusal.vehicles, kept_free, may_be_sent):
+            self._refusals.pop(evasion.vehicle, None)
+            yield evasion
+        yield from (Displacement(other) for other in under_way if self._wait_in_ring(other))
+
+    def _wait_in_ring(self, vehicle: str) -> bool:
+        """Return whether a vehicle waits, by others in between, for itself: then nobody of them goes on."""
+        seen: set[str] = set()
+        open_ends = [vehicle]
+        while open_ends:
+            refusal = self._refusals.get(open_ends.pop())
+            for other in refusal.vehicles if refusal else ():
+                if other == vehicle:
+                    return True
+                if other not in seen:
+                    seen.add(other)
+                    open_ends.append(other)
+        return False
 
     def _grant(
         self, route_request: RouteRequest, senior: _Senior | None, lost: Callable[[str], bool]
@@ -536,32 +475,64 @@ class TrafficControl:
         except NoRouteError as error:
             return RouteRejection(route_request.vehicle, error)
         way = self._sets(route_request, route)
-        refusal = self._claim(route_request, way, senior)
-        if refusal is None:
+        refused = self._claim_way(route_request.vehicle, way, senior, lost)
+        if refused is None:
             return RouteGrant(route_request, route, tuple(way))
+        refusal, _ = refused
         if route and refusal.hindrance is WaitReason.RESTING:
             longest = inf if any(map(lost, refusal.vehicles)) else route.cost * LONGEST_DETOUR
             detour = self._detour(route_request, way, longest)
             around = self._sets(route_request, detour) if detour else []
-            if detour and self._claim(route_request, around, senior) is None:
+            if detour and self._claim_way(route_request.vehicle, around, senior, lost) is None:
                 return RouteGrant(route_request, detour, tuple(around))
-        return refusal, way
+        return refused
+
+    def _claim_way(
+        self, vehicle: str, way: list[ResourceSet], senior: _Senior | None, lost: Callable[[str], bool]
+    ) -> tuple[Refusal, list[ResourceSet]] | None:
+        """Claim the first section of a way, on which nobody rests of whom nobody knows when it goes."""
+        if any(map(lost, self.scheduler.resting_on(vehicle, way))):
+            refusal = self.scheduler.claim(vehicle, way)
+            return (refusal, way) if refusal else None
+        return self._claim_section(vehicle, way, senior)
 
     def _route(self, route_request: RouteRequest, avoid: frozenset[str] = frozenset()) -> Route | None:
         if route_request.straight_mm is not None:
             return None
-        start = self.scheduler.occupant(route_request.vehicle).point
-        return self._ways.route(
-            route_request.vehicle, start, route_request.goal, avoid=route_request.avoid | avoid
-        )
+        vehicle, goal = route_request.vehicle, route_request.goal
+        start, kept_off = self.scheduler.occupant(vehicle).point, route_request.avoid | avoid
+        if avoid:
+            return self._ways.route(vehicle, start, goal, avoid=kept_off)
+        known = self._routes.get(vehicle)
+        if known and known[0] == (start, route_request):
+            return known[1]
+        burden = self._burden()
+        route = self._ways.route(vehicle, start, goal, avoid=kept_off, burden=burden)
+        self._routes[vehicle] = (start, route_request), route
+        return route
 
-    def _claim(
-        self, route_request: RouteRequest, way: list[ResourceSet], senior: _Senior | None
-    ) -> Refusal | None:
-        end = self.scheduler.end_of(route_request.vehicle, way)
-        if senior and (resource := overlap(end, senior.way)):
+    def _burden(self) -> dict[str, float]:
+        """Return what vehicles under way make dearer: the points ahead, and what leads towards them."""
+        burden: defaultdict[str, float] = defaultdict(float)
+        for journey in self.journeys.values():
+            for each in journey.way[journey.reached :]:
+                burden[each.point] += CONGESTION
+                for use in each.uses:
+                    path = self._paths.get(use)
+                    if path and path.max_reverse_velocity_mm_s:
+                        forward = path.destination == each.point
+                        burden[path.name + BACKWARD_SUFFIX if forward else path.name] += ONCOMING
+        return burden
+
+    def forget_routes(self) -> None:
+        """Search again for the routes that vehicles wait for: the plant has changed."""
+        self._routes.clear()
+
+    def _claim(self, vehicle: str, way: list[ResourceSet], senior: _Senior | None) -> Refusal | None:
+        end = self.scheduler.end_of(vehicle, way)
+        if senior and senior.vehicle != vehicle and (resource := overlap(end, senior.way)):
             return Refusal(WaitReason.ORDER, (senior.vehicle,), resource)
-        return self.scheduler.claim(route_request.vehicle, way)
+        return self.scheduler.claim(vehicle, way)
 
     def _detour(self, route_request: RouteRequest, way: list[ResourceSet], longest: float) -> Route | None:
         resting = self.scheduler.resting_on(route_request.vehicle, way)

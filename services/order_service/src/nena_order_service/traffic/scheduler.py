@@ -1,0 +1,316 @@
+"""Who holds, claims and will rest on what, and in which order vehicles pass (decision 0038)."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict, deque
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from enum import Enum, auto
+
+from nena_order_service.traffic.resources import Occupant, ResourceSet, UseIndex, Uses
+
+
+class WaitReason(Enum):
+    """Why resources are not granted."""
+
+    HELD = auto()
+    """Others hold them, and will go on."""
+    RESTING = auto()
+    """Others rest on them."""
+    ORDER = auto()
+    """Others must go first, or the vehicles would block each other."""
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """Why a vehicle must wait, and for whom."""
+
+    hindrance: WaitReason
+    vehicles: tuple[str, ...]
+    resource: str
+    between: tuple[str, ...] = ()
+    """Others by whom those ``vehicles`` and the one that waits would wait for each other."""
+
+    def __str__(self) -> str:
+        names = ", ".join(self.vehicles)
+        match self.hindrance:
+            case WaitReason.HELD:
+                return f"waits for {self.resource!r}, which {names} holds"
+            case WaitReason.RESTING:
+                return f"waits for {self.resource!r}, where {names} rests"
+            case WaitReason.ORDER:
+                return f"lets {names} go first at {self.resource!r}"
+
+
+class UnknownOccupantError(LookupError):
+    """Traffic control has not been told where the vehicle ``name`` is."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        super().__init__(f"place vehicle {name!r} before anything is claimed for it")
+
+
+class Scheduler:
+    """Who holds, claims and will rest on what; names of vehicles and of resources are the plant's."""
+
+    def __init__(self) -> None:
+        self._occupants: dict[str, Occupant] = {}
+        self._holds = UseIndex()
+        self._claims = UseIndex()
+        self._ends = UseIndex()
+        self._rests: dict[str, list[ResourceSet]] = {}
+        self._versions: Counter[str] = Counter()
+        """How often what a vehicle holds, claims or will rest on has changed."""
+        self._later: defaultdict[str, Counter[str]] = defaultdict(Counter)
+        """For each vehicle those that cannot come to their ends before it, by how many resources that is."""
+
+    def occupant(self, name: str) -> Occupant:
+        """Return a vehicle as it stands, to be read; raises UnknownOccupantError."""
+        try:
+            return self._occupants[name]
+        except KeyError:
+            raise UnknownOccupantError(name) from None
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._occupants
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The vehicles that are known."""
+        return tuple(self._occupants)
+
+    def place(
+        self, name: str, place: Iterable[ResourceSet], length_mm: int, *, entry: ResourceSet | None = None
+    ) -> None:
+        """Handle a vehicle that rests on ``place``, oldest set first, whoever else is there.
+
+        ``entry`` is what it needs to come to the point of the last set, where it is not there yet.
+        """
+        self.remove(name)
+        sets = deque(place)
+        self._occupants[name] = Occupant(name, length_mm, sets, reached=len(sets) - 1, entry=entry)
+        for each in sets:
+            self._add(self._holds, name, each.uses)
+
+    def remove(self, name: str) -> None:
+        """Forget a vehicle and free what it holds; one that is not known stays so."""
+        if name not in self._occupants:
+            return
+        self.give_up_claim(name)
+        self._forget_end(name)
+        for each in self._occupants.pop(name).held:
+            self._remove(self._holds, name, each.uses)
+
+    def claim(self, name: str, way: Sequence[ResourceSet]) -> Refusal | None:
+        """Claim a way that follows what the vehicle holds; gives why not, and then nothing has changed.
+
+        A claim that is there already is replaced.
+        """
+        occupant = self.occupant(name)
+        if refusal := self._resting_on(name, way):
+            return refusal
+        before = tuple(occupant.claimed)
+        self._set_claim(occupant, way)
+        if refusal := self._cycle(name):
+            self._set_claim(occupant, before)
+        return refusal
+
+    def allocate(self, name: str) -> Refusal | None:
+        """Allocate the next claimed set; gives why not, and then nothing has changed.
+
+        Raises:
+            LookupError: the vehicle is not known, or claims nothing.
+
+        """
+        occupant = self.occupant(name)
+        if not occupant.claimed:
+            message = f"vehicle {name!r} claims nothing"
+            raise LookupError(message)
+        wanted = occupant.claimed[0]
+        # Somebody may have come to rest on the way since it was claimed, and must be able to get out of it.
+        if refusal := self._resting_on(name, occupant.claimed) or self._held(name, wanted):
+            return refusal
+        if refusal := self._precedence(name, wanted):
+            return refusal
+        self.seize(name)
+        return None
+
+    def resume(self, name: str, held: Sequence[ResourceSet], claimed: Sequence[ResourceSet]) -> None:
+        """Let a vehicle that rests hold and claim what it was granted before, unasked."""
+        occupant = self.occupant(name)
+        for each in held:
+            self._add(self._holds, name, each.uses)
+        occupant.held.extend(held)
+        self._set_claim(occupant, claimed)
+
+    def seize(self, name: str) -> None:
+        """Let a vehicle hold the next set that it claims, unasked: it is there already."""
+        occupant = self.occupant(name)
+        taken = occupant.claimed.popleft()
+        self._remove(self._claims, name, taken.uses)
+        occupant.held.append(taken)
+        self._add(self._holds, name, taken.uses)
+
+    def arrive(self, name: str, index: int) -> bool:
+        """Note that the vehicle has come to its ``index``-th held set; tell whether that frees any."""
+        occupant = self.occupant(name)
+        freed = occupant.arrive(index)
+        for each in freed:
+            self._remove(self._holds, name, each.uses)
+        if occupant.resting:
+            self._forget_end(name)
+        return bool(freed)
+
+    def give_up_claim(self, name: str) -> None:
+        """Drop what the vehicle claims; what it holds stays with it, for it may still drive there."""
+        self._set_claim(self.occupant(name), ())
+
+    def stand(self, name: str) -> None:
+        """Note that the vehicle stands for good where it is, and free what it was to drive to.
+
+        It may be anywhere on the way to the next point, so that set stays with it.
+        """
+        occupant = self.occupant(name)
+        self.give_up_claim(name)
+        while occupant.ahead > 1:
+            self._remove(self._holds, name, occupant.held.pop().uses)
+        occupant.reached = len(occupant.held) - 1
+        self._forget_end(name)
+
+    def sharing(self, name: str) -> tuple[str, str] | None:
+        """Return another vehicle that holds what this one holds exclusively, and the resource, or None."""
+        return next(self._others(self._holds, name, self.occupant(name).held), None)
+
+    def users(self, resource: str) -> frozenset[str]:
+        """Return who holds, claims or will rest on ``resource``."""
+        return self._holds.users(resource) | self._claims.users(resource) | self._ends.users(resource)
+
+    def resting_on(self, name: str, way: Iterable[ResourceSet]) -> tuple[str, ...]:
+        """Return the vehicles that rest where ``name`` would have to pass or to stop."""
+        found = (other for other, _ in self._others(self._holds, name, way))
+        return tuple(dict.fromkeys(other for other in found if self._occupants[other].resting))
+
+    def rests_or_will_rest_on(self, name: str, way: Iterable[ResourceSet]) -> bool:
+        """Return whether others rest where ``name`` would have to pass or to stop, or will at their ends."""
+        way = tuple(way)
+        return bool(self.resting_on(name, way)) or any(self._others(self._ends, name, way))
+
+    def end_of(self, name: str, way: Sequence[ResourceSet]) -> list[ResourceSet]:
+        """Return what the vehicle would rest on at the end of ``way``."""
+        return self.occupant(name).at_end(way)
+
+    def versions(self, names: Iterable[str]) -> dict[str, int]:
+        """Return for each vehicle a number that changes with what it holds, claims or will rest on."""
+        return {name: self._versions[name] for name in names}
+
+    def free_of_rest(self, name: str, way: Iterable[ResourceSet]) -> int:
+        """Return how many sets of a way come before the first one on which another vehicle rests."""
+        count = 0
+        for each in way:
+            if any(self._occupants[other].resting for other, _ in self._holds.others(name, each.uses)):
+                break
+            count += 1
+        return count
+
+    def _set_claim(self, occupant: Occupant, way: Sequence[ResourceSet]) -> None:
+        name = occupant.name
+        for each in occupant.claimed:
+            self._remove(self._claims, name, each.uses)
+        self._forget_end(name)
+        occupant.claimed = deque(way)
+        for each in way:
+            self._add(self._claims, name, each.uses)
+        if not occupant.resting:
+            self._rests[name] = occupant.at_end(way)
+            for each in self._rests[name]:
+                self._add(self._ends, name, each.uses)
+
+    def _forget_end(self, name: str) -> None:
+        for each in self._rests.pop(name, ()):
+            self._remove(self._ends, name, each.uses)
+
+    def _others(self, index: UseIndex, name: str, sets: Iterable[ResourceSet]) -> Iterator[tuple[str, str]]:
+        for each in sets:
+            yield from index.others(name, each.uses)
+
+    def _resting_on(self, name: str, way: Iterable[ResourceSet]) -> Refusal | None:
+        way = tuple(way)
+        for other, resource in self._others(self._holds, name, way):
+            if self._occupants[other].resting:
+                return Refusal(WaitReason.RESTING, self.resting_on(name, way), resource)
+        return None
+
+    def _held(self, name: str, wanted: ResourceSet) -> Refusal | None:
+        others = list(self._holds.others(name, wanted.uses))
+        if not others:
+            return None
+        resting = all(self._occupants[other].resting for other, _ in others)
+        names = tuple(dict.fromkeys(other for other, _ in others))
+        return Refusal(WaitReason.RESTING if resting else WaitReason.HELD, names, others[0][1])
+
+    def _precedence(self, name: str, wanted: ResourceSet) -> Refusal | None:
+        """Return who claims ``wanted`` and must go before this vehicle, directly or by others in between."""
+        for other, resource in self._claims.others(name, wanted.uses):
+            if between := self._chain(other, name):
+                return Refusal(WaitReason.ORDER, (other,), resource, between)
+        return None
+
+    def _cycle(self, name: str) -> Refusal | None:
+        """Return who must go before this vehicle, directly or by others in between, and also after it."""
+        ring = self._chain(name, name)
+        if not ring:
+            return None
+        first = ring[1] if len(ring) > 1 else name
+        resource = next((resource for other, resource in self._reasons(name) if other == first), "")
+        return Refusal(WaitReason.ORDER, (first,), resource, ring)
+
+    def _chain(self, first: str, later: str) -> tuple[str, ...]:
+        """Return by whom ``first`` must come to its end before ``later`` can, itself first; empty if not."""
+        came_from = {first: ""}
+        open_ends = [first]
+        while open_ends:
+            name = open_ends.pop()
+            after = self._later.get(name, ())
+            if later in after:
+                chain = [name]
+                while came_from[chain[-1]]:
+                    chain.append(came_from[chain[-1]])
+                return tuple(reversed(chain))
+            for other in after:
+                if other not in came_from:
+                    came_from[other] = name
+                    open_ends.append(other)
+        return ()
+
+    def _reasons(self, name: str) -> Iterator[tuple[str, str]]:
+        """Yield the vehicles that cannot come to their ends before this one, and for which resource."""
+        occupant = self._occupants[name]
+        yield from self._others(self._claims, name, occupant.held)
+        yield from self._others(self._ends, name, occupant.claimed)
+
+    def _add(self, index: UseIndex, name: str, uses: Uses) -> None:
+        """Note a use, and whom that puts behind whom."""
+        self._versions[name] += 1
+        self._order(index, name, index.add(name, uses), 1)
+
+    def _remove(self, index: UseIndex, name: str, uses: Uses) -> None:
+        """Take back a use, and whom that had put behind whom."""
+        self._versions[name] += 1
+        self._order(index, name, index.remove(name, uses), -1)
+
+    def _order(self, index: UseIndex, name: str, uses: Uses, count: int) -> None:
+        if index is self._claims:
+            for other, _ in self._holds.others(name, uses):
+                self._put_behind(other, name, count)
+            for other, _ in self._ends.others(name, uses):
+                self._put_behind(name, other, count)
+        else:
+            for other, _ in self._claims.others(name, uses):
+                first, later = (name, other) if index is self._holds else (other, name)
+                self._put_behind(first, later, count)
+
+    def _put_behind(self, first: str, later: str, count: int) -> None:
+        after = self._later[first]
+        after[later] += count
+        if not after[later]:
+            del after[later]
