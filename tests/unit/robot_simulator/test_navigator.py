@@ -13,7 +13,7 @@ from hypothesis.stateful import Bundle, RuleBasedStateMachine, invariant, multip
 from nena_robot_simulator import goals
 from nena_robot_simulator.goals import GoalStatus, StatusArray
 from nena_robot_simulator.motion import Pose
-from nena_robot_simulator.navigator import PLAN_PARTS, Drive, Goal, Navigator, Progress, Target
+from nena_robot_simulator.navigator import PLAN_PARTS, Drive, DriveFailure, Goal, Navigator, Progress, Target
 from support.examples import EXAMPLES
 
 HALTING = 0.03
@@ -334,7 +334,7 @@ def test_without_a_way_the_drive_fails_and_has_no_plan() -> None:
 
 
 def test_a_drive_is_given_up_after_a_part_of_the_way() -> None:
-    drive = Drive(TARGET, START, GOAL, abort_after=0.25)
+    drive = Drive(TARGET, START, GOAL, failure=DriveFailure(abort_after=0.25))
     assert progress_at(drive, Pose(2.4, 0.0, 0.0)) is Progress.UNDERWAY
     assert progress_at(drive, Pose(2.6, 0.0, 0.0)) is Progress.FAILED
 

@@ -8,6 +8,7 @@ from random import Random
 from nena_shared.mqtt import Inbound, LinkHooks, Outbound
 from nena_simulate.virtual_time import VirtualClock, run
 from nena_simulate.wire import SUBSCRIBING_SECONDS, Broker, Conditions, Link
+from support.pausing import time_passes
 
 MESSAGES = 1000
 
@@ -29,17 +30,17 @@ def heard(conditions: Conditions, *, cut: bool = False) -> tuple[list[Inbound], 
 
         receiver.subscribe("#", take)
         links = [asyncio.create_task(each.run()) for each in (sender, receiver)]
-        await asyncio.sleep(2 * SUBSCRIBING_SECONDS)
+        await time_passes(2 * SUBSCRIBING_SECONDS)
         for number in range(MESSAGES):
             sender.publish(Outbound(f"topic/{number % 3}", str(number).encode()))
         if cut:
             sender.cut(5.0)
-            await asyncio.sleep(1)
+            await time_passes(1)
             assert not sender.state.connected
             sender.publish(Outbound("topic/1", b"unheard"))
-            await asyncio.sleep(5)
+            await time_passes(5)
             assert sender.state.connected
-        await asyncio.sleep(1)
+        await time_passes(1)
         for each in links:
             each.cancel()
         return messages, times

@@ -66,7 +66,7 @@ def _nav2(
     map_server: MapServer | None,
 ) -> DriverMaker:
     try:
-        from nena_edge_agent.nav2.driver import Nav2Driver  # noqa: PLC0415 - the loopback needs no ROS
+        from nena_edge_agent.nav2.driver import Nav2Driver, Nav2Options  # noqa: PLC0415 - the loopback needs no ROS
     except ImportError as error:
         message = (
             f"ROS 2 for Python is missing ({error.name}); install nena-edge-agent[ros], or source the "
@@ -85,9 +85,7 @@ def _nav2(
                 settings.map_id,
                 emit_on_map,
                 clock,
-                extensions,
-                limiter=limiter,
-                map_server=map_server,
+                Nav2Options(extensions, limiter, map_server),
             )
             switch.attach(driver.session)
             return driver

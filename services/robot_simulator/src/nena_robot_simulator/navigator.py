@@ -240,12 +240,22 @@ class Recovery:
         return 0.0, 0.0
 
 
-class Drive:
-    """The way to one target; ``end`` is None where the planner found none.
+@dataclass(frozen=True, slots=True)
+class DriveFailure:
+    """How a drive fails, where it does."""
 
-    ``abort_after`` is the part of the way, 0 to 1, after which the controller gives up; ``error_code`` says
-    why the drive fails, where it does.
-    """
+    error_code: int = ErrorCode.NONE
+    abort_after: float | None = None
+    """The part of the path, 0 to 1, after which the controller gives up."""
+    recovery: Recovery | None = None
+    """What is tried before the drive fails, where there is no path."""
+
+
+NO_FAILURE = DriveFailure()
+
+
+class Drive:
+    """The way to one target; ``end`` is None where the planner found none."""
 
     def __init__(
         self,
@@ -253,20 +263,17 @@ class Drive:
         start: Pose,
         end: Pose | None,
         *,
-        abort_after: float | None = None,
-        error_code: int = ErrorCode.NONE,
+        failure: DriveFailure = NO_FAILURE,
         tolerances: tuple[float, float] = (XY_TOLERANCE, YAW_TOLERANCE),
-        recovery: Recovery | None = None,
     ) -> None:
         self.target = target
         self.end = end
-        self.error_code = error_code
-        self.recovery = recovery
-        """What is tried before the drive fails, where there is no way."""
+        self.error_code = failure.error_code
+        self.recovery = failure.recovery
         self._tolerances = tolerances
         self._via = list(target.via)
         whole = _length([start, *target.via, target.pose])
-        self._abort_within = None if abort_after is None else (1.0 - abort_after) * whole
+        self._abort_within = None if failure.abort_after is None else (1.0 - failure.abort_after) * whole
         self._at_place = False
         self._reached = False
         self.cancelled = False

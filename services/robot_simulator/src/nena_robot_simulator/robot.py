@@ -19,7 +19,7 @@ from nena_robot_simulator.goals import (
     of_several,
 )
 from nena_robot_simulator.motion import GridMap, Limits, Motion, Pose, obey, step
-from nena_robot_simulator.navigator import Drive, Goal, Navigator, Progress, Recovery, Target
+from nena_robot_simulator.navigator import Drive, DriveFailure, Goal, Navigator, Progress, Recovery, Target
 from nena_robot_simulator.sensors import Battery, Estimate, Localisation
 from nena_robot_simulator.servers import LifecycleState, Server, Servers
 from nena_robot_simulator.settings import RobotSettings, SimulatorSettings
@@ -369,10 +369,12 @@ class Robot:
             target,
             self.pose,
             end,
-            abort_after=None if abort is None else abort.fraction,
-            error_code=of_several(code) if several else code,
+            failure=DriveFailure(
+                error_code=of_several(code) if several else code,
+                abort_after=None if abort is None else abort.fraction,
+                recovery=Recovery(now, self._recovery_time, self._time_factor) if recovers else None,
+            ),
             tolerances=(self._settings.tolerance.xy, self._settings.tolerance.yaw),
-            recovery=Recovery(now, self._recovery_time, self._time_factor) if recovers else None,
         )
 
     def _end_of(self, target: Target) -> tuple[Pose | None, int]:

@@ -15,6 +15,7 @@ from nena_shared.fleet_api.requests import TransportOrderPage
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import dispatchable_order
+from support.pausing import turn_passes
 from support.plants import point
 from support.scripted_fleet import MemoryStore, ScriptedFleet, make_engine
 
@@ -32,7 +33,7 @@ class Turns:
     async def run(self) -> None:
         while True:
             self._now = 0
-            await asyncio.sleep(0)
+            await turn_passes()
 
 
 @pytest.mark.parametrize("number", [0, 1, SLICE, SLICE + 1, 10 * SLICE])

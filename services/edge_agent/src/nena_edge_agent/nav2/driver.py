@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Iterable, Sequence
 from contextlib import AsyncExitStack, suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import inf
 from typing import TYPE_CHECKING
 
@@ -86,6 +86,19 @@ FEEDBACK_TIMEOUT = 2.0
 """Seconds without feedback of a drive, each 10 ms as a rule, after which bt_navigator counts as dead."""
 
 
+@dataclass(frozen=True, slots=True)
+class Nav2Options:
+    """What only some robots with Nav2 have."""
+
+    extensions: Sequence[NodeExtension] = ()
+    """Topics and services of plug-ins on the robot's nodes."""
+    limiter: SpeedLimiter | None = None
+    map_server: MapServer | None = None
+
+
+NO_OPTIONS = Nav2Options()
+
+
 class Nav2Driver:
     """One robot with Nav2. Events are told from the loop itself, never from within a call of a method."""
 
@@ -95,15 +108,12 @@ class Nav2Driver:
         map_id: str,
         emit: MapEmit,
         clock: Clock,
-        extensions: Sequence[NodeExtension] = (),
-        *,
-        limiter: SpeedLimiter | None = None,
-        map_server: MapServer | None = None,
+        options: Nav2Options = NO_OPTIONS,
     ) -> None:
         self._settings = settings
-        self._extensions = extensions
-        self._limiter = limiter
-        self._map_server = map_server
+        self._extensions = options.extensions
+        self._limiter = options.limiter
+        self._map_server = map_server = options.map_server
         if map_server is not None:
             map_server.attach(self)
         self._too_fast = ""

@@ -20,7 +20,7 @@ from nena_order_service.dispatching.settings import (
     VehicleKey,
 )
 from nena_order_service.orders.transport_order import TransportOrder
-from nena_order_service.orders.waiting import Kind, kind_of
+from nena_order_service.orders.waiting import OrderKind, kind_of
 from nena_order_service.routing.order_routes import RouteCost
 from nena_shared.fleet_api.vehicle import ANY_ORDER_TYPE, ANY_TYPE, AcceptableOrderType
 from nena_shared.plant.model import EnergyThresholds
@@ -306,7 +306,7 @@ class Knowledge(Protocol):
     def misfit(self, order: TransportOrder, vehicle: str) -> str:
         """Return why a vehicle must not do an order, whatever it does now; empty where it may.
 
-        Of two orders of one :class:`Kind` it says the same.
+        Of two orders of one :class:`OrderKind` it says the same.
         """
         ...
 
@@ -493,7 +493,7 @@ class _Round:
     def _cheapest_pairs(self, orders: Sequence[TransportOrder]) -> dict[int, _Choices]:
         """Return the vehicles that orders could have, for each as many as there are orders: enough."""
         rank = rank_candidates(self._settings.vehicle_candidates, self._now)
-        known: dict[Kind, dict[str, str]] = {}
+        known: dict[OrderKind, dict[str, str]] = {}
         found = {}
         for order in orders:
             kind, is_kept = kind_of(order), order.number in self._kept
@@ -513,7 +513,7 @@ class _Round:
     def let_orders_choose(self, orders: Sequence[TransportOrder]) -> None:
         """Let each order that is left take the vehicle that suits it best; else say why it waits."""
         rank = rank_candidates(self._settings.vehicle_candidates, self._now)
-        nobody: dict[Kind, str] = {}
+        nobody: dict[OrderKind, str] = {}
         for order in orders:
             if order.number in self._assigned or order.name in self.decisions.reasons:
                 continue

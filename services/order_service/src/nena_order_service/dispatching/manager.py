@@ -30,7 +30,7 @@ from nena_order_service.orders.automatic import is_automatic_recharge
 from nena_order_service.orders.sequences import Sequences
 from nena_order_service.orders.transport_order import TransportOrder, Urgency
 from nena_order_service.orders.vda_orders import OrderPlanner
-from nena_order_service.orders.waiting import Kind
+from nena_order_service.orders.waiting import OrderKind
 from nena_order_service.routing import NoRouteError
 from nena_order_service.routing.order_routes import OrderCosts, RouteCost, RouteCosts, RoutePlan
 from nena_order_service.state import VehicleRecords
@@ -294,7 +294,7 @@ class Dispatching:
         numbers = self._orders.waiting.part(self._told_to, LOOKED_AT_ONCE)
         self._told_to = self._told_to + len(numbers) if numbers else 0
         told = 0
-        reasons: dict[Kind, str | None] = {}
+        reasons: dict[OrderKind, str | None] = {}
         for order in self._waiting_of(numbers):
             kind = self._orders.waiting.kind(order.number)
             if kind is None or order.number in self._kept:
@@ -480,7 +480,7 @@ class Dispatching:
         seen = {name: self._candidates.free[name] for name in fresh}
         knowledge = self._knowledge(seen)
 
-        def fits(kind: Kind) -> bool:
+        def fits(kind: OrderKind) -> bool:
             order = self._orders.get(waiting.example(kind))
             recharges, pick = knowledge.recharges(order), knowledge.pick(order)
             return any(

@@ -12,7 +12,7 @@ from nena_order_service.orders.transport_order import TransportOrder, Urgency
 from nena_shared.fleet_api.transport_order import TransportOrderState
 
 
-class Kind(NamedTuple):
+class OrderKind(NamedTuple):
     """What an order says about who may do it: of orders of one kind, each vehicle says the same."""
 
     intended_vehicle: str | None
@@ -25,10 +25,10 @@ class Kind(NamedTuple):
     """Operation, loadType and lhd of each destination that is left."""
 
 
-def kind_of(order: TransportOrder) -> Kind:
+def kind_of(order: TransportOrder) -> OrderKind:
     """Return the kind of an order; it stays the same while the order waits."""
     status = order.status
-    return Kind(
+    return OrderKind(
         status.intended_vehicle,
         status.wrapping_sequence,
         tuple(status.excluded_vehicles),
@@ -58,12 +58,12 @@ class WaitingOrders:
         self._queue: list[Urgency] = []
         """All of them, most urgent first."""
         self._urgencies: dict[int, Urgency] = {}
-        self._kinds: dict[Kind, list[Urgency]] = {}
-        self._kind_of: dict[int, Kind] = {}
+        self._kinds: dict[OrderKind, list[Urgency]] = {}
+        self._kind_of: dict[int, OrderKind] = {}
         """By the orders' numbers; only of those that are not held."""
-        self._for_any: dict[Kind, None] = {}
+        self._for_any: dict[OrderKind, None] = {}
         """The kinds that name no vehicle."""
-        self._for_one: dict[str, dict[Kind, None]] = {}
+        self._for_one: dict[str, dict[OrderKind, None]] = {}
         """The kinds that name one, by its name."""
 
     def __len__(self) -> int:
@@ -88,25 +88,25 @@ class WaitingOrders:
         if not waits and (known := self._urgencies.pop(number, None)):
             _remove(self._queue, known)
 
-    def kind(self, number: int) -> Kind | None:
+    def kind(self, number: int) -> OrderKind | None:
         """Return the kind of an order that waits; None for a held one."""
         return self._kind_of.get(number)
 
-    def kinds(self, vehicles: Iterable[str]) -> Iterator[Kind]:
+    def kinds(self, vehicles: Iterable[str]) -> Iterator[OrderKind]:
         """Yield the kinds of orders that wait for any vehicle, and for these ones."""
         yield from tuple(self._for_any)
         for vehicle in vehicles:
             yield from tuple(self._for_one.get(vehicle, ()))
 
-    def naming(self, vehicle: str) -> Iterator[Kind]:
+    def naming(self, vehicle: str) -> Iterator[OrderKind]:
         """Yield the kinds of orders that wait for this vehicle alone."""
         return iter(tuple(self._for_one.get(vehicle, ())))
 
-    def example(self, kind: Kind) -> int:
+    def example(self, kind: OrderKind) -> int:
         """Return the number of the most urgent order of a kind."""
         return self._kinds[kind][0][-1]
 
-    def first(self, kinds: Iterable[Kind], limit: int, after: Urgency | None = None) -> list[int]:
+    def first(self, kinds: Iterable[OrderKind], limit: int, after: Urgency | None = None) -> list[int]:
         """Return the numbers of the most urgent orders of these kinds, from behind ``after`` on."""
         rows = [self._kinds[kind] for kind in kinds]
         if after is None:
@@ -120,7 +120,7 @@ class WaitingOrders:
         """Return the numbers of ``limit`` orders from the ``start``-th one in the queue on, held ones too."""
         return [urgency[-1] for urgency in self._queue[start : start + limit]]
 
-    def _offer(self, number: int, kind: Kind) -> None:
+    def _offer(self, number: int, kind: OrderKind) -> None:
         self._kind_of[number] = kind
         self.fresh[number] = None
         if kind not in self._kinds:
@@ -128,7 +128,7 @@ class WaitingOrders:
             self._same_vehicle(kind)[kind] = None
         insort(self._kinds[kind], self._urgencies[number])
 
-    def _take_back(self, number: int, kind: Kind) -> None:
+    def _take_back(self, number: int, kind: OrderKind) -> None:
         self.fresh.pop(number, None)
         _remove(self._kinds[kind], self._urgencies[number])
         if not self._kinds[kind]:
@@ -138,7 +138,7 @@ class WaitingOrders:
             if not same and kind.intended_vehicle is not None:
                 del self._for_one[kind.intended_vehicle]
 
-    def _same_vehicle(self, kind: Kind) -> dict[Kind, None]:
+    def _same_vehicle(self, kind: OrderKind) -> dict[OrderKind, None]:
         if kind.intended_vehicle is None:
             return self._for_any
         return self._for_one.setdefault(kind.intended_vehicle, {})

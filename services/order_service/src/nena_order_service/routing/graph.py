@@ -207,7 +207,7 @@ class Access:
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
+class VehicleKind:
     """A routing profile, and a number for it that is quick to compare."""
 
     number: int
@@ -220,18 +220,18 @@ class VehicleKinds:
     def __init__(self, known_types: frozenset[str]) -> None:
         """``known_types`` are the vehicle types that the plant distinguishes."""
         self._known_types = known_types
-        self._anybody = Kind(0, RoutingProfile())
+        self._anybody = VehicleKind(0, RoutingProfile())
         self._kinds = {self._anybody.profile: self._anybody}
-        self._of: dict[str, tuple[Vehicle, Kind]] = {}
+        self._of: dict[str, tuple[Vehicle, VehicleKind]] = {}
 
-    def of(self, vehicle: Vehicle | None) -> Kind:
+    def of(self, vehicle: Vehicle | None) -> VehicleKind:
         """Return the kind of a vehicle; None: of any vehicle at all."""
         if vehicle is None:
             return self._anybody
         known = self._of.get(vehicle.name)
         if known is None or known[0] is not vehicle:
             profile = RoutingProfile.of(vehicle, self._known_types)
-            known = vehicle, self._kinds.setdefault(profile, Kind(len(self._kinds), profile))
+            known = vehicle, self._kinds.setdefault(profile, VehicleKind(len(self._kinds), profile))
             self._of[vehicle.name] = known
         return known[1]
 
