@@ -27,7 +27,7 @@ STAMP := $(VENV)/.set-up
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help setup action-types lock format lint test test-unit test-all soak soak-cores soak-site compose-test colcon-test smoke demo bench conversations hooks clean broker browser sbom fuzz faults conformance reference
+.PHONY: help setup action-types lock format lint test test-unit test-all soak soak-cores soak-site soak-pauses compose-test colcon-test smoke demo bench conversations hooks clean broker browser sbom fuzz faults conformance reference
 
 help: ## list these commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F':.*## ' '{printf "  make %-13s %s\n", $$1, $$2}'
@@ -83,7 +83,7 @@ conformance: $(STAMP) ## regenerate docs/vda5050.md: conformance clause by claus
 reference: $(STAMP) ## regenerate docs/configuration.md: every setting of every program
 	PYTHONPATH=tests $(BIN)/python -m reference.configuration
 
-soak: soak-site soak-cores ## soak-site, then soak-cores
+soak: soak-site soak-pauses soak-cores ## soak-site, soak-pauses, then soak-cores
 
 soak-cores: $(STAMP) broker ## property tests of the cores with many more examples: about two hours on two cores
 	NENA_EXAMPLES=100000 NENA_MESSAGES=2000 NENA_PLANTS=400 NENA_KERNEL_PLANTS=400 NENA_RESTARTS=1000 NENA_KILLS=40 NENA_SESSIONS=200 NENA_ORDER_KILLS=50 $(BIN)/pytest --long -n $(WORKERS) --timeout 7200 $(SOAK)
@@ -97,6 +97,10 @@ faults: $(STAMP) broker ## inject every kind of fault into a working site, about
 MINUTES ?= 120
 soak-site: $(STAMP) broker ## run a site for two hours (or MINUTES=10): memory, latency, drift; writes docs/soak.md
 	PYTHONPATH=tests $(BIN)/python -m faults.soak --minutes $(MINUTES)
+
+PAUSES ?= 50
+soak-pauses: $(STAMP) broker ## suspend the active order service for 1 to 60 s, 50 times (or PAUSES=8), with robots of three kinds
+	PYTHONPATH=tests $(BIN)/python -m faults.pauses --pauses $(PAUSES)
 
 # The damage is the same on each run; NENA_FUZZ_SEED=anything chooses other damage.
 fuzz: $(STAMP) broker ## fuzz every parser and both HTTP interfaces, for a long time

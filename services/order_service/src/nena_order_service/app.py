@@ -7,13 +7,14 @@ from collections.abc import Callable, Coroutine
 from typing import Any
 
 from nena_order_service.api.server import RestServer, make_standby_app, make_starting_app
+from nena_order_service.fleet.claim import FleetClaim
 from nena_order_service.plant_change import ServiceRunner
 from nena_order_service.plant_file import PlantFile, load_plant
 from nena_order_service.service import OrderService, build
 from nena_order_service.settings import OrderServiceSettings
 from nena_order_service.store.instance_lock import InstanceLock
 from nena_order_service.store.lead import Lead
-from nena_order_service.store.leadership import begin_epoch
+from nena_order_service.store.leadership import begin_epoch, store_id
 from nena_order_service.store.schema import is_shared, open_database
 from nena_order_service.store.store import Store
 from nena_shared.log import get_logger
@@ -88,7 +89,9 @@ async def _serve_alone(settings: OrderServiceSettings, plant: PlantFile, stop: a
     store = Store(engine, lock)
     server = RestServer(make_starting_app(lambda: store.why_not_ready), settings.http)
     async with Supervisor() as supervisor:
-        runner = _runner(settings, plant, store, supervisor, epoch=epoch)
+        claim = FleetClaim(settings, store=store_id(engine), epoch=epoch, term=always)
+        supervisor.start("claim of the fleet", claim.run())
+        runner = _runner(settings, plant, store, supervisor, claim=claim, epoch=epoch)
         await _begin_and_serve(runner, store, server, supervisor, stop)
     store.close()
 
@@ -101,8 +104,9 @@ async def _serve_shared(settings: OrderServiceSettings, plant: PlantFile, stop: 
         server.open(supervisor)
         try:
             if await lead.take(stop):
-                store, epoch = await _take_over(settings, lead, supervisor, server.url)
-                runner = _runner(settings, plant, store, supervisor, epoch=epoch, term=lead.lease.term)
+                store, claim = await _take_over(settings, lead, supervisor, server.url)
+                term, epoch = lead.lease.term, claim.epoch
+                runner = _runner(settings, plant, store, supervisor, claim=claim, epoch=epoch, term=term)
                 await _begin_and_serve(runner, store, server, supervisor, stop)
         finally:
             await server.close()
@@ -146,11 +150,20 @@ def _runner(
     store: Store,
     supervisor: Supervisor,
     *,
-    epoch: int = 0,
+    claim: FleetClaim,
+    epoch: int,
     term: Term = always,
 ) -> ServiceRunner[OrderService]:
     def make(model: PlantModel) -> OrderService:
-        return build(settings, model, store, epoch=epoch, term=term, change_plant=runner.change_plant)
+        return build(
+            settings,
+            model,
+            store,
+            epoch=epoch,
+            term=term,
+            change_plant=runner.change_plant,
+            claimed=claim.claimed,
+        )
 
     runner = ServiceRunner(plant, store, supervisor, make=make)
     return runner
@@ -158,14 +171,16 @@ def _runner(
 
 async def _take_over(
     settings: OrderServiceSettings, lead: Lead, supervisor: Supervisor, url: str
-) -> tuple[Store, int]:
-    """Take over from the other one, which commits nothing any more; return the store and its epoch."""
+) -> tuple[Store, FleetClaim]:
+    """Take over from the other one, which commits nothing any more; return store and claim of the fleet."""
     own_url = str(settings.public_url or url).rstrip("/")
     engine, fence = await lead.raise_fence(settings.store.location(), own_url)
     store = Store(engine, fence=fence)
     supervisor.start("lead", lead.keep(store, engine, fence))
     log.info("the shared store is taken over", epoch=fence.epoch)
-    return store, fence.epoch
+    claim = FleetClaim(settings, store=store_id(engine), epoch=fence.epoch, term=lead.lease.term)
+    supervisor.start("claim of the fleet", claim.run())
+    return store, claim
 
 
 async def _shut_down(service: OrderService) -> None:

@@ -55,17 +55,24 @@ class OrderService:
     stream: EventStream
     hosts: HostServices
     loop_lag: LoopLag
+    claimed: asyncio.Event | None = None
+    """Set once the fleet is claimed: nothing is sent before. None: nobody else can have it."""
 
     async def begin(self, start: Callable[..., asyncio.Task[None]]) -> None:
         """Take up what is in the store, then let all parts run; ``start`` starts their tasks."""
         await self.hosts.load()
         await self.engine.start(self.fleet)
-        start("mqtt", self.mqtt.run())
+        start("mqtt", self._connect())
         start("fleet control", self.fleet.run())
         start("kernel", self.engine.run())
         start("loop lag", self.loop_lag.run())
         start("zone sets", self.hosts.zones.run())
         start("retained sweep", self.sweep.run(), vital=False)
+
+    async def _connect(self) -> None:
+        if self.claimed:
+            await self.claimed.wait()
+        await self.mqtt.run()
 
     async def end(self) -> None:
         """End all that clients wait for."""
@@ -82,6 +89,7 @@ def build(
     epoch: int = 0,
     term: Term = always,
     change_plant: ChangePlant | None = None,
+    claimed: asyncio.Event | None = None,
 ) -> OrderService:
     """Wire up the order service; for ``epoch`` and ``term`` see :class:`StatusPublisher` and :data:`Term`.
 
@@ -119,7 +127,9 @@ def build(
         mounted=_mounted(settings, plant, engine, hosts, operations),
     )
     app = make_app(operations, stream, service)
-    return OrderService(store, engine, fleet, publisher, sweep, mqtt, app, mqtt_api, stream, hosts, loop_lag)
+    return OrderService(
+        store, engine, fleet, publisher, sweep, mqtt, app, mqtt_api, stream, hosts, loop_lag, claimed
+    )
 
 
 def make_fleet(

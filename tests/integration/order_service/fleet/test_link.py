@@ -7,6 +7,7 @@ import socket
 from collections.abc import AsyncIterator
 
 import pytest
+from structlog.testing import capture_logs
 
 from nena_order_service.fleet import FleetSettings, LinkStatus, VdaOrderFailed
 from nena_order_service.fleet.link import KEY_LENGTH
@@ -331,3 +332,20 @@ async def test_a_new_process_speaks_the_robots_version_from_its_first_word(
     assert {json.loads(each.payload)["version"] for each in messages} == {version}
     assert {each.topic.split("/")[-4] for each in messages} == {f"v{version[0]}"}
     assert any(b"factsheetRequest" in each.payload for each in messages)
+
+
+async def test_commands_of_somebody_else_raise_the_alarm(
+    fleet: WiredFleet, robot: WiredRobot, broker: Broker, interface_name: str
+) -> None:
+    await free(fleet)
+    fleet.fleet.start_vda_order(ROBOT, make_vda_order("m", "A", "B"))
+    await fleet.wait_for("VdaOrderAccepted")
+    topic = robot.scheme.of(ROBOT, Topic.ORDER)
+    with MqttPeer(broker, f"{interface_name}/#") as peer, capture_logs() as logs:
+        assert fleet.fleet.foreign == 0
+        peer.publish(topic, b'{"orderId": "of another fleet control"}')
+        await until(lambda: fleet.fleet.foreign == 1)
+
+    (alarm,) = [each for each in logs if each["event"].startswith("somebody else")]
+    assert alarm["topic"] == topic
+    assert "of another fleet control" in alarm["message"]

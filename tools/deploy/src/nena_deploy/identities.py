@@ -110,6 +110,8 @@ class SiteTopics(BaseModel):
 
 FROM_ROBOT = (Topic.STATE, Topic.VISUALIZATION, Topic.CONNECTION, Topic.FACTSHEET)
 TO_ROBOT = (Topic.ORDER, Topic.INSTANT_ACTIONS, Topic.ZONE_SET, Topic.RESPONSES)
+WATCHED = (Topic.ORDER, Topic.INSTANT_ACTIONS)
+"""What the order service reads of what is sent to robots: commands that are not its own."""
 FROM_HOST = ("transportOrders/create", "commands/delivery")
 """Requests that a host may send; other commands concern orders and robots of others."""
 ANY_ROBOT = RobotKey("+", "+")
@@ -147,6 +149,7 @@ def _rules(identity: Identity, topics: SiteTopics) -> Iterator[str]:
         case Kind.ORDER_SERVICE:
             for scheme in topics.schemes:
                 yield from _of_robots(scheme, ANY_ROBOT, out="read", back="write")
+                yield from (f"read {scheme.of(ANY_ROBOT, topic)}" for topic in WATCHED)
             yield f"readwrite {topics.prefix}/#"
         case Kind.STATUS_AGGREGATOR:
             for scheme in topics.schemes:

@@ -217,8 +217,17 @@ _PLURALS: Final = {Topic.STATE.value: "states", Topic.CONNECTION.value: "connect
 
 NO_TIME: Final = datetime.min.replace(tzinfo=UTC)
 
+COMMANDS: Final = (Topic.ORDER, Topic.INSTANT_ACTIONS)
+SENT_REMEMBERED: Final = 10_000
+"""Commands that are known as our own when the broker returns them."""
+LOGGED_OF_COMMAND: Final = 300
+
 LOGGED_OF_NAME: Final = 60
 """Characters of a name that is too long."""
+
+
+def _mark(topic: str, payload: bytes) -> int:
+    return hash((topic, payload))
 
 
 class FleetLink:
@@ -256,12 +265,20 @@ class FleetLink:
         """How many messages came from robots beyond the limit of robots."""
         self.too_long = 0
         """How many messages came from robots whose names are longer than the store can hold."""
+        self.foreign = 0
+        """How many commands to robots were not sent by this program."""
+        self._sent: dict[int, None] = {}
+        """Marks of the last commands that this program has sent, oldest first."""
         self.deviations = Deviations(clock)
         """What had to be repaired in the robots' messages."""
         self._reader = MessageReader(self._note_repairs, strict=settings.strict)
         self._hear(Topic.CONNECTION, Connection, self._controller.on_connection, qos=1)
         self._hear(Topic.FACTSHEET, Factsheet, self._controller.on_factsheet, qos=settings.qos)
         self._hear(Topic.STATE, State, self._controller.on_state, qos=settings.qos)
+
+        for scheme in addresses.schemes:
+            for topic in COMMANDS:
+                mqtt.subscribe(scheme.for_all(topic), self._check_command, qos=0)
 
     async def run(self) -> None:
         """Look after what is overdue, until cancelled."""
@@ -332,6 +349,25 @@ class FleetLink:
         if link.connected:
             self._term = link.term
         self._hand_out(self._controller.on_broker(connected=link.connected, now=self._now(), unread=unread))
+
+    def _check_command(self, inbound: Inbound) -> None:
+        """Raise the alarm when somebody else commands robots; the broker returns our own commands as well."""
+        if not inbound.payload or _mark(inbound.topic, inbound.payload) in self._sent:
+            return
+        if self.foreign % MALFORMED_LOGGED_EACH == 0:
+            log.error(
+                "somebody else commands robots of this fleet",
+                topic=inbound.topic,
+                retained=inbound.retained,
+                message=inbound.payload[:LOGGED_OF_COMMAND].decode(errors="replace"),
+                so_far=self.foreign + 1,
+            )
+        self.foreign += 1
+
+    def _remember(self, topic: str, payload: bytes) -> None:
+        if len(self._sent) >= SENT_REMEMBERED:
+            del self._sent[next(iter(self._sent))]
+        self._sent[_mark(topic, payload)] = None
 
     def _hear(self, topic: Topic, kind: type[M], take: Take[M], *, qos: int) -> None:
         """Subscribe to a topic of all robots; ``take`` gets what is well-formed and says something of now."""
@@ -431,6 +467,8 @@ class FleetLink:
             log.exception("a message cannot be said to this robot", robot=str(output.robot), topic=topic)
             return
         place = address.scheme.of(output.robot, topic)
+        if topic in COMMANDS:
+            self._remember(place, payload)
         self._mqtt.publish(Outbound(place, payload, qos=self._settings.qos, keep=False))
 
     def _now(self) -> float:

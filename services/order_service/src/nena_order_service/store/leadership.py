@@ -15,13 +15,17 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from math import inf
+from secrets import token_hex
 
-from sqlalchemy import Connection, Engine, bindparam, case, select, text, update
+from sqlalchemy import Connection, Engine, bindparam, case, insert, select, text, update
 from sqlalchemy.exc import DBAPIError
 
 from nena_order_service.store import schema
 from nena_order_service.store.schema import FencedError, make_engine
 from nena_shared.database_lines import hang_up
+
+STORE_ID = "storeId"
+"""Kind of the document that names the store."""
 
 LOCK_CLASS = 5_050_022
 """Of advisory locks: the first of their two numbers; the second one stands for the schema."""
@@ -198,6 +202,24 @@ def begin_epoch(engine: Engine) -> int:
             return int(connection.execute(_TAKE_OVER, _next("")).scalar_one())
     except DBAPIError:
         return int(time.time())
+
+
+def store_id(engine: Engine) -> str:
+    """Return the name of the store, which it keeps from its first start on.
+
+    A store that cannot be written has one for this run.
+    """
+    documents = schema.documents
+    own = (documents.c.kind == STORE_ID, documents.c.name == "")
+    try:
+        with engine.begin() as connection:
+            found = connection.execute(select(documents.c.document).where(*own)).scalar()
+            if found is None:
+                found = token_hex(8)
+                connection.execute(insert(documents).values(kind=STORE_ID, name="", document=found))
+    except DBAPIError:
+        return token_hex(8)
+    return str(found)
 
 
 @dataclass(slots=True)

@@ -1,0 +1,209 @@
+"""A site with two order services on one PostgreSQL, and robots of three kinds."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+from collections.abc import AsyncIterator, Iterator
+from contextlib import AsyncExitStack, asynccontextmanager
+from pathlib import Path
+
+import httpx
+
+from faults import history as judge
+from faults.checker import told_in
+from faults.hall import MAP_ID, start_of
+from faults.history import Event, History, Kind
+from faults.host import Host
+from faults.outside_robots import Standing, library_robot, standard_robot
+from faults.site import Layout, Site
+from nena_shared.fleet_api.transport_order import TransportOrderStatus
+from nena_shared.vda5050.state import State
+from nena_shared.vda5050.v2_1 import CODEC
+from support.broker import free_port
+from support.executions import executions
+from support.programs import Program
+from support.waiting import PATIENCE, awaited
+
+NAMES = ("one", "two")
+LOOPBACK = 2
+ANSWERED_WITHIN = 2.0
+"""Seconds after which the other order service is asked."""
+ENDED_WITHIN = 240.0
+ECHO = 0.3
+"""Seconds after which the plain robot reports that it has an order."""
+
+
+class _Either(httpx.AsyncBaseTransport):
+    """Asks the order service that answered last; where it stands by or does not answer, the other one."""
+
+    def __init__(self, ports: list[int]) -> None:
+        self._ports = ports
+        self._inner = httpx.AsyncHTTPTransport(limits=httpx.Limits(max_keepalive_connections=0))
+
+    async def handle_async_request(self, request: httpx.Request) -> httpx.Response:
+        """Send a request to each in turn."""
+        timeouts = dict.fromkeys(("connect", "read", "write", "pool"), ANSWERED_WITHIN)
+        request.extensions["timeout"] = timeouts
+        failure: Exception = httpx.ConnectError("nobody was asked")
+        for port in list(self._ports):
+            request.url = request.url.copy_with(port=port)
+            try:
+                response = await self._inner.handle_async_request(request)
+            except httpx.TransportError as error:
+                failure = error
+            else:
+                if response.status_code != httpx.codes.SERVICE_UNAVAILABLE:
+                    self._ports.sort(key=lambda each: each != port)
+                    return response
+                failure = httpx.ConnectError("stands by")
+                await response.aclose()
+        raise failure
+
+
+class PairSite(Site):
+    """Robots: ``loop-...`` are NeNa's, ``single-1`` is a library's, ``single-2`` from the standard alone."""
+
+    def __init__(self, folder: Path, store_url: str, *, library: bool = True) -> None:
+        """Prepare it; ``library``: whether the robot on the library is there."""
+        super().__init__(folder, Layout(loopback=LOOPBACK, singles=2, store_url=store_url))
+        self._stores = store_url
+        self._library = library
+        self._own_ports = {name: free_port() for name in NAMES}
+        self.orders = httpx.AsyncClient(
+            base_url="http://127.0.0.1", transport=_Either(list(self._own_ports.values())), timeout=60
+        )
+        self.history = History()
+        self._robots = AsyncExitStack()
+
+    async def start(self) -> None:
+        """Start everything, and wait until every robot could take an order."""
+        for name in NAMES:
+            self.start_service(name)
+        self.start_loopback()
+        x, y = start_of(LOOPBACK)
+        if self._library:
+            there = Standing("single-1", MAP_ID, x, y)
+            await self._robots.enter_async_context(library_robot(self.broker, there, self.history))
+        x, y = start_of(LOOPBACK + 1)
+        there = Standing("single-2", MAP_ID, x, y, echo=ECHO)
+        await self._robots.enter_async_context(
+            standard_robot(self.broker, self.interface, there, self.history)
+        )
+        await self.robots_are("ONLINE", *(("single-1",) if self._library else ()), "single-2")
+
+    def start_service(self, name: str) -> Program:
+        """Start one of the order services."""
+        return self._program(
+            f"order-service-{name}",
+            "nena-order-service",
+            *("--plant", self.plant, "--store.url", self._stores),
+            *("--http.port", self._own_ports[name], "--http.burst", 100_000),
+            *("--mqtt.port", self.broker.port, "--mqtt.reconnect_max", 1.0),
+        )
+
+    async def role_of(self, name: str) -> str:
+        """Return what an order service says that it is; nothing if it does not answer."""
+        async with httpx.AsyncClient(timeout=ANSWERED_WITHIN) as client:
+            try:
+                told = (await client.get(f"http://127.0.0.1:{self._own_ports[name]}/readyz")).json()
+            except (httpx.HTTPError, ValueError):
+                return ""
+        return str(told.get("role", ""))
+
+    @staticmethod
+    def other(name: str) -> str:
+        """Return the name of the other order service."""
+        return NAMES[1 - NAMES.index(name)]
+
+    async def leader(self) -> str:
+        """Wait until an order service is the active one, and return its name."""
+
+        async def look() -> str:
+            roles = {name: await self.role_of(name) for name in NAMES}
+            return next((name for name, role in roles.items() if role == "active"), "")
+
+        return await awaited(look, bool, seconds=5 * PATIENCE, what="an active order service")
+
+    async def stands_by(self, name: str) -> None:
+        """Wait until an order service stands by; start it again if it has ended."""
+
+        async def look() -> str:
+            if self.programs[f"order-service-{name}"].process.poll() is not None:
+                self.start_service(name)
+            return await self.role_of(name)
+
+        await awaited(look, lambda role: role == "standby", seconds=5 * PATIENCE, what=f"{name} stands by")
+
+    @asynccontextmanager
+    async def paused(self, name: str) -> AsyncIterator[None]:
+        """Let an order service hang until the block ends."""
+        process = self.programs[f"order-service-{name}"].process
+        process.send_signal(signal.SIGSTOP)
+        try:
+            yield
+        finally:
+            process.send_signal(signal.SIGCONT)
+
+    async def close(self) -> None:
+        """End everything."""
+        await self._robots.aclose()
+        await super().close()
+
+    def complete_history(self) -> History:
+        """Return the history of all robots; that of NeNa's own one is read from its states."""
+        found = list(self.history.events)
+        for serial in self.serials:
+            states = self.wire.received(f"{self.interface}/v2/NeNa/{serial}/state")
+            found += _places(serial, [CODEC.decode(State, each.payload) for each in states])
+            done = executions(states)
+            found += (Event(0.0, serial, Kind.ENDED, each.action_id, each.drive_order) for each in done)
+        return History(found)
+
+
+def _places(robot: str, states: list[State]) -> Iterator[Event]:
+    """Yield where a robot was by its states: on its last node, until it tells of the next one."""
+    here = ""
+    for state in sorted(states, key=lambda each: each.timestamp):
+        if state.last_node_id != here:
+            at = state.timestamp.timestamp()
+            if here:
+                yield Event(at, robot, Kind.LEFT, here)
+            yield Event(at, robot, Kind.ENTERED, state.last_node_id)
+            here = state.last_node_id
+
+
+async def judged(site: PairSite, host: Host) -> list[str]:
+    """Wait until every order is at its end, and return what must not have been."""
+    store = await _ended(site)
+    history = site.complete_history()
+    statuses = site.wire.received("nena/v1/transportOrders/+/status")
+    found = [
+        *judge.lost(host.answered, store),
+        *judge.done_wrongly(history, store),
+        *judge.begun_again(history),
+        *judge.shared_places(history),
+        *judge.told_back(statuses),
+        *(f"a host was refused: {each}" for each in host.refused),
+    ]
+    untold = host.answered - told_in(statuses).keys()
+    return [*found, *(f"{each} was never told of" for each in sorted(untold))]
+
+
+async def _ended(site: PairSite) -> dict[str, TransportOrderStatus]:
+    """Return all orders, once each has ended or the patience has."""
+    store: dict[str, TransportOrderStatus] = {}
+    try:
+        async with asyncio.timeout(ENDED_WITHIN):
+            while not store or not all(each.state.final for each in store.values()):
+                try:
+                    answer = await site.orders.get("/v1/transportOrders", params={"limit": 1000})
+                    orders = answer.raise_for_status().json()["transportOrders"]
+                except (httpx.HTTPError, KeyError, ValueError):
+                    await asyncio.sleep(0.5)
+                    continue
+                store = {each["name"]: TransportOrderStatus.model_validate(each) for each in orders}
+                await asyncio.sleep(0.5)
+    except TimeoutError:
+        pass
+    return store

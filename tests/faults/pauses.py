@@ -1,0 +1,125 @@
+"""Let the active order service hang for 1 to 60 s, again and again, while robots of three kinds work.
+
+``python -m faults.pauses --pauses 50``; the exit status is 1 if an order was done twice or lost, or a status
+went back.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import shutil
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+
+from faults.host import Host
+from faults.pair import PairSite, judged
+from support.pausing import time_passes
+from support.postgres import Postgres
+from support.waiting import PATIENCE, awaited
+
+SHORTEST, LONGEST = 1.0, 60.0
+"""Seconds."""
+AT_ONCE = 5
+BETWEEN = 3.0
+"""Seconds from the end of a pause to the next one, in which orders are sent."""
+
+
+SETTLED = 1.0
+"""Seconds after which an order service that woke knows whether it was replaced."""
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """What came of a run."""
+
+    orders: int
+    finished: int
+    takeovers: int
+    seconds: float
+    findings: list[str]
+    by_robot: dict[str, int]
+    """Actions that each robot has done."""
+
+
+def steps(count: int) -> list[float]:
+    """Return so many pauses, from the shortest to the longest in equal steps."""
+    if count == 1:
+        return [SHORTEST]
+    return [SHORTEST + (LONGEST - SHORTEST) * each / (count - 1) for each in range(count)]
+
+
+async def run(pauses: list[float], folder: Path, store_url: str) -> Result:
+    """Run a site with these pauses, and judge it."""
+    begun = time.monotonic()
+    site = PairSite(folder, store_url, library=find_spec("vda5050") is not None)
+    try:
+        await site.start()
+        host = Host(site, at_once=AT_ONCE, seed=1)
+        ordering = asyncio.create_task(host.run(), name="host")
+        takeovers = 0
+        for number, seconds in enumerate(pauses, 1):
+            await time_passes(BETWEEN)
+            leader = await site.leader()
+            await site.stands_by(site.other(leader))
+            async with site.paused(leader):
+                await time_passes(seconds)
+            takeovers += await _replaced(site, leader)
+            print(f"{number}: {seconds:.1f} s, {len(host.answered)} orders", flush=True)  # noqa: T201
+        await time_passes(BETWEEN)
+        host.stop()
+        await asyncio.wait_for(ordering, PATIENCE)
+        findings = await judged(site, host)
+        done = [each.robot for each in site.complete_history().events if each.kind == "ended"]
+        answer = await site.orders.get("/v1/transportOrders", params={"limit": 1000})
+        states = [each["state"] for each in answer.json()["transportOrders"]]
+        return Result(
+            len(states),
+            states.count("FINISHED"),
+            takeovers,
+            time.monotonic() - begun,
+            findings,
+            {each: done.count(each) for each in sorted(set(done))},
+        )
+    finally:
+        await site.close()
+
+
+async def _replaced(site: PairSite, name: str) -> bool:
+    """Return whether another order service is the active one now; then the old one is started again."""
+    await time_passes(SETTLED)
+    if await site.role_of(site.other(name)) != "active":
+        return False
+    process = site.programs[f"order-service-{name}"].process
+
+    async def ended() -> bool:
+        return process.poll() is not None
+
+    await awaited(ended, bool, seconds=PATIENCE, what="the old active order service has ended")
+    site.start_service(name)
+    return True
+
+
+def main() -> int:
+    """Run the pauses and report."""
+    parser = argparse.ArgumentParser(description="Pause the active order service again and again.")
+    parser.add_argument("--pauses", type=int, default=50)
+    wanted = parser.parse_args()
+    folder = Path(tempfile.mkdtemp(prefix="nena-pauses-"))  # keeps the logs if there are findings
+    postgres = Postgres()
+    try:
+        result = asyncio.run(run(steps(wanted.pauses), folder, postgres.url))
+    finally:
+        postgres.close()
+    if not result.findings:
+        shutil.rmtree(folder)
+    print(result)  # noqa: T201
+    return 1 if result.findings else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

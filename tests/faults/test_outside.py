@@ -1,0 +1,109 @@
+"""The judge of histories, and a site of two order services whose active one hangs again and again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from faults.extent import WHOLE
+from faults.history import (
+    Event,
+    History,
+    Kind,
+    begun_again,
+    done_wrongly,
+    lost,
+    shared_places,
+    told_back,
+)
+from faults.pauses import run, steps
+from nena_shared.fleet_api.epoch import with_epoch
+from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.mqtt import Inbound
+from support.fleet_examples import order_status
+from support.postgres import Postgres
+
+FINISHED, FAILED = TransportOrderState.FINISHED, TransportOrderState.FAILED
+
+
+def at(second: float, robot: str, kind: Kind, what: str, order: str = "") -> Event:
+    return Event(second, robot, kind, what, order)
+
+
+def work(*orders: str) -> History:
+    return History([at(0, "r", Kind.ENDED, f"a{n}", order) for n, order in enumerate(orders)])
+
+
+def store(*states: TransportOrderState, **more: Any) -> dict[str, Any]:
+    return {f"T-{n}": order_status(name=f"T-{n}", state=state, **more) for n, state in enumerate(states)}
+
+
+def test_each_leg_of_a_finished_order_is_done_once() -> None:
+    assert done_wrongly(work("T-0-0", "T-0-1~2"), store(FINISHED)) == []
+    assert done_wrongly(work("T-0-0"), store(FAILED)) == []
+
+
+@pytest.mark.parametrize(
+    ("history", "state", "said"),
+    [
+        (work("T-0-0", "T-0-1", "T-0-1~2"), FINISHED, "T-0-1 was done 2 times"),
+        (work("T-0-0"), FINISHED, "T-0-1 was told as done, and no robot has done it"),
+        (work("T-0-0", "T-0-1", "T-9-0"), FINISHED, "T-9-0 was done without an order"),
+    ],
+)
+def test_what_is_done_wrongly_is_said(history: History, state: TransportOrderState, said: str) -> None:
+    (found,) = done_wrongly(history, store(state))
+    assert said in found
+
+
+def test_an_action_that_a_robot_begins_twice_is_found() -> None:
+    once = at(0, "r", Kind.BEGUN, "a", "T-0-0")
+    assert begun_again(History([once, at(1, "r", Kind.BEGUN, "a", "T-0-0~2")])) == []
+    assert begun_again(History([once, once])) == ["r began a of T-0-0 2 times"]
+
+
+def test_two_robots_in_one_place_are_found() -> None:
+    come, go = at(1, "r", Kind.ENTERED, "P"), at(2, "r", Kind.LEFT, "P")
+    assert shared_places(History([come, go, at(3, "s", Kind.ENTERED, "P")])) == []
+    (found,) = shared_places(History([come, at(1.5, "s", Kind.ENTERED, "P"), go]))
+    assert found == "s came to P 0.500 s after r, which is still there"
+
+
+def test_orders_without_an_end_or_a_reason_are_found() -> None:
+    assert lost({"T-0"}, store(FINISHED, reason="")) == []
+    assert lost({"T-1"}, store(FINISHED, reason="")) == ["T-1 was answered, and is not in the store"]
+    assert lost({"T-0"}, store(FAILED, reason="")) == ["T-0 is FAILED without a reason"]
+    assert lost({"T-0"}, store(TransportOrderState.ACTIVE, reason="r")) == ["T-0 has no end: r"]
+
+
+def told(state: TransportOrderState, version: int, epoch: int) -> Inbound:
+    status = order_status(name="T-0", state=state, version=version)
+    body = status.model_dump_json(by_alias=True).encode()
+    return Inbound("nena/v1/transportOrders/T-0/status", with_epoch(body, epoch), retained=False)
+
+
+def test_statuses_that_go_back_are_found() -> None:
+    active = TransportOrderState.ACTIVE
+    good = [told(active, 1, 1), told(FINISHED, 2, 1), told(FINISHED, 2, 2)]
+    assert told_back(good) == []
+    for worse in (told(FINISHED, 2, 1), told(FINISHED, 1, 2), told(FAILED, 3, 2)):
+        assert len(told_back([*good, worse])) == 1
+
+
+def test_pauses_go_from_the_shortest_to_the_longest() -> None:
+    assert steps(3) == [1.0, 30.5, 60.0]
+    assert len(steps(50)) == 50
+
+
+@pytest.mark.e2e
+@pytest.mark.broker
+@pytest.mark.timeout(1200)
+async def test_a_leader_that_hangs_harms_nobody(tmp_path: Path, own_postgres: Postgres) -> None:
+    """As `python -m faults.pauses` does 50 times; here one pause is borne, and two end in a takeover."""
+    result = await run(steps(10) if WHOLE else [1.0, 6.0, 9.0], tmp_path, own_postgres.url)
+
+    assert result.findings == []
+    assert result.finished == result.orders > 0
+    assert result.takeovers > 0

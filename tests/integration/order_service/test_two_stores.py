@@ -1,0 +1,100 @@
+"""Two order services with stores of their own on one fleet: only one of them leads it."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import signal
+
+import pytest
+
+from nena_order_service.fleet.claim import ANSWERED_WITHIN, LeaderRecord
+from support.broker import Broker, MqttPeer
+from support.order_service_fleet import Fleet, listening, order_in, vehicle_idle
+from support.waiting import PATIENCE, awaited, until
+
+pytestmark = [pytest.mark.broker, pytest.mark.e2e]
+
+TAKEN = "another order service with another store leads this fleet"
+
+
+def own_store(fleet: Fleet, name: str) -> tuple[object, ...]:
+    return ("--store.url", f"sqlite:///{fleet.folder}/{name}.db")
+
+
+def topic(fleet: Fleet) -> str:
+    return f"{fleet.prefix}/leader/{fleet.interface}"
+
+
+async def test_the_second_one_ends_before_it_has_sent_anything(fleet: Fleet) -> None:
+    fleet.agent()
+    first = await fleet.order_service(name="first").client()
+    await listening(first)
+    await vehicle_idle(first)
+    with MqttPeer(fleet.broker, f"{fleet.interface}/v2/+/+/order", f"{fleet.prefix}/vehicles/#") as wire:
+        await until(lambda: wire.received(f"{fleet.prefix}/vehicles/#"))
+        wire.clear()
+        second = fleet.order_service(*own_store(fleet, "second"), name="second")
+        assert await asyncio.to_thread(second.process.wait, PATIENCE) != 0
+
+        assert TAKEN in second.log
+        assert wire.received() == []
+    body = {"name": "T", "destinations": [{"locationName": "South 2"}]}
+    assert (await first.post("/v1/transportOrders", json=body)).is_success
+    await order_in(first, "T", "FINISHED")
+
+
+async def test_it_leads_once_the_first_one_is_gone(fleet: Fleet) -> None:
+    first = fleet.order_service(name="first")
+    await listening(await first.client())
+    first.kill()
+
+    second = await fleet.order_service(*own_store(fleet, "second"), name="second").client()
+
+    await listening(second)
+
+
+async def test_a_record_that_nobody_stands_behind_keeps_nobody_out(fleet: Fleet) -> None:
+    """As a broker keeps it that lost power together with the order service."""
+    left = LeaderRecord(store="gone", epoch=2**40, instance="gone")
+    with MqttPeer(fleet.broker, topic(fleet)) as peer:
+        peer.publish(topic(fleet), left.model_dump_json(by_alias=True), retain=True)
+        client = await fleet.order_service().client()
+
+        await listening(client)
+        assert json.loads(peer.received()[-1].payload)["store"] != "gone"
+    assert ANSWERED_WITHIN < PATIENCE
+
+
+async def test_a_broker_that_has_lost_the_record_is_told_again(fleet: Fleet, own_broker: Broker) -> None:
+    fleet.broker = own_broker
+    client = await fleet.order_service().client()
+    await listening(client)
+    own_broker.restart()
+    with MqttPeer(own_broker, topic(fleet)) as peer:
+        await peer.wait_for(topic(fleet), lambda each: bool(each.payload))
+    with MqttPeer(own_broker, topic(fleet)) as peer:
+        peer.publish(topic(fleet), b"", retain=True)
+        await until(lambda: peer.received()[-1].payload, what="the record again")
+
+
+async def test_one_that_was_cut_off_and_replaced_ends_when_it_is_back(fleet: Fleet) -> None:
+    """It hangs for so long that the broker gives it up, and another one with its own store leads then."""
+    first = fleet.order_service("--mqtt.keep_alive", 5, name="first")
+    await listening(await first.client())
+    with MqttPeer(fleet.broker, topic(fleet)) as peer:
+        await peer.wait_for(topic(fleet))
+        first.process.send_signal(signal.SIGSTOP)
+        try:
+            await until(lambda: peer.received()[-1].payload == b"", what="the last will", timeout=PATIENCE)
+            second = await fleet.order_service(*own_store(fleet, "second"), name="second").client()
+            await listening(second)
+        finally:
+            first.process.send_signal(signal.SIGCONT)
+
+        async def ended() -> bool:
+            return first.process.poll() is not None
+
+        await awaited(ended, bool, seconds=PATIENCE, what="the first one has ended")
+    assert TAKEN in first.log
+    await listening(second)
