@@ -13,11 +13,8 @@ MESSAGES = int(os.environ.get("NENA_MESSAGES", "25"))
 PLANTS = int(os.environ.get("NENA_PLANTS", "8"))
 """Random plants on which a fleet is simulated."""
 
-KERNEL_MESSAGES = int(os.environ.get("NENA_MESSAGES", "25"))
-"""Random messages of each kind in each version."""
-
-PLANTS = int(os.environ.get("NENA_KERNEL_PLANTS", "4"))
-"""Random plants on which a fleet is simulated under the real kernel."""
+KERNEL_PLANTS = int(os.environ.get("NENA_KERNEL_PLANTS", "4"))
+"""Random plants on which a fleet is simulated under the real engine."""
 
 KILLS = int(os.environ.get("NENA_KILLS", "5"))
 """How often the process of an edge agent is killed while it drives."""

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from nena_order_service.orders.vda_orders import SentOrder
-from nena_order_service.traffic.manager import Journey
 from nena_order_service.traffic.resources import ResourceSet
+from nena_order_service.traffic.traffic_control import Journey
 from support.fleet import make_vda_order
 from support.scripted_fleet import key
 
