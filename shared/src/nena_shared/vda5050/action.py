@@ -48,14 +48,14 @@ ParameterValue = Annotated[JsonValue, AfterValidator(_sendable)]
 
 
 class ActionParameter(WireObject):
-    """One value that an action is given."""
+    """One value that an action is given (section 6.2)."""
 
     key: str
     value: ParameterValue
 
 
 class Action(WireObject):
-    """Something that a robot does besides driving."""
+    """Something that a robot does besides driving (section 6.2)."""
 
     action_type: Identifier
     action_id: Identifier
@@ -70,7 +70,7 @@ class Action(WireObject):
 
 
 class ActionState(WireObject):
-    """Where one action stands, as the robot reports it."""
+    """Where one action stands, as the robot reports it (section 6.6.9)."""
 
     action_id: Identifier
     action_type: Identifier | None = None

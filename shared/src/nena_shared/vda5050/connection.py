@@ -8,7 +8,7 @@ from nena_shared.vda5050.base import Header
 
 
 class ConnectionState(StrEnum):
-    """What is known of a robot's MQTT link; nothing about its health."""
+    """What is known of a robot's MQTT link; nothing about its health (section 6.5)."""
 
     ONLINE = "ONLINE"
     OFFLINE = "OFFLINE"
@@ -17,6 +17,6 @@ class ConnectionState(StrEnum):
 
 
 class Connection(Header):
-    """Retained, with quality of service 1; the broken one is the robot's last will."""
+    """Retained, with quality of service 1; the broken one is the robot's last will (section 6.5)."""
 
     connection_state: ConnectionState

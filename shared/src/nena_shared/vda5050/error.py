@@ -53,7 +53,7 @@ class ErrorType(StrEnum):
 
 
 class ErrorReference(WireObject):
-    """What an error is about, e.g. ``orderId`` and its value."""
+    """What an error is about, e.g. ``orderId`` and its value (section 6.6.5)."""
 
     reference_key: str
     reference_value: str
@@ -67,7 +67,7 @@ class Translation(WireObject):
 
 
 class ErrorEntry(WireObject):
-    """One active error; ``error_type`` is an open list, judge an unknown one by its level."""
+    """One active error; ``error_type`` is an open list, judge an unknown one by its level (section 6.6.5)."""
 
     error_type: str
     error_level: ErrorLevel
@@ -97,7 +97,7 @@ LEVELS: dict[ErrorType, ErrorLevel] = {
 def error(
     kind: ErrorType, description: str, *, hint: str | None = None, **references: str | int | None
 ) -> ErrorEntry:
-    """Make an error of the level that its type has; references that are None are left out.
+    """Make an error of the level that its type has; references that are None are left out (section 6.6.5).
 
     The keys are given in snake case and sent in camel case: ``order_id="o1"`` becomes ``orderId``.
     """

@@ -14,14 +14,14 @@ from nena_shared.vda5050.zone_set import ZoneType
 
 
 class Support(StrEnum):
-    """How a robot treats an optional field of the order."""
+    """How a robot treats an optional field of the order (section 7.10)."""
 
     SUPPORTED = "SUPPORTED"
     REQUIRED = "REQUIRED"
 
 
 class ActionScope(StrEnum):
-    """Where an action may stand."""
+    """Where an action may stand (section 7.10)."""
 
     INSTANT = "INSTANT"
     NODE = "NODE"
@@ -30,7 +30,7 @@ class ActionScope(StrEnum):
 
 
 class ValueDataType(StrEnum):
-    """What kind of value a parameter takes."""
+    """What kind of value a parameter takes (section 7.10)."""
 
     BOOL = "BOOL"
     NUMBER = "NUMBER"
@@ -41,7 +41,7 @@ class ValueDataType(StrEnum):
 
 
 class TypeSpecification(WireObject):
-    """The robot's class and how it finds its way; load in kg. The lists are open."""
+    """The robot's class and how it finds its way; load in kg. The lists are open (section 7.10)."""
 
     series_name: str
     series_description: str | None = None
@@ -54,7 +54,7 @@ class TypeSpecification(WireObject):
 
 
 class PhysicalParameters(WireObject):
-    """Speeds in m/s and rad/s, accelerations in m/s², sizes in m."""
+    """Speeds in m/s and rad/s, accelerations in m/s², sizes in m (section 7.10)."""
 
     minimum_speed: NotNegative
     maximum_speed: NotNegative
@@ -69,7 +69,7 @@ class PhysicalParameters(WireObject):
 
 
 class MaximumStringLengths(WireObject):
-    """Most characters; absent or 0 is no limit."""
+    """Most characters; absent or 0 is no limit (section 7.10)."""
 
     maximum_message_length: UInt32 | None = None
     maximum_topic_serial_length: UInt32 | None = None
@@ -80,7 +80,7 @@ class MaximumStringLengths(WireObject):
 
 
 class MaximumArrayLengths(WireObject):
-    """Most entries per array; absent or 0 is no limit. The names on the wire hold a dot."""
+    """Most entries per array; absent or 0 is no limit. The names on the wire hold a dot (section 7.10)."""
 
     model_config = ConfigDict(alias_generator=None)
 
@@ -106,7 +106,7 @@ class MaximumArrayLengths(WireObject):
 
 
 class Timing(WireObject):
-    """Seconds between messages."""
+    """Seconds between messages (section 7.10)."""
 
     minimum_order_interval: NotNegative
     minimum_state_interval: NotNegative
@@ -115,7 +115,7 @@ class Timing(WireObject):
 
 
 class ProtocolLimits(WireObject):
-    """What messages must keep to."""
+    """What messages must keep to (section 7.10)."""
 
     maximum_string_lengths: MaximumStringLengths
     maximum_array_lengths: MaximumArrayLengths
@@ -123,7 +123,7 @@ class ProtocolLimits(WireObject):
 
 
 class OptionalParameter(WireObject):
-    """An optional field of the order, by its full dotted path, that the robot understands."""
+    """An optional field of the order, by its full dotted path, that the robot understands (section 7.10)."""
 
     parameter: str
     support: Support
@@ -131,7 +131,7 @@ class OptionalParameter(WireObject):
 
 
 class ActionParameterDescription(WireObject):
-    """A parameter that an action takes."""
+    """A parameter that an action takes (section 7.10)."""
 
     key: str
     value_data_type: ValueDataType
@@ -140,7 +140,7 @@ class ActionParameterDescription(WireObject):
 
 
 class MobileRobotAction(WireObject):
-    """An action that the robot can do."""
+    """An action that the robot can do (section 7.10)."""
 
     action_type: str
     action_description: str | None = None
@@ -153,7 +153,7 @@ class MobileRobotAction(WireObject):
 
 
 class ProtocolFeatures(WireObject):
-    """Optional fields and actions; what is not listed is not supported."""
+    """Optional fields and actions; what is not listed is not supported (section 7.10)."""
 
     optional_parameters: tuple[OptionalParameter, ...]
     mobile_robot_actions: tuple[MobileRobotAction, ...]
@@ -206,7 +206,7 @@ class WheelDefinition(WireObject):
 
 
 class MobileRobotGeometry(WireObject):
-    """The robot's outline and wheels."""
+    """The robot's outline and wheels (section 7.10)."""
 
     wheel_definitions: tuple[WheelDefinition, ...] | None = None
     envelopes2d: Annotated[tuple[Envelope2d, ...] | None, Field(alias="envelopes2d")] = None
@@ -237,7 +237,7 @@ class LoadSet(WireObject):
 
 
 class LoadSpecification(WireObject):
-    """What the robot can carry; no load positions: nothing."""
+    """What the robot can carry; no load positions: nothing (section 7.10)."""
 
     load_positions: tuple[str, ...] | None = None
     load_sets: tuple[LoadSet, ...] | None = None
@@ -270,7 +270,7 @@ class BatteryCharging(WireObject):
 
 
 class MobileRobotConfiguration(WireObject):
-    """How this very robot is set up."""
+    """How this very robot is set up (section 7.10)."""
 
     versions: tuple[VersionEntry, ...] | None = None
     network: Network | None = None
@@ -278,7 +278,7 @@ class MobileRobotConfiguration(WireObject):
 
 
 class Factsheet(Header):
-    """Retained; sent at each connect and on factsheetRequest."""
+    """Retained; sent at each connect and on factsheetRequest (section 7.10)."""
 
     type_specification: TypeSpecification
     physical_parameters: PhysicalParameters

@@ -9,7 +9,7 @@ from nena_shared.vda5050.order import Order
 
 
 def violations(order: Order) -> tuple[str, ...]:
-    """Name every rule that ``order`` breaks, a sentence each; empty for a valid graph."""
+    """Name every rule that ``order`` breaks, a sentence each; empty for a valid graph (section 6.1.1)."""
     return tuple(_violations(order))
 
 

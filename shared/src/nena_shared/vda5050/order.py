@@ -13,21 +13,21 @@ from nena_shared.vda5050.base import Angle, CommandHeader, Identifier, NotNegati
 
 
 class OrientationType(StrEnum):
-    """What the heading on an edge refers to."""
+    """What the heading on an edge refers to (section 7.3)."""
 
     GLOBAL = "GLOBAL"
     TANGENTIAL = "TANGENTIAL"
 
 
 class CorridorReferencePoint(StrEnum):
-    """Which part of the robot must stay inside a corridor."""
+    """Which part of the robot must stay inside a corridor (section 6.1.5)."""
 
     KINEMATIC_CENTER = "KINEMATIC_CENTER"
     CONTOUR = "CONTOUR"
 
 
 class ReleaseLossBehavior(StrEnum):
-    """What a robot does when the release of a corridor is taken back."""
+    """What a robot does when the release of a corridor is taken back (section 6.6.10)."""
 
     STOP = "STOP"
     RETURN = "RETURN"
@@ -42,7 +42,7 @@ class AllowedDeviationXY(WireObject):
 
 
 class NodePosition(WireObject):
-    """Where a node is: m and rad in the project-wide frame of the map."""
+    """Where a node is: m and rad in the project-wide frame of the map (section 7.3)."""
 
     x: float
     y: float
@@ -53,7 +53,7 @@ class NodePosition(WireObject):
 
 
 class Node(WireObject):
-    """A place that the order passes; even sequence ids."""
+    """A place that the order passes; even sequence ids (section 6.1.1)."""
 
     node_id: Identifier
     sequence_id: UInt32
@@ -64,7 +64,7 @@ class Node(WireObject):
 
 
 class ControlPoint(WireObject):
-    """A point that shapes a trajectory, m."""
+    """A point that shapes a trajectory, m (section 7.3)."""
 
     x: float
     y: float
@@ -72,7 +72,7 @@ class ControlPoint(WireObject):
 
 
 class Trajectory(WireObject):
-    """A NURBS from the start to the end of an edge."""
+    """A NURBS from the start to the end of an edge (section 7.3)."""
 
     degree: Annotated[int, Field(ge=1)] | None = None
     knot_vector: tuple[Annotated[float, Field(ge=0, le=1)], ...] | None = None
@@ -80,7 +80,7 @@ class Trajectory(WireObject):
 
 
 class Corridor(WireObject):
-    """How far a robot may leave a trajectory, m to each side."""
+    """How far a robot may leave a trajectory, m to each side (section 6.1.5)."""
 
     left_width: NotNegative
     right_width: NotNegative
@@ -90,7 +90,7 @@ class Corridor(WireObject):
 
 
 class Edge(WireObject):
-    """The way between two nodes; odd sequence ids; m, m/s, rad, rad/s."""
+    """The way between two nodes; odd sequence ids; m, m/s, rad, rad/s (section 6.1.1)."""
 
     edge_id: Identifier
     sequence_id: UInt32
@@ -111,7 +111,7 @@ class Edge(WireObject):
 
 
 class Order(CommandHeader):
-    """A graph of nodes and edges to drive: the released base, then the horizon."""
+    """A graph of nodes and edges to drive: the released base, then the horizon (section 6.1.1)."""
 
     order_id: Identifier
     order_update_id: UInt32

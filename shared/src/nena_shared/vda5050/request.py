@@ -9,7 +9,7 @@ from nena_shared.vda5050.order import Trajectory
 
 
 class RequestStatus(StrEnum):
-    """Where a request stands, as the robot sees it."""
+    """Where a request stands, as the robot sees it (section 6.9)."""
 
     REQUESTED = "REQUESTED"
     """No answer yet, which is no permission."""
@@ -27,13 +27,13 @@ class ZoneRequestType(StrEnum):
 
 
 class EdgeRequestType(StrEnum):
-    """What a robot asks for on an edge: to leave the trajectory within the corridor."""
+    """What a robot asks for on an edge: to leave the trajectory within the corridor (section 6.9)."""
 
     CORRIDOR = "CORRIDOR"
 
 
 class ZoneRequest(WireObject):
-    """A request about a zone; the id is unique over all active requests of the robot."""
+    """A request about a zone; the id is unique over all active requests of the robot (section 6.9)."""
 
     request_id: Identifier
     request_type: ZoneRequestType

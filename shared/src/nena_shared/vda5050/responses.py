@@ -8,7 +8,7 @@ from nena_shared.vda5050.base import Header, Identifier, Timestamp, WireObject
 
 
 class GrantType(StrEnum):
-    """How fleet control answers a request."""
+    """How fleet control answers a request (section 6.9)."""
 
     GRANTED = "GRANTED"
     QUEUED = "QUEUED"
@@ -17,7 +17,7 @@ class GrantType(StrEnum):
 
 
 class Response(WireObject):
-    """The answer to one request."""
+    """The answer to one request (section 6.9)."""
 
     request_id: Identifier
     grant_type: GrantType
@@ -26,6 +26,6 @@ class Response(WireObject):
 
 
 class Responses(Header):
-    """Answers to the requests in a robot's state."""
+    """Answers to the requests in a robot's state (section 6.9)."""
 
     responses: tuple[Response, ...]

@@ -51,7 +51,7 @@ class OperatingMode(StrEnum):
 
 
 class EmergencyStop(StrEnum):
-    """Whether an emergency stop is active, and how it is acknowledged."""
+    """Whether an emergency stop is active, and how it is acknowledged (section 7.8)."""
 
     MANUAL = "MANUAL"
     REMOTE = "REMOTE"
@@ -59,21 +59,21 @@ class EmergencyStop(StrEnum):
 
 
 class InfoLevel(StrEnum):
-    """Whom an information is for."""
+    """Whom an information is for (section 7.8)."""
 
     DEBUG = "DEBUG"
     INFO = "INFO"
 
 
 class MapStatus(StrEnum):
-    """Whether a map is in use."""
+    """Whether a map is in use (section 7.8)."""
 
     ENABLED = "ENABLED"
     DISABLED = "DISABLED"
 
 
 class Map(WireObject):
-    """A map that the robot holds."""
+    """A map that the robot holds (section 7.8)."""
 
     map_id: Identifier
     map_version: str
@@ -82,14 +82,14 @@ class Map(WireObject):
 
 
 class RobotZoneSetStatus(StrEnum):
-    """Whether a robot uses a zone set (zoneSetStatus)."""
+    """Whether a robot uses a zone set (zoneSetStatus) (section 7.8)."""
 
     ENABLED = "ENABLED"
     DISABLED = "DISABLED"
 
 
 class ZoneSetState(WireObject):
-    """A zone set that the robot holds; at most one is ENABLED for each map."""
+    """A zone set that the robot holds; at most one is ENABLED for each map (section 7.8)."""
 
     zone_set_id: Identifier
     map_id: Identifier
@@ -97,7 +97,7 @@ class ZoneSetState(WireObject):
 
 
 class NodeState(WireObject):
-    """A node that is still to be traversed."""
+    """A node that is still to be traversed (section 6.6.2)."""
 
     node_id: Identifier
     sequence_id: UInt32
@@ -107,7 +107,7 @@ class NodeState(WireObject):
 
 
 class EdgeState(WireObject):
-    """An edge that is still to be driven to its end."""
+    """An edge that is still to be driven to its end (section 6.6.2)."""
 
     edge_id: Identifier
     sequence_id: UInt32
@@ -129,7 +129,7 @@ class MobileRobotPosition(WireObject):
 
 
 class Velocity(WireObject):
-    """Speed in the robot's frame: m/s, m/s, rad/s."""
+    """Speed in the robot's frame: m/s, m/s, rad/s (section 7.8)."""
 
     vx: float | None = None
     vy: float | None = None
@@ -137,7 +137,7 @@ class Velocity(WireObject):
 
 
 class BoundingBoxReference(WireObject):
-    """Where a load's box stands, m and rad in the robot's frame."""
+    """Where a load's box stands, m and rad in the robot's frame (section 7.8)."""
 
     x: float
     y: float
@@ -146,7 +146,7 @@ class BoundingBoxReference(WireObject):
 
 
 class LoadDimensions(WireObject):
-    """Size of a load, m."""
+    """Size of a load, m (section 7.8)."""
 
     length: NotNegative
     width: NotNegative
@@ -154,7 +154,7 @@ class LoadDimensions(WireObject):
 
 
 class Load(WireObject):
-    """Something that the robot carries; weight in kg."""
+    """Something that the robot carries; weight in kg (section 7.8)."""
 
     load_id: str | None = None
     load_type: str | None = None
@@ -165,7 +165,7 @@ class Load(WireObject):
 
 
 class PowerSupply(WireObject):
-    """The battery: percent, V, A, percent, m."""
+    """The battery: percent, V, A, percent, m (section 7.8)."""
 
     state_of_charge: Percent
     battery_voltage: float | None = None
@@ -176,14 +176,14 @@ class PowerSupply(WireObject):
 
 
 class SafetyState(WireObject):
-    """Emergency stop and protective field."""
+    """Emergency stop and protective field (section 7.8)."""
 
     active_emergency_stop: EmergencyStop
     field_violation: bool
 
 
 class Information(WireObject):
-    """A remark for people; no logic hangs on it."""
+    """A remark for people; no logic hangs on it (section 7.8)."""
 
     info_type: str
     info_level: InfoLevel
@@ -201,20 +201,20 @@ class PathPoint(WireObject):
 
 
 class IntermediatePath(WireObject):
-    """The way that the robot means to drive next."""
+    """The way that the robot means to drive next (section 6.6.2)."""
 
     polyline: tuple[PathPoint, ...]
 
 
 class PlannedPath(WireObject):
-    """The way that the robot means to drive at least to the end of its base."""
+    """The way that the robot means to drive at least to the end of its base (section 6.6.2)."""
 
     trajectory: Trajectory
     traversed_nodes: tuple[str, ...] | None = None
 
 
 class State(Header):
-    """Everything about the robot, in full, never as a difference."""
+    """Everything about the robot, in full, never as a difference (section 6.6)."""
 
     maps: tuple[Map, ...] | None = None
     zone_sets: tuple[ZoneSetState, ...] | None = None

@@ -9,7 +9,7 @@ LEVELS_BEHIND_INTERFACE = 4
 
 
 class Topic(StrEnum):
-    """Last level of a topic."""
+    """Last level of a topic (section 4.2)."""
 
     ORDER = "order"
     INSTANT_ACTIONS = "instantActions"
@@ -22,7 +22,7 @@ class Topic(StrEnum):
 
 
 class RobotKey(NamedTuple):
-    """Which robot a topic is about."""
+    """Which robot a topic is about (section 4.2)."""
 
     manufacturer: str
     serial_number: str

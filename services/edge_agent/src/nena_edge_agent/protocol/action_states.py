@@ -46,7 +46,7 @@ class ActionRecord:
 
 
 class ActionStates:
-    """Actions with their states, in the order in which they were received."""
+    """Actions with their states, in the order in which they were received (section 6.6.9)."""
 
     def __init__(self) -> None:
         self._records: dict[str, ActionRecord] = {}

@@ -39,7 +39,7 @@ def enqueue(robot: RobotState, actions: Sequence[Action]) -> None:
 
 
 def schedule(robot: RobotState) -> None:
-    """Start every queued action whose turn it is."""
+    """Start every queued action whose turn it is (section 6.2.2)."""
     while not robot.held and not robot.clearing and (waiting := _startable(robot)):
         for action_id in waiting:  # one that ends at once may release others
             robot.actions.change(action_id, ActionStatus.INITIALIZING)

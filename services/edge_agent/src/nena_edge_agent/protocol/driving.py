@@ -88,7 +88,7 @@ def new_base_request(robot: RobotState) -> bool:
 
 
 def arrived(robot: RobotState, event: Arrived) -> None:
-    """Count the goal's node as traversed."""
+    """Count the goal's node as traversed (section 6.6.2)."""
     if robot.goal.is_current(event.generation):
         _traverse(robot)
 
@@ -132,7 +132,7 @@ def navigation_changed(robot: RobotState, report: NavigationReport) -> None:
 
 
 def pose_changed(robot: RobotState) -> None:
-    """Traverse the next node if the robot is within its deviation and need not stop there."""
+    """Traverse the next node if the robot is within its deviation and need not stop there (section 6.6.2)."""
     node = robot.progress.next_node
     passing = robot.capabilities.strategy is DriveStrategy.PASS_THROUGH
     if passing and node and robot.goal.target is not None and _may_pass(robot, node):

@@ -13,7 +13,7 @@ ErrorKey = tuple[str, frozenset[tuple[str, str]]]
 
 
 class Until(Enum):
-    """What ends the report of an error."""
+    """What ends the report of an error (section 6.6.5)."""
 
     ORDER_ACCEPTED = auto()
     """A new order or an update is accepted."""
@@ -36,7 +36,7 @@ REFUSED = (Until.ORDER_ACCEPTED, Until.INSTANT_ACTION_ACCEPTED, Until.ZONE_SET_A
 
 
 class ActiveErrors:
-    """All active errors, at most one per type and references.
+    """All active errors, at most one per type and references (section 6.6.5).
 
     The headerId does not count: a message that is sent again is the same mistake under another number.
     """

@@ -36,21 +36,21 @@ class OrderReceived:
 
 @dataclass(frozen=True, slots=True)
 class InstantActionsReceived:
-    """Well-formed instant actions for this robot."""
+    """Well-formed instant actions for this robot (section 6.2.1)."""
 
     message: InstantActions
 
 
 @dataclass(frozen=True, slots=True)
 class ZoneSetReceived:
-    """A well-formed zone set for this robot."""
+    """A well-formed zone set for this robot (section 6.4.1)."""
 
     message: ZoneSetTransfer
 
 
 @dataclass(frozen=True, slots=True)
 class ResponsesReceived:
-    """Well-formed answers to the robot's requests, which came at ``utc``."""
+    """Well-formed answers to the robot's requests, which came at ``utc`` (section 6.9)."""
 
     message: Responses
     utc: datetime

@@ -46,7 +46,7 @@ FLEET_CONTROL = "FLEET_CONTROL"
 
 
 def receive(robot: RobotState, message: InstantActions) -> None:
-    """Start or refuse each action; one that was received before is ignored."""
+    """Start or refuse each action; one that was received before is ignored (section 6.2.1)."""
     if len(message.actions) > MESSAGE_LIMIT:
         _refuse_message(robot, message)
         return
@@ -175,7 +175,7 @@ def apply_hold(robot: RobotState) -> None:
 
 
 def advance_pause(robot: RobotState) -> None:
-    """Finish startPause when the robot has stopped."""
+    """Finish startPause when the robot has stopped (section 6.2.3)."""
     if robot.paused and not robot.goal.moving:
         robot.end_instant_actions(START_PAUSE, ActionStatus.FINISHED)
 

@@ -68,7 +68,7 @@ STRAY = 1.0
 
 
 def general_fault(order: Order, situation: Situation, capabilities: Capabilities) -> ErrorEntry | None:
-    """Check what is asked of every order, whether it is new or an update: 2 to 5."""
+    """Check what is asked of every order, whether it is new or an update: 2 to 5 (section 6.1.4)."""
     return (
         _mode_fault(order, situation)
         or _size_fault(order, capabilities)
@@ -181,7 +181,7 @@ def load_fault(
 
 
 def map_fault(order: Order, situation: Situation) -> ErrorEntry | None:
-    """Check A3."""
+    """Check A3 (section 6.1.4.10)."""
     for node in order.nodes:
         position = node.node_position
         if position and position.map_id not in situation.maps:
@@ -196,7 +196,7 @@ def map_fault(order: Order, situation: Situation) -> ErrorEntry | None:
 
 
 def route_fault(order: Order, situation: Situation, capabilities: Capabilities) -> ErrorEntry | None:
-    """Check A5: a route leads to each node. The first one is where the robot is."""
+    """Check A5: a route leads to each node. The first one is where the robot is (section 6.1.4.8)."""
     for before, node in pairwise(order.nodes):
         start = before.node_position
         if start and node.node_position and _changes_map(before, node.node_position.map_id, capabilities):
@@ -253,7 +253,7 @@ def map_list(maps: Iterable[str]) -> str:
 
 
 def repeated_action_fault(order: Order, used: frozenset[str], *, skip: int = 0) -> ErrorEntry | None:
-    """Check that no actionId is used twice; the first ``skip`` nodes do not count."""
+    """Check that no actionId is used twice; the first ``skip`` nodes do not count (section 6.1.1)."""
     for _, action in _scoped_actions(order, skip=skip):
         if action.action_id in used:
             return refusal(
@@ -312,7 +312,7 @@ def update_fault(order: Order, situation: Situation, capabilities: Capabilities)
 
 
 def repeats(order: Order, situation: Situation) -> bool:
-    """Return whether the update has the number of the one that is held."""
+    """Return whether the update has the number of the one that is held (section 6.1.4.5)."""
     return order.order_update_id == situation.order_update_id
 
 
@@ -400,12 +400,12 @@ def _changed_fault(
 
 @dataclass(frozen=True, slots=True)
 class NewOrder:
-    """Accept the order in place of the old one."""
+    """Accept the order in place of the old one (section 6.1.2)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Update:
-    """Append the order to the base of the held one."""
+    """Append the order to the base of the held one (section 6.1.2)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -415,7 +415,7 @@ class Duplicate:
 
 @dataclass(frozen=True, slots=True)
 class Rejected:
-    """Reject the order with this error."""
+    """Reject the order with this error (section 6.1.4)."""
 
     error: ErrorEntry
 

@@ -37,7 +37,7 @@ _SHOWN_UNTIL: dict[str, Until] = {ErrorType.MOBILE_ROBOT_NOT_AVAILABLE: Until.AV
 
 
 def receive(robot: RobotState, order: Order, *, dated: bool = True) -> Verdict:
-    """Accept or reject ``order``; a rejected one changes nothing but the errors.
+    """Accept or reject ``order``; a rejected one changes nothing but the errors (section 6.1.2).
 
     ``dated``: its timestamp could be read.
     """
@@ -187,7 +187,7 @@ def _begin_clearing(robot: RobotState) -> None:
 
 
 def advance_clearing(robot: RobotState) -> None:
-    """Finish, all in one state, when the robot has stopped and no action runs.
+    """Finish, all in one state, when the robot has stopped and no action runs (section 6.1.3).
 
     The order ends where the robot is: a freely navigating robot need not drive on to a node. A person who
     takes over need not wait for the robot to stop: it may be moved by hand already.

@@ -319,7 +319,7 @@ class BaseChangedError(ValueError):
 
 
 def grown(held: VdaOrder, plan: VdaOrder) -> VdaOrder:
-    """Return the plan with the base of ``held`` as the robot was sent it, to the last field.
+    """Return the plan with the base of ``held`` as the robot was sent it, to the last field (section 6.1.2).
 
     Raises:
         BaseChangedError: the plan is of another VDA order, or not a way on from the base.
@@ -347,7 +347,7 @@ def update_of(held: VdaOrder, plan: VdaOrder) -> VdaOrder:
 
 
 def released_to(plan: VdaOrder, sequence_id: int) -> VdaOrder:
-    """Return the plan with its base ending at the node ``sequence_id``."""
+    """Return the plan with its base ending at the node ``sequence_id`` (section 6.1.1)."""
     nodes = tuple(_released(node, released=node.sequence_id <= sequence_id) for node in plan.nodes)
     edges = tuple(edge.model_copy(update={"released": edge.sequence_id < sequence_id}) for edge in plan.edges)
     return VdaOrder(order_id=plan.order_id, nodes=nodes, edges=edges)
