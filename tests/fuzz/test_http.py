@@ -24,7 +24,12 @@ from support.aggregator_process import AggregatorProcess
 from support.broker import Broker, free_port
 from support.order_service_fleet import Fleet
 
-pytestmark = [pytest.mark.e2e, pytest.mark.broker, pytest.mark.timeout(1800)]
+pytestmark = [
+    pytest.mark.e2e,
+    pytest.mark.broker,
+    pytest.mark.timeout(1800),
+    pytest.mark.usefixtures("unmeasured"),
+]
 
 EXAMPLES = int(os.environ.get("NENA_FUZZ_EXAMPLES", "4"))
 """Requests of each kind (allowed, forbidden) to each operation."""

@@ -127,7 +127,13 @@ class RosPeer:
             domain_id=domain_id,
             signal_handler_options=SignalHandlerOptions.NO,
         )
-        self.node = Node(name, namespace=namespace, context=self.context, enable_rosout=False)
+        self.node = Node(
+            name,
+            namespace=namespace,
+            context=self.context,
+            enable_rosout=False,
+            start_parameter_services=False,
+        )
         self._executor = SingleThreadedExecutor(context=self.context)
         self._executor.add_node(self.node)
         self._stop = threading.Event()

@@ -36,3 +36,8 @@ def bench(
     made = Bench(broker, interface_name, ros=peer, domain_id=domain_id, folder=tmp_path, version=version)
     with made.mqtt:
         yield made
+
+
+@pytest.fixture(autouse=True)
+def _unmeasured(unmeasured: None) -> None:
+    """Let agents and simulators that run as programs go at their own speed; others measure their code."""
