@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import re
 import resource
 import socket
 import ssl
@@ -12,11 +13,11 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
-from typing import Final
+from typing import Any, Final
 
 import h11
 import uvicorn
-from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from nena_shared.log import get_logger
@@ -74,6 +75,10 @@ def most_connections() -> int:
     return max(allowed - RESERVED_FILES, allowed // 2)
 
 
+_BARE_LINE_FEED: Final = re.compile(rb"(?<!\r)\n")
+_LENGTHS: Final = frozenset({b"content-length", b"transfer-encoding"})
+
+
 class HttpConnection(H11Protocol):
     """Speaks HTTP as uvicorn does, with a time limit for heads and bodies; uvicorn alone waits forever."""
 
@@ -85,6 +90,7 @@ class HttpConnection(H11Protocol):
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Wait for the first request."""
         super().connection_made(transport)
+        self._next_event, self.conn.next_event = self.conn.next_event, self._unambiguous  # type: ignore[method-assign]
         self._await(h11.IDLE)
 
     def data_received(self, data: bytes) -> None:
@@ -105,6 +111,19 @@ class HttpConnection(H11Protocol):
         super().connection_lost(exc)
         if self.release:
             self.release()
+
+    def _unambiguous(self) -> Any:  # noqa: ANN401 - as h11 has it
+        """Return the next event; refuse a head that a proxy may read as another request (RFC 9112, 6.3)."""
+        if self.conn.their_state is h11.IDLE:
+            head = self.conn.trailing_data[0].partition(b"\r\n\r\n")[0]
+            if _BARE_LINE_FEED.search(head):
+                message = "a line ends without CR"
+                raise h11.RemoteProtocolError(message)
+        event = self._next_event()
+        if isinstance(event, h11.Request) and len({name for name, _ in event.headers} & _LENGTHS) > 1:
+            message = "both Content-Length and Transfer-Encoding"
+            raise h11.RemoteProtocolError(message)
+        return event
 
     def _unsupported_upgrade_warning(self) -> None:
         """Log nothing: Java's client offers HTTP/2 with each request, and is answered all the same."""
@@ -291,7 +310,7 @@ class HttpServer:
             access_log=False,
             server_header=False,
             proxy_headers=settings.reverse_proxy,
-            forwarded_allow_ips="*",  # a configured proxy cannot be bypassed
+            forwarded_allow_ips=[str(each) for each in settings.trusted_proxies],
             timeout_graceful_shutdown=SHUTDOWN_TIMEOUT,
             ssl_certfile=settings.tls_certificate,
             ssl_keyfile=settings.tls_key,
@@ -329,7 +348,21 @@ class HttpServer:
         self._socket.close()
 
     async def _answer(self, scope: Scope, receive: Receive, send: Send) -> None:
-        await self.app(scope, receive, send)
+        await self.app(scope, receive, _strictly(send) if scope.get("scheme") == "https" else send)
+
+
+STRICT_TRANSPORT_SECURITY: Final = (b"strict-transport-security", b"max-age=31536000")
+
+
+def _strictly(send: Send) -> Send:
+    """Have browsers come back by TLS only, for a year."""
+
+    async def send_strictly(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            message = {**message, "headers": [*message.get("headers", ()), STRICT_TRANSPORT_SECURITY]}
+        await send(message)
+
+    return send_strictly
 
 
 def _load(config: uvicorn.Config, settings: HttpSettings) -> None:

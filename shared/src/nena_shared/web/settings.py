@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from ipaddress import IPv4Address, ip_address, ip_network
+from ipaddress import IPv4Address, IPv4Network, IPv6Network, ip_address, ip_network
 from pathlib import Path
 from typing import Annotated, Literal
 from urllib.parse import urlsplit
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, IPvAnyNetwork
 
 from nena_shared.settings import ConfigurationError, SettingsGroup
 
@@ -95,6 +95,13 @@ class HttpSettings(SettingsGroup):
     tls_key: Path | None = Field(None, description="Private key (PEM) of the certificate.")
     reverse_proxy: bool = Field(
         default=False, description="A reverse proxy in front of this address terminates TLS."
+    )
+    trusted_proxies: tuple[IPvAnyNetwork, ...] = Field(
+        (IPv4Network("127.0.0.0/8"), IPv6Network("::1")),
+        description=(
+            "Addresses and networks of the reverse proxy: X-Forwarded-For and X-Forwarded-Proto of others "
+            "are ignored."
+        ),
     )
     open_metrics: bool = Field(default=False, description="Serve /metrics without authentication.")
     requests_per_second: float = Field(

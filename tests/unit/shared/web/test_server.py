@@ -50,7 +50,8 @@ async def test_with_a_certificate_it_speaks_https(tmp_path: Path) -> None:
     trusting = ssl.create_default_context(cafile=authority.ca)
     async with serving(settings) as server, httpx.AsyncClient(verify=trusting, timeout=PATIENCE) as client:
         assert server.url.startswith("https://127.0.0.1:")
-        assert (await client.get(server.url)).text == "yes"
+        answer = await client.get(server.url)
+        assert (answer.text, answer.headers["strict-transport-security"]) == ("yes", "max-age=31536000")
         with pytest.raises(httpx.HTTPError):
             await client.get(server.url.replace("https", "http"))
 
@@ -331,3 +332,47 @@ def test_at_most_half_of_the_files_are_reserved(monkeypatch: pytest.MonkeyPatch)
     for allowed, expected in ((1024, 896), (100, 50)):
         monkeypatch.setattr("resource.getrlimit", lambda _, allowed=allowed: (allowed, allowed))
         assert server_module.most_connections() == expected
+
+
+CHUNKED = b"Transfer-Encoding: chunked\r\n"
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        pytest.param(b"GET / HTTP/1.1\nHost: a\n\n", id="bare line feeds"),
+        pytest.param(b"GET / HTTP/1.1\r\nHost: a\nX: y\r\n\r\n", id="one bare line feed"),
+        pytest.param(
+            b"POST / HTTP/1.1\r\nHost: a\r\nContent-Length: 4\r\n" + CHUNKED + b"\r\n0\r\n\r\n",
+            id="two lengths",
+        ),
+    ],
+)
+async def test_a_request_that_a_proxy_may_read_otherwise_is_refused(request_: bytes) -> None:
+    async with serving(HttpSettings(port=0)) as server:
+        reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+        writer.write(request_)
+        answer = await asyncio.wait_for(reader.read(), PATIENCE)
+        writer.close()
+
+    assert answer.startswith(b"HTTP/1.1 400")
+    assert b"yes" not in answer
+
+
+async def test_a_body_may_hold_line_feeds() -> None:
+    async with serving(HttpSettings(port=0)) as server, httpx.AsyncClient(timeout=PATIENCE) as client:
+        assert (await client.post(server.url, content=b"a\nb\n\nc")).text == "yes"
+
+
+@pytest.mark.parametrize(
+    ("trusted", "seen"),
+    [(["127.0.0.0/8"], "192.0.2.7"), (["198.51.100.0/24"], "127.0.0.1")],
+)
+async def test_only_a_configured_proxy_says_who_asks(trusted: list[str], seen: str) -> None:
+    async def who(scope: Scope, receive: Receive, send: Send) -> None:
+        await PlainTextResponse(scope["client"][0])(scope, receive, send)
+
+    settings = HttpSettings.model_validate({"port": 0, "reverse_proxy": True, "trusted_proxies": trusted})
+    async with serving(settings) as server, httpx.AsyncClient(timeout=PATIENCE) as client:
+        server.app = who
+        assert (await client.get(server.url, headers={"x-forwarded-for": "192.0.2.7"})).text == seen

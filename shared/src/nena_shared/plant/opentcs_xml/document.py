@@ -23,6 +23,12 @@ class Limits:
     size_bytes: int = 64 * 1024 * 1024
     depth: int = 16
     elements: int = 1_000_000
+    attributes: int = 1000
+    """Of one element: the parser's time rises with their square."""
+
+
+_LONG_TAG: Final = re.compile(rb"<[^<]{16384,}")
+"""What may hold more attributes than an element has; there is no < within a tag."""
 
 
 DEFAULT_LIMITS: Final = Limits()
@@ -61,6 +67,8 @@ def parse(data: bytes, limits: Limits) -> Element:
     """Parse a document and return its root element `model`; raises PlantModelError with one problem."""
     if len(data) > limits.size_bytes:
         raise _refusal("LIMIT_EXCEEDED", f"the file has {len(data)} bytes, more than {limits.size_bytes}")
+    if any(each.group().count(b"=") > limits.attributes for each in _LONG_TAG.finditer(data)):
+        raise _refusal("LIMIT_EXCEEDED", f"an element has more than {limits.attributes} attributes")
     parser = DefusedXMLParser(target=_BoundedTreeBuilder(limits), forbid_dtd=True)
     try:
         parser.feed(data)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from enum import StrEnum
 from math import inf, isfinite
@@ -63,6 +64,20 @@ def test_each_limit_stops_the_reader(limits: Limits, good: Limits) -> None:
 
 def test_a_file_of_a_million_nested_elements_is_stopped_early() -> None:
     assert refusal(b"<model>" + b"<a>" * 1_000_000) == "LIMIT_EXCEEDED"
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+def test_very_many_attributes_are_refused_before_the_parser_sees_them(encoding: str) -> None:
+    """The parser took four seconds for these, and longer by the square of their number."""
+    attributes = " ".join(f'a{number}="1"' for number in range(200_000))
+    start = time.perf_counter()
+
+    assert refusal(f"<model {attributes}/>".encode(encoding)) == "LIMIT_EXCEEDED"
+    assert time.perf_counter() - start < 2.0
+
+
+def test_a_long_value_is_no_attack() -> None:
+    assert refusal(f'<model name="{"long " * 10_000}"/>'.encode()) == "UNSUPPORTED_VERSION"
 
 
 @pytest.mark.parametrize(
