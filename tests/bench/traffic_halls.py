@@ -9,7 +9,17 @@ from itertools import pairwise
 from math import dist
 from random import Random
 
-from nena_shared.plant import BoundingBox, Link, Location, LocationType, Path, PlantModel, Point, Vehicle
+from nena_shared.plant import (
+    BoundingBox,
+    Link,
+    Location,
+    LocationType,
+    Path,
+    PlantModel,
+    Point,
+    PointType,
+    Vehicle,
+)
 from nena_shared.plant.opentcs_xml import read
 from support.reference import is_there, reference_dir
 
@@ -81,15 +91,15 @@ def _vehicle(robot: int) -> Vehicle:
     )
 
 
-class _Sketch:
+class Sketch:
     """A plant in the making."""
 
     def __init__(self) -> None:
         self.points: dict[str, Point] = {}
         self.paths: list[Path] = []
 
-    def point(self, name: str, x_mm: int, y_mm: int) -> str:
-        self.points[name] = Point(name=name, x_mm=x_mm, y_mm=y_mm)
+    def point(self, name: str, x_mm: int, y_mm: int, kind: PointType = PointType.HALT_POSITION) -> str:
+        self.points[name] = Point(name=name, x_mm=x_mm, y_mm=y_mm, type=kind)
         return name
 
     def one_way(self, source: str, destination: str) -> None:
@@ -146,7 +156,7 @@ def grid_point(column: int, row: int) -> str:
     return f"P{column:02d}-{row:02d}"
 
 
-def _grid(sketch: _Sketch) -> None:
+def _grid(sketch: Sketch) -> None:
     """Add 20 x 15 points: rows one-way in turn; of the columns each fifth and the last one two-way."""
     for row in range(ROWS):
         for column in range(COLUMNS):
@@ -164,14 +174,14 @@ def _grid(sketch: _Sketch) -> None:
                 sketch.one_way(*(reversed(ends) if column % 2 else ends))
 
 
-def _served(sketch: _Sketch) -> list[str]:
+def _served(sketch: Sketch) -> list[str]:
     return Random(STATIONS).sample(sorted(sketch.points), STATIONS)
 
 
 @cache
 def stations_on_aisles() -> Hall:
     """Return the hall of 300 points with stations on its aisles."""
-    sketch = _Sketch()
+    sketch = Sketch()
     _grid(sketch)
     return sketch.hall("aisles", _served(sketch))
 
@@ -179,7 +189,7 @@ def stations_on_aisles() -> Hall:
 @cache
 def stations_on_spurs() -> Hall:
     """Return the same hall with each station on a spur of its own beside the aisle."""
-    sketch = _Sketch()
+    sketch = Sketch()
     _grid(sketch)
     spurs = []
     for name in _served(sketch):
@@ -192,7 +202,7 @@ def stations_on_spurs() -> Hall:
 @cache
 def two_halls() -> Hall:
     """Return two halls joined by one door, and by a two-way single track with passing places."""
-    sketch = _Sketch()
+    sketch = Sketch()
     above = (HALF_ROWS + 1) * APART_MM
 
     def name(hall: str, column: int, row: int) -> str:
@@ -225,7 +235,7 @@ def two_halls() -> Hall:
 @cache
 def random_road_map() -> Hall:
     """Return 400 points by lot, joined both ways where no third one lies in the circle between two."""
-    random, sketch = Random(ROAD_POINTS), _Sketch()
+    random, sketch = Random(ROAD_POINTS), Sketch()
     places: list[tuple[int, int]] = []
     while len(places) < ROAD_POINTS:
         place = random.randrange(ROAD_WIDTH_MM), random.randrange(ROAD_HEIGHT_MM)
