@@ -27,7 +27,7 @@ STAMP := $(VENV)/.set-up
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help setup action-types lock format lint test test-unit test-all soak soak-cores soak-site soak-pauses compose-test colcon-test smoke demo bench conversations hooks clean broker browser sbom fuzz faults conformance reference
+.PHONY: help setup action-types lock format lint test test-unit test-all soak soak-cores soak-site soak-pauses compose-test colcon-test nav2-test smoke demo bench conversations hooks clean broker browser sbom fuzz faults conformance reference
 
 help: ## list these commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F':.*## ' '{printf "  make %-13s %s\n", $$1, $$2}'
@@ -111,6 +111,11 @@ IMAGES ?=
 compose-test: $(STAMP) ## build every image, start the stack with docker-compose, and run orders on a robot in it
 	$(IMAGES)
 	NENA_COMPOSE_TEST=1 $(BIN)/pytest tests/deploy/test_compose.py tests/deploy/test_compose_site.py tests/deploy/test_image_on_ros.py tests/deploy/test_images_of_others.py
+
+# At a site: NAV2="--domain 7 --namespace r1 --start 0,0 --end 4,0 --kill '...' --revive '...'".
+NAV2 ?= --simulator
+nav2-test: $(STAMP) action-types broker ## the edge agent against the Nav2 in reach (NAV2="--domain 7 ..."); writes build/nav2-test.md
+	PYTHONPATH=tests $(BIN)/python -m nav2_acceptance $(NAV2)
 
 colcon-test: $(STAMP) broker ## build the edge agent as a ROS package with colcon, and start the installed agent
 	@[ -x $(VENV)/colcon/bin/colcon ] || { $(BIN)/python -m venv $(VENV)/colcon && \

@@ -1,7 +1,8 @@
 """(s) How slow a robot becomes at nodes that it passes, by each way to drive, and what that costs the agent.
 
-The simulated robot drives at 1 m/s over nodes 2 m apart; the second half of the base comes on the way. The
-yardstick is its own cruise in the same drive.
+The simulated robot drives at 0.5 m/s over nodes 2 m apart, slows down near a goal as Regulated Pure Pursuit
+does, and plans again once a second; the second half of the base comes on the way. The yardstick is its own
+cruise in the same drive.
 """
 
 from __future__ import annotations
@@ -18,10 +19,10 @@ from nena_edge_agent.nav2.settings import Navigation
 from support.broker import Broker
 from support.nav2_agent import Bench, ready
 from support.ros import BEST_EFFORT, RosPeer, own_domain_id
-from support.smooth_drive import WAYS, drive
+from support.smooth_drive import LIKE_NAV2, REGULATED, WAYS, drive
 
 RUNS = 3
-LEAST = 0.5
+LEAST = 0.8
 """What the slowest speed at a passed node is to be, as a share of the cruise."""
 
 
@@ -49,10 +50,10 @@ async def _run(folder: Path, navigation: Navigation) -> tuple[float, float]:
     with own_domain_id() as domain_id, RosPeer(domain_id) as peer:
         bench = Bench(broker, "bench", ros=peer, domain_id=domain_id, folder=folder)
         odometry = peer.subscribe(Odometry, "odom", BEST_EFFORT)
-        options = ("--drive.strategy", "pass_through", "--drive.pass_radius", str(WAYS[navigation]))
+        options = ("--drive.strategy", "pass_through")
         with (
             bench.mqtt,
-            bench.simulator(time_factor=1.0),
+            bench.simulator(*LIKE_NAV2, time_factor=1.0, drive=REGULATED),
             bench.agent_process(*options, "--ros.navigation", navigation) as agent,
         ):
             await bench.fleet.state(ready, within=30.0)

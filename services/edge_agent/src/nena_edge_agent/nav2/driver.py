@@ -48,6 +48,7 @@ from nena_edge_agent.nav2.commands import (
     SendGoal,
     StopMotion,
 )
+from nena_edge_agent.nav2.goal_tracker import STALE_XY
 from nena_edge_agent.nav2.goals import GoalEntry, GoalIdPrefix
 from nena_edge_agent.nav2.keep_out import KeepOutMask
 from nena_edge_agent.nav2.localisation import (
@@ -390,7 +391,8 @@ class Nav2Driver:
             return
         told = await self._parameters.read()
         tolerance = self._settings.goals.goal_tolerance or told.xy_tolerance or GOAL_TOLERANCE
-        hand_over = max(tolerance, told.approach or 0.0)
+        known_each = 0.0 if self._action.look() else STALE_XY  # by topics the robot's place is known seldom
+        hand_over = max(tolerance, told.approach or 0.0) + known_each
         self._log.info("Nav2's parameters", tolerance=tolerance, hand_over=hand_over)
         if self._limiter is not None and told.speed is not None:
             self._limiter.controller_drives(told.speed)

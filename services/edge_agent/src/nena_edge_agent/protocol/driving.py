@@ -65,6 +65,14 @@ def halt(robot: RobotState) -> None:
         request_halt(robot)
 
 
+def stop(robot: RobotState) -> None:
+    """Stop the robot as asked: also from a goal of an earlier run that has not been taken up yet."""
+    if robot.goal.left_over and not robot.goal.halting:
+        robot.goal.target = None
+        request_halt(robot)
+    halt(robot)
+
+
 def request_halt(robot: RobotState) -> None:
     """Stop the robot whatever it does: after a restart that is not known."""
     robot.goal.halting_since = robot.now

@@ -168,7 +168,7 @@ def apply_hold(robot: RobotState) -> None:
     robot.hold_applied = robot.held
     if robot.hold_applied:
         actions.pause(robot)
-        driving.halt(robot)
+        driving.stop(robot)
     else:
         actions.resume(robot)
         actions.schedule(robot)

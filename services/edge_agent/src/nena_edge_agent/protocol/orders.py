@@ -181,7 +181,7 @@ def _begin_clearing(robot: RobotState) -> None:
     if not robot.clearing:
         robot.clearing = True
         actions.cancel_all(robot)
-        driving.halt(robot)
+        driving.stop(robot)
     elif robot.goal.halt_problem:
         driving.request_halt(robot)
 

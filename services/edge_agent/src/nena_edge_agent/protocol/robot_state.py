@@ -149,6 +149,11 @@ class CurrentGoal:
         return self.target is not None or self.halting_since is not None
 
     @property
+    def left_over(self) -> bool:
+        """Whether navigation may drive to a goal whose result is not known, also one of an earlier run."""
+        return self.own is not None and self.unsettled
+
+    @property
     def halting(self) -> bool:
         """Whether a halt has not been answered."""
         return self.halting_since is not None

@@ -56,7 +56,7 @@ def make_state(header: dict[str, Any], robot: RobotState) -> State:
         mobile_robot_position=position(robot.reports),
         velocity=velocity(robot.reports),
         loads=robot.loads,
-        driving=robot.goal.moving or robot.reports.velocity.moves or bool(robot.reports.goals.external),
+        driving=_drives(robot),
         paused=robot.paused or robot.reports.pause_button,
         new_base_request=driving.new_base_request(robot),
         action_states=robot.actions.states,
@@ -71,6 +71,13 @@ def make_state(header: dict[str, Any], robot: RobotState) -> State:
         ),
         safety_state=_safety_state(robot.reports.safety),
     )
+
+
+def _drives(robot: RobotState) -> bool:
+    """Return whether the robot drives, or may: after a restart that is not known until odometry comes."""
+    velocity = robot.reports.velocity
+    not_known = robot.goal.left_over and velocity.vx is None
+    return robot.goal.moving or velocity.moves or not_known or bool(robot.reports.goals.external)
 
 
 def as_recorded(state: State, before: State) -> State:

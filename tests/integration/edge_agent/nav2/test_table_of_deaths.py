@@ -1,0 +1,152 @@
+"""Which process of Nav2 dies, and what is under way: the robot stands, or the state says truthfully that not.
+
+A representative part by default; ``--long`` runs the whole table.
+"""
+
+from __future__ import annotations
+
+from datetime import datetime
+from itertools import product
+from typing import Any
+
+import pytest
+
+from nena_edge_agent.driver.port import STANDING
+from nena_robot_simulator.servers import Server
+from support.action_types import HERE
+from support.edge_agent import FleetControl, status_of
+from support.nav2_agent import ROS, Bench, ready
+from support.robot_core import action, order, position
+from support.waiting import until
+
+pytestmark = [pytest.mark.ros, pytest.mark.broker]
+
+ALL = "all"
+PROCESSES = (
+    *("bt_navigator", "controller_server", "planner_server", "behavior_server"),
+    *("amcl", "lifecycle_manager_navigation", ALL),
+)
+WORK = ("drive", "pass", "cancel", "pause", "dock")
+FEW = (
+    ("bt_navigator", "drive"),
+    ("bt_navigator", "cancel"),
+    ("bt_navigator", "dock"),
+    ("controller_server", "pause"),
+    ("planner_server", "pass"),
+    ("behavior_server", "cancel"),
+    ("amcl", "drive"),
+    ("lifecycle_manager_navigation", "pause"),
+    (ALL, "pass"),
+)
+CASES = [
+    pytest.param(*each, marks=() if each in FEW else pytest.mark.long) for each in product(PROCESSES, WORK)
+]
+
+GRACE = 1.0
+"""Seconds in which a robot that is to stop stands, and in which a state follows the odometry."""
+BOND = 4.0
+"""Seconds after which Nav2's lifecycle manager misses a process that the drive does not need at once."""
+NOT_NEEDED = frozenset({"behavior_server", "lifecycle_manager_navigation"})
+"""Processes without which a drive goes on, until the bond breaks at the latest."""
+
+DRIVE = {"speed": 0.5, "acceleration": 2.5, "approach": 0.6}
+LIKE_NAV2 = ("--replan_period", "1.0", "--recovery_time", "18")
+WAY = {f"n{index}": position(2.0 * index, radius=1.1) for index in range(12)}
+
+
+def told_at(state: dict[str, Any]) -> float:
+    return datetime.fromisoformat(state["timestamp"]).timestamp()
+
+
+def stamp(message: Any) -> float:
+    return float(message.header.stamp.sec + message.header.stamp.nanosec / 1e9)
+
+
+def moving_at(bench: Bench, time: float) -> bool:
+    """Return whether the robot moved by its odometry all of the last second before ``time``."""
+    last = [each.twist.twist for each in bench.odometry if time - GRACE <= stamp(each) <= time]
+    return bool(last) and all(max(abs(each.linear.x), abs(each.angular.z)) >= STANDING for each in last)
+
+
+async def begin(bench: Bench, fleet: FleetControl, work: str) -> None:
+    """Let the robot do what is under way when a process dies."""
+    if work == "dock":
+        bench.fault("foreign_goal", x=20.0, y=0.0)  # a docking server drives by a goal of its own
+    elif work == "pass":
+        fleet.send(order(*WAY, positions=WAY))
+    else:
+        fleet.send(order("n0", "n3"))
+    await until(lambda: bench.speed > 0.45, what="the robot on its way")
+
+
+@pytest.mark.parametrize(("process", "work"), CASES)
+async def test_a_death_leaves_no_robot_driving_in_secret(bench: Bench, process: str, work: str) -> None:
+    ros = {**ROS, "call_timeout": 0.5, "navigation": "auto" if HERE else "topics"}
+    passing = {"strategy": "pass_through"} if work == "pass" else {}
+    with bench.simulator(*LIKE_NAV2, time_factor=1.0, drive=DRIVE):
+        async with bench.agent(ros=ros, drive=passing) as fleet:
+            await fleet.state(ready)
+            bench.fault("stuck", active=False)
+            await begin(bench, fleet, work)
+            for server in [each.value for each in Server] if process == ALL else [process]:
+                bench.fault("server_died", server=server)
+            died_at = stamp(bench.odometry[-1])
+            if work in ("cancel", "pause"):
+                fleet.instant(action("a", "NONE", f"{work}Order" if work == "cancel" else "startPause"))
+                await fleet.state(lambda state: status_of(state, "a") in ("FINISHED", "FAILED"))
+            stood_at = await the_end(bench, died_at, process, work)
+            states = [each for each in fleet.states if told_at(each) >= died_at]
+    check(bench, states, work=work)
+    at_once = work in ("cancel", "pause") or process in ("bt_navigator", ALL)
+    if at_once and work != "dock":
+        assert stood_at is not None
+        assert stood_at - died_at <= 2 * GRACE, "noticed and stopped"
+
+
+async def the_end(bench: Bench, died_at: float, process: str, work: str) -> float | None:
+    """Wait until the robot stands; None: it drives on under control, as nothing that it needs is missing."""
+
+    def stands() -> bool:
+        return bench.speed < STANDING
+
+    stopped = work in ("cancel", "pause")
+    if process in NOT_NEEDED and not stopped:
+        seen = len(bench.odometry)
+        await until(lambda: stands() or len(bench.odometry) >= seen + 20 * (BOND + 2), what="the bond's end")
+        if not stands():
+            return None
+    await until(stands, what="the robot at rest")
+    return next(stamp(each) for each in bench.odometry if stamp(each) > died_at and _still(each))
+
+
+def _still(message: Any) -> bool:
+    return bool(abs(message.twist.twist.linear.x) < STANDING)
+
+
+def check(bench: Bench, states: list[dict[str, Any]], *, work: str) -> None:
+    """See that no state has told a standstill that was none, and that a stop was answered truthfully."""
+    for state in states:
+        if not state["driving"]:
+            assert not moving_at(bench, told_at(state)), f"told as standing at {state['timestamp']}"
+        if work in ("cancel", "pause") and status_of(state, "a") == "FINISHED":
+            assert not moving_at(bench, told_at(state))
+        if status_of(state, "a") == "FAILED":
+            assert any(each["errorType"] == "ROBOT_NOT_STOPPED" for each in states[-1]["errors"])
+
+
+async def test_an_agent_that_dies_is_told_as_lost_and_goes_on_truthfully(bench: Bench) -> None:
+    """Nav2 drives on without its agent, as adopted later; fleet control hears that the robot is lost."""
+    with bench.simulator(*LIKE_NAV2, time_factor=1.0, drive=DRIVE), bench.agent_process() as agent:
+        await bench.fleet.state(ready)
+        bench.fleet.send(order("n0", "n3"))
+        await until(lambda: bench.speed > 0.45, what="the robot on its way")
+        agent.kill()
+        await until(lambda: bench.fleet.connections[-1] == "CONNECTIONBROKEN", what="the last will")
+        before = len(bench.fleet.states)
+        agent.restart()
+        state = await until(lambda: next(iter(bench.fleet.states[before:]), None), what="a state")
+        assert state["driving"]
+        bench.fleet.instant(action("c", "NONE", "cancelOrder"))
+        done = await bench.fleet.state(lambda state: status_of(state, "c") in ("FINISHED", "FAILED"))
+        assert status_of(done, "c") == "FINISHED"
+        assert await bench.speed_at(done) == 0.0
