@@ -19,7 +19,7 @@ SOAK := tests/unit/shared/vda5050/test_round_trip.py tests/unit/shared/vda5050/t
 	tests/unit/robot_simulator/test_navigator.py \
 	tests/unit/order_service/traffic/test_simulation.py tests/unit/order_service/test_traffic_simulation.py \
 	tests/unit/edge_agent/test_restart_safety.py tests/integration/edge_agent/nav2/test_kills.py \
-	tests/integration/edge_agent/nav2/test_session.py tests/faults/test_recovery.py
+	tests/integration/edge_agent/nav2/test_session.py tests/integration/edge_agent/nav2/test_table_of_deaths.py tests/faults/test_recovery.py
 # Parsers of external input.
 FUZZED := tests/fuzz tests/unit/shared/plant/lif/test_damaged_files.py tests/unit/shared/plant/opentcs_xml/test_damaged_files.py
 STAMP := $(VENV)/.set-up

@@ -1,0 +1,89 @@
+"""Run the acceptance suite against the Nav2 in reach: ``make nav2-test``."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import sys
+import tempfile
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+
+from nav2_acceptance.checks import CHECKS
+from nav2_acceptance.report import FAILED, as_json, as_markdown, run
+from nav2_acceptance.simulated import simulated_site
+from nav2_acceptance.site import Course, Nav2Site, Place
+from support.broker import Broker
+from support.nav2_agent import Bench
+from support.ros import RosPeer
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the checks and write the report; return 1 where one of them has failed."""
+    options = _options().parse_args(argv)
+    with ExitStack() as stack:
+        if options.simulator:
+            site: Nav2Site = stack.enter_context(simulated_site())
+        else:
+            site = _real_site(options, stack)
+        findings = asyncio.run(run(site, options.checks or tuple(CHECKS)))
+    options.output.parent.mkdir(parents=True, exist_ok=True)
+    options.output.with_suffix(".md").write_text(as_markdown(findings), encoding="utf-8")
+    options.output.with_suffix(".json").write_text(as_json(findings), encoding="utf-8")
+    sys.stdout.write(as_markdown(findings))
+    return int(any(each.verdict == FAILED for each in findings))
+
+
+def _real_site(options: argparse.Namespace, stack: ExitStack) -> Nav2Site:
+    broker = Broker()
+    stack.callback(broker.close)
+    peer = stack.enter_context(RosPeer(options.domain, options.namespace))
+    folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+    bench = Bench(broker, "nav2", ros=peer, domain_id=options.domain, folder=folder)
+    stack.enter_context(bench.mqtt)
+    course = Course(
+        start=options.start,
+        end=options.end,
+        beside=options.beside,
+        outside=options.outside,
+        obstacle=options.obstacle,
+        edge=options.edge,
+    )
+    return Nav2Site(bench, course, options.namespace, kill=options.kill, revive=options.revive)
+
+
+def _place(text: str) -> Place:
+    x, y = text.split(",")
+    return float(x), float(y)
+
+
+def _options() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="make nav2-test", description=__doc__)
+    parser.add_argument("--simulator", action="store_true", help="start the robot simulator and test that")
+    parser.add_argument("--domain", type=int, default=0, help="ROS domain id")
+    parser.add_argument("--namespace", default="/", help="ROS namespace of the robot")
+    parser.add_argument(
+        "--start", type=_place, default=(0.0, 0.0), help="x,y of one end of a free, straight way"
+    )
+    parser.add_argument(
+        "--end", type=_place, default=(4.0, 0.0), help="x,y of the other end, 4 m away or more"
+    )
+    parser.add_argument("--beside", type=_place, default=(2.0, 1.0), help="x,y of a free place beside it")
+    for name, words in (
+        ("outside", "outside of the map"),
+        ("obstacle", "within an obstacle"),
+        ("edge", "at one"),
+    ):
+        parser.add_argument(f"--{name}", type=_place, default=None, help=f"x,y of a place {words}")
+    parser.add_argument("--kill", default="", help="shell command that kills the process {server}")
+    parser.add_argument("--revive", default="", help="shell command that starts it again")
+    parser.add_argument("--checks", default="", help="letters of the checks to run, as abc; default: all")
+    parser.add_argument(
+        "--output", type=Path, default=Path("build/nav2-test"), help="files without their ending"
+    )
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

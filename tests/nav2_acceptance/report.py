@@ -1,0 +1,54 @@
+"""What the checks found, as Markdown and as JSON."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+
+from nav2_acceptance.checks import CHECKS
+from nav2_acceptance.site import LeftOutError, Nav2Site
+
+OK, FAILED, LEFT_OUT = "ok", "FAILED", "left out"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One check: its letter and name, how it went, what was found, and the seconds that it took."""
+
+    letter: str
+    name: str
+    verdict: str
+    text: str
+    seconds: float
+
+
+async def run(site: Nav2Site, letters: Iterable[str] = tuple(CHECKS)) -> list[Finding]:
+    """Run the checks, one after the other; one that fails does not end the others."""
+    findings = []
+    for letter in letters:
+        name, check = CHECKS[letter]
+        began = time.monotonic()
+        try:
+            verdict, text = OK, await check(site)
+        except LeftOutError as error:
+            verdict, text = LEFT_OUT, str(error)
+        except Exception as error:  # noqa: BLE001 - whatever it is, the report says so
+            verdict, text = FAILED, f"{type(error).__name__}: {str(error)[:500]}"
+        findings.append(Finding(letter, name, verdict, text, round(time.monotonic() - began, 1)))
+    return findings
+
+
+def as_json(findings: Iterable[Finding]) -> str:
+    """Write the report for programs."""
+    return json.dumps([asdict(each) for each in findings], indent=2) + "\n"
+
+
+def as_markdown(findings: Iterable[Finding]) -> str:
+    """Write the report for people."""
+    lines = ["| | check | result | found | s |", "|---|---|---|---|---|"]
+    for each in findings:
+        text = each.text.replace("|", "/").replace("\n", " ")
+        lines.append(f"| {each.letter} | {each.name} | {each.verdict} | {text} | {each.seconds:g} |")
+    return "\n".join(lines) + "\n"

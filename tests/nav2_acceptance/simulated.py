@@ -1,0 +1,32 @@
+"""The robot simulator as a Nav2 in reach, with the replanning, slowing and recoveries of a real one."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from nav2_acceptance.site import Course, SimulatedSite
+from support.broker import Broker
+from support.nav2_agent import Bench
+from support.ros import RosPeer, own_domain_id
+from support.smooth_drive import LIKE_NAV2, REGULATED
+
+COURSE = Course(
+    start=(0.0, 0.0), end=(6.0, 0.0), beside=(3.0, 1.5), outside=(-60.0, 0.0), obstacle=(3.0, 4.0)
+)
+
+
+@contextmanager
+def simulated_site(*, time_factor: float = 1.0) -> Iterator[SimulatedSite]:
+    """Run the simulator and give what the suite needs of it."""
+    with tempfile.TemporaryDirectory() as folder, own_domain_id() as domain_id, RosPeer(domain_id) as peer:
+        broker = Broker()
+        bench = Bench(broker, "nav2", ros=peer, domain_id=domain_id, folder=Path(folder))
+        try:
+            with bench.mqtt, bench.simulator(*LIKE_NAV2, time_factor=time_factor, drive=REGULATED):
+                bench.fault("stuck", active=False)
+                yield SimulatedSite(bench, COURSE)
+        finally:
+            broker.close()

@@ -1,0 +1,178 @@
+"""The Nav2 under test: where it is, which places it can reach, and how its processes are killed."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from itertools import count
+from math import dist
+from typing import Any
+
+from nena_shared.vda5050.order import NodePosition
+from support.edge_agent import FleetControl, ended, status_of
+from support.nav2_agent import ROS, Bench, ready
+from support.robot_core import action, order, position
+from support.waiting import until
+
+Place = tuple[float, float]
+FORGIVING = 0.6
+"""Metres that nodes of the course allow."""
+
+
+class LeftOutError(Exception):
+    """A check that this Nav2 gives no opportunity for; the text says what is missing."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """Places on the map, m: the robot drives to and fro between ``start`` and ``end``, over what is between.
+
+    ``beside`` is a place for another client's goal. The others cannot be reached, where they are known.
+    """
+
+    start: Place
+    end: Place
+    beside: Place
+    outside: Place | None = None
+    obstacle: Place | None = None
+    edge: Place | None = None
+
+    def between(self, share: float) -> Place:
+        """Return a place on the straight way, 0 at the start, 1 at the end."""
+        (x0, y0), (x1, y1) = self.start, self.end
+        return x0 + share * (x1 - x0), y0 + share * (y1 - y0)
+
+
+@dataclass
+class Nav2Site:
+    """A Nav2 in reach. ``kill`` and ``revive`` are shell commands with ``{server}``; empty: not possible."""
+
+    bench: Bench
+    course: Course
+    namespace: str = "/"
+    kill: str = ""
+    revive: str = ""
+    _orders: Any = field(default_factory=lambda: count(1))
+
+    async def die(self, server: str) -> None:
+        """Kill one process of Nav2.
+
+        Raises:
+            LeftOutError: there is no command for it.
+
+        """
+        await self._run(self.kill, server)
+
+    async def live(self, server: str) -> None:
+        """Have the process started again; raises as :meth:`die`."""
+        await self._run(self.revive, server)
+
+    async def close_in(self) -> None:
+        """Make ``course.obstacle`` a place without a way, where that is not so already."""
+
+    async def open_up(self) -> None:
+        """Take :meth:`close_in` back."""
+
+    async def _run(self, command: str, server: str) -> None:
+        if not command:
+            text = "no command to kill and start a process of Nav2 (--kill, --revive)"
+            raise LeftOutError(text)
+        process = await asyncio.create_subprocess_shell(command.format(server=server))
+        await process.wait()
+
+    @asynccontextmanager
+    async def agent(self, navigation: str = "auto", **changes: Any) -> AsyncIterator[FleetControl]:
+        """Run an edge agent on this Nav2, and wait until it can be sent somewhere."""
+        ros = {**ROS, "call_timeout": 1.0, "namespace": self.namespace, "navigation": navigation}
+        ros |= changes.pop("ros", {})
+        begun = len(self.bench.fleet.states)
+        async with self.bench.agent(ros=ros, **changes) as fleet:
+            await self.when(ready, since=begun)
+            yield fleet
+
+    async def when(self, accept: Any, *, since: int, within: float = 60.0) -> dict[str, Any]:
+        """Wait for a state behind the first ``since`` that ``accept`` takes."""
+        fleet = self.bench.fleet
+        return await until(
+            lambda: next((each for each in fleet.states[since:] if accept(each)), None),
+            timeout=within,
+            what=f"a state as expected; the last was {fleet.states[-1:]}",
+        )
+
+    @property
+    def here(self) -> Place:
+        """Where the robot says that it is."""
+        found = self.bench.fleet.states[-1]["agvPosition"]
+        return found["x"], found["y"]
+
+    @property
+    def far(self) -> Place:
+        """The end of the course that the robot is farther from."""
+        return max(self.course.start, self.course.end, key=lambda place: dist(place, self.here))
+
+    def send(self, *places: Place, radius: float = FORGIVING) -> str:
+        """Send an order from where the robot is over ``places``; gives its id."""
+        order_id = f"nav2-{next(self._orders)}"
+        nodes = {"n0": self.node(self.here, 2.0)}
+        nodes |= {f"n{index}": self.node(place, radius) for index, place in enumerate(places, 1)}
+        self.bench.fleet.send(order(*nodes, order_id=order_id, positions=nodes))
+        return order_id
+
+    def extend(self, order_id: str, way: Sequence[Place], *, radius: float) -> None:
+        """Release the last place of ``way``, of which the order has all others."""
+        last = len(way)
+        nodes = {f"n{index}": self.node(way[index - 1], radius) for index in (last - 1, last)}
+        first = 2 * (last - 1)
+        self.bench.fleet.send(order(*nodes, order_id=order_id, update=1, first=first, positions=nodes))
+
+    @staticmethod
+    def node(place: Place, radius: float) -> NodePosition:
+        return position(*place, radius=radius)
+
+    def over(self) -> tuple[Place, ...]:
+        """Return the places from where the robot is to the far end."""
+        shares = (0.33, 0.67, 1.0)
+        if self.far == self.course.start:
+            return tuple(self.course.between(1.0 - each) for each in shares)
+        return tuple(self.course.between(each) for each in shares)
+
+    async def done(self, order_id: str, *, within: float = 120.0) -> dict[str, Any]:
+        """Wait for the end of an order."""
+        return await self.when(ended(order_id), since=0, within=within)
+
+    async def moves(self) -> None:
+        await until(lambda: self.bench.speed > 0.1, timeout=30.0, what="the robot on its way")
+
+    async def stands(self, *, within: float = 30.0) -> None:
+        await until(lambda: self.bench.speed < 0.01, timeout=within, what="the robot at rest")
+
+    async def instant(self, action_type: str, **parameters: Any) -> dict[str, Any]:
+        """Send an instant action and wait for its end."""
+        action_id = f"i{next(self._orders)}"
+        self.bench.fleet.instant(action(action_id, "NONE", action_type, **parameters))
+        return await self.when(lambda state: status_of(state, action_id) in ("FINISHED", "FAILED"), since=0)
+
+    async def put_at(self, place: Place, theta: float = 0.0) -> dict[str, Any]:
+        """Tell the localisation where the robot is."""
+        x, y = place
+        return await self.instant("initPosition", x=x, y=y, theta=theta, mapId="hall", lastNodeId="n0")
+
+
+class SimulatedSite(Nav2Site):
+    """The robot simulator, whose processes die by faults."""
+
+    async def die(self, server: str) -> None:
+        self.bench.fault("server_died", server=server)
+
+    async def live(self, server: str) -> None:
+        self.bench.fault("server_died", server=server, active=False)
+
+    async def close_in(self) -> None:
+        if self.course.obstacle is not None:
+            x, y = self.course.obstacle
+            self.bench.fault("unreachable", circles=[{"x": x, "y": y, "radius": 0.5}], error_code=208)
+
+    async def open_up(self) -> None:
+        self.bench.fault("unreachable", active=False)
