@@ -20,6 +20,7 @@ from faults.history import History, Kind
 from nena_shared.tasks import end
 from support.broker import BrokerAddress, MqttPeer
 from support.instant_robot import FACTSHEET
+from support.pausing import time_passes
 
 MANUFACTURER = "NeNa"
 NODE_SECONDS = 0.15
@@ -113,7 +114,7 @@ class OutsideRobot(ABC):
         name, serial = node["nodeId"], self.standing.serial
         if name != self._at:
             self.history.note(serial, Kind.ENTERED, name)
-            await asyncio.sleep(NODE_SECONDS)
+            await time_passes(NODE_SECONDS)
             if self._at:
                 self.history.note(serial, Kind.LEFT, self._at)
             self._at = name
@@ -127,7 +128,7 @@ class OutsideRobot(ABC):
                 return  # cancelled
             self.history.note(serial, Kind.BEGUN, action["actionId"], route.order_id)
             await self.action(action, "RUNNING")
-            await asyncio.sleep(ACTION_SECONDS)
+            await time_passes(ACTION_SECONDS)
             if self.route is route:
                 self.history.note(serial, Kind.ENDED, action["actionId"], route.order_id)
                 await self.action(action, "FINISHED")
@@ -154,7 +155,7 @@ class StandardRobot(OutsideRobot):
         self._publish("factsheet", OWN_FACTSHEET, retain=True)
         while True:
             self.report()
-            await asyncio.sleep(STATE_INTERVAL)
+            await time_passes(STATE_INTERVAL)
 
     def take(self, topic: str, payload: bytes) -> None:
         """Take an order or instant actions."""
@@ -189,7 +190,7 @@ class StandardRobot(OutsideRobot):
         task.add_done_callback(self._delayed.discard)
 
     async def _echo(self, route: Route) -> None:
-        await asyncio.sleep(self.standing.echo)
+        await time_passes(self.standing.echo)
         if self._shown is not route:
             self._actions = {}
         self._shown = route

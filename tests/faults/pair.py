@@ -22,6 +22,7 @@ from nena_shared.vda5050.state import State
 from nena_shared.vda5050.v2_1 import CODEC
 from support.broker import free_port
 from support.executions import executions
+from support.pausing import time_passes
 from support.programs import Program
 from support.waiting import PATIENCE, awaited
 
@@ -200,10 +201,10 @@ async def _ended(site: PairSite) -> dict[str, TransportOrderStatus]:
                     answer = await site.orders.get("/v1/transportOrders", params={"limit": 1000})
                     orders = answer.raise_for_status().json()["transportOrders"]
                 except (httpx.HTTPError, KeyError, ValueError):
-                    await asyncio.sleep(0.5)
+                    await time_passes(0.5)
                     continue
                 store = {each["name"]: TransportOrderStatus.model_validate(each) for each in orders}
-                await asyncio.sleep(0.5)
+                await time_passes(0.5)
     except TimeoutError:
         pass
     return store
