@@ -176,7 +176,7 @@ class TrafficManager:
         """
         for evasion in self._clear_ways(movable):
             yield self._departed(evasion)
-        for each in self._control.decide(movable, lost):
+        for each in self._control.decide(movable, lost, [name for name, _ in self.extending()]):
             yield self._departed(each) if isinstance(each, RouteGrant | Evasion) else each
 
     def _clear_ways(self, movable: Callable[[str], bool]) -> Iterator[Evasion]:

@@ -184,6 +184,9 @@ CONGESTION = 0.1
 ONCOMING = 0.3
 """By which share a step is dearer for each other vehicle that is to drive the same path the other way."""
 
+BURDEN_KEPT = 10
+"""Traffic is counted again after a route for each so many vehicles under way."""
+
 SECTION = 4
 """How many sets a vehicle claims ahead of what it holds; more where it cannot wait there."""
 
@@ -258,6 +261,9 @@ class TrafficControl:
         self._paths = plant.paths_by_name
         self._routes: dict[str, tuple[tuple[str, RouteRequest], Route]] = {}
         """The routes that vehicles wait for, and for which requests they were found."""
+        self._burden: dict[str, float] = {}
+        self._burden_age = 0
+        """How many routes were searched with this burden."""
         self._refused_sections: dict[str, _RefusedSection] = {}
         self._asked: set[str] = set()
         self._turns: dict[str, tuple[int, str]] = {}
@@ -304,16 +310,21 @@ class TrafficControl:
         return self._refusals.get(vehicle)
 
     def decide(
-        self, movable: Callable[[str], bool], lost: Callable[[str], bool] = nobody
+        self,
+        movable: Callable[[str], bool],
+        lost: Callable[[str], bool] = nobody,
+        extending: Iterable[str] = (),
     ) -> Iterator[RouteGrant | Evasion | RouteRejection | Displacement | MoreClaimed]:
         """Grant what can be granted, oldest first, and send away who rests in the way.
+
+        ``extending`` names the vehicles under way of whose ways not all is allocated.
 
         ``movable`` tells of a vehicle at rest whether it could drive away now: it does nothing else there.
         ``lost`` tells whether nobody knows when it could: who waits for such a one keeps nobody else from
         anything, and takes a detour of any length.
         """
         senior: _Senior | None = None
-        for vehicle in sorted({*self._requests, *self.journeys}, key=self._turn):
+        for vehicle in sorted({*self._requests, *extending}, key=self._turn):
             if vehicle in self.journeys:
                 claims = len(self.scheduler.occupant(vehicle).claimed)
                 refused = self._go_on(vehicle, senior)
@@ -506,12 +517,15 @@ class TrafficControl:
         known = self._routes.get(vehicle)
         if known and known[0] == (start, route_request):
             return known[1]
-        burden = self._burden()
+        if self._burden_age >= len(self.journeys) // BURDEN_KEPT:
+            self._burden, self._burden_age = self._count_burden(), 0
+        self._burden_age += 1
+        burden = self._burden
         route = self._ways.route(vehicle, start, goal, avoid=kept_off, burden=burden)
         self._routes[vehicle] = (start, route_request), route
         return route
 
-    def _burden(self) -> dict[str, float]:
+    def _count_burden(self) -> dict[str, float]:
         """Return what vehicles under way make dearer: the points ahead, and what leads towards them."""
         burden: defaultdict[str, float] = defaultdict(float)
         for journey in self.journeys.values():

@@ -1,0 +1,145 @@
+"""How much of its way a vehicle claims, which way it takes among others, and who makes room in a ring."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import pytest
+
+from nena_order_service.routing import Router
+from nena_order_service.traffic.manager import TrafficManager
+from nena_order_service.traffic.resources import Found
+from nena_order_service.traffic.traffic_control import (
+    SECTION,
+    Displacement,
+    Evasion,
+    MoreClaimed,
+    RouteGrant,
+    RouteRequest,
+)
+from nena_shared.plant import Path, PlantModel
+from nena_shared.plant.model import Block
+from nena_shared.plant.track import BoundingBox
+from support.plants import path, plant
+from support.traffic.scenes import Scene
+
+BOTH_WAYS = 1000
+BOX = BoundingBox(length_mm=1)
+
+
+def lane(points: str, *, two_way: bool = False) -> list[Path]:
+    """Make paths of 1 m from each point to the next one."""
+    back = BOTH_WAYS if two_way else 0
+    ends = pairwise(points.split())
+    return [path(f"{one} {other}", max_reverse_velocity_mm_s=back) for one, other in ends]
+
+
+class Bench(Scene):
+    """A manager over a plant, and vehicles on points of it."""
+
+    def __init__(self, model: PlantModel, **places: str) -> None:
+        self.router = Router(model)
+        self.manager = TrafficManager(model, self)
+        for vehicle, at in places.items():
+            self.manager.seen(vehicle, Found(at, on_point=True), BOX)
+
+    def want(self, vehicle: str, goal: str) -> None:
+        self.manager.request_route(RouteRequest(vehicle, goal))
+
+    def decided(self) -> list[RouteGrant | Evasion | Displacement | MoreClaimed]:
+        """Let traffic decide; nothing is rejected."""
+        at_rest = self.manager.decide(lambda name: not self.manager.journey(name))
+        decided = [
+            each for each in at_rest if isinstance(each, RouteGrant | Evasion | Displacement | MoreClaimed)
+        ]
+        for vehicle, _ in self.manager.extending():
+            self.manager.allocate(vehicle)
+        return decided
+
+    def arrive(self, vehicle: str, reached: int) -> None:
+        self.manager.arrived(vehicle, reached)
+
+    def claims(self, vehicle: str) -> str:
+        """Name the points that a vehicle holds ahead of it or claims."""
+        journey = self.manager.journey(vehicle)
+        assert journey
+        claimed = len(self.manager._scheduler.occupant(vehicle).claimed)
+        return "".join(each.point for each in journey.way[journey.reached : journey.allocated + claimed])
+
+
+def test_section_of_a_one_way_lane_is_claimed_and_extended_on_the_way() -> None:
+    bench = Bench(plant(*lane("A B C D E F G H I J")), v="A")
+    bench.want("v", "J")
+    bench.decided()
+    assert bench.claims("v") == "BCDEFGHIJ"[:SECTION]
+
+    assert [type(each) for each in bench.decided()] == [MoreClaimed]
+
+    assert bench.claims("v") == "BCDEFGHIJ"[: 2 * SECTION]
+
+
+def test_section_goes_on_to_the_end_of_a_two_way_track() -> None:
+    model = plant(*lane("A B C"), *lane("C D E F G H", two_way=True), *lane("H I J"))
+    bench = Bench(model, v="A")
+    bench.want("v", "J")
+
+    bench.decided()
+
+    assert bench.claims("v") == "BCDEFGH"
+
+
+def test_section_does_not_end_in_a_block() -> None:
+    bench = Bench(plant(*lane("A B C D E F G H"), blocks=(Block(name="X", members=("E", "F")),)), v="A")
+    bench.want("v", "H")
+
+    bench.decided()
+
+    assert bench.claims("v") == "BCDEFG"
+
+
+def test_vehicle_drives_up_to_one_that_works_at_its_station_on_the_lane() -> None:
+    bench = Bench(plant(*lane("A B C D E F")), v="A", w="D")
+    bench.want("v", "F")
+
+    granted = list(bench.manager.decide(lambda name: name == "v"))
+
+    assert [each.vehicle for each in granted] == ["v"]
+    assert bench.claims("v") == "BC"
+
+
+def test_nobody_drives_up_to_a_vehicle_of_which_nobody_knows_when_it_goes_on() -> None:
+    bench = Bench(plant(*lane("A B C D E F")), v="A", w="D")
+    bench.want("v", "F")
+
+    assert list(bench.manager.decide(lambda name: name == "v", lambda name: name == "w")) == []
+    assert bench.manager.why_waiting("v").endswith("where w rests")
+
+
+@pytest.mark.parametrize(("others", "way"), [(0, "BC"), (2, "XYC")])
+def test_way_leads_around_where_many_others_are_to_drive(others: int, way: str) -> None:
+    around = [path("A X", 700), path("X Y", 700), path("Y C", 700)]
+    fed = [one for number in range(others) for one in lane(f"P{number} B")]
+    model = plant(path("A B", 1000), path("B C", 1000), path("B Q", 1000), *around, *fed)
+    bench = Bench(model, v="A", **{f"w{number}": f"P{number}" for number in range(others)})
+    for number in range(others):
+        bench.want(f"w{number}", "Q")
+    bench.decided()
+    bench.want("v", "C")
+
+    bench.decided()
+
+    journey = bench.manager.journey("v")
+    assert journey
+    assert "".join(each.point for each in journey.way) == way
+
+
+def test_vehicles_that_wait_for_each_other_in_a_ring_make_room() -> None:
+    """Each of four that fill a ring wants to go past the next one; one of them can leave it at a side."""
+    ring = [*lane("A B C D A"), path("B X"), path("X C")]
+    bench = Bench(plant(*ring), u="A", v="B", w="C", x="D")
+    for vehicle, goal in (("u", "C"), ("v", "D"), ("w", "A"), ("x", "B")):
+        bench.want(vehicle, goal)
+
+    decided = bench.decided()
+
+    assert [(type(each), each.vehicle) for each in decided] == [(Evasion, "v")]
