@@ -115,6 +115,11 @@ def _shown(default: object) -> str:
     return f"`{text}`" if text else "empty"
 
 
+def _plain(part: object) -> object:
+    """Return what JSON has for a part of a default: settings as objects, networks as text."""
+    return part.model_dump(mode="json", exclude_unset=True) if isinstance(part, BaseModel) else str(part)
+
+
 def _text(default: object) -> str:
     match default:
         case Enum():
@@ -124,7 +129,7 @@ def _text(default: object) -> str:
         case bool():
             return str(default).lower()
         case tuple() | list() | dict() if default:
-            return json.dumps(default, default=lambda each: each.model_dump(mode="json", exclude_unset=True))
+            return json.dumps(default, default=_plain)
         case tuple() | list() | dict():
             return ""
     return str(default)
