@@ -21,10 +21,21 @@ def assign(levels: Sequence[Mapping[int, Costs]]) -> dict[int, str]:
     fewer for the sake of a later level or of the cost. Which ones of a level, and by which vehicles, is what
     costs least in all. Orders that come first keep the cheaper vehicle where both ways cost the same.
     """
+    vehicles = {name for level in levels for costs in level.values() for name in costs}
+    if len(vehicles) == 1:
+        return _nearest(levels, vehicles.pop())
     search = _Search(levels)
     for level in levels:
         search.add(level)
     return search.found
+
+
+def _nearest(levels: Sequence[Mapping[int, Costs]], vehicle: str) -> dict[int, str]:
+    """Return the order of the first level that the only vehicle could do at the least cost."""
+    for level in levels:
+        if costs := {order: each[vehicle] for order, each in level.items() if each}:
+            return {min(costs, key=costs.__getitem__): vehicle}
+    return {}
 
 
 Place = str | int

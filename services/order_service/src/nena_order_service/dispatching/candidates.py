@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from nena_order_service.dispatching.dispatcher import DispatchedVehicle
-from nena_order_service.fleet import Standing
+from nena_order_service.fleet import RobotView, Standing
 from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry
 from nena_shared.fleet_api.vehicle import AcceptableOrderType
 
@@ -24,6 +24,8 @@ class LocatedCandidate:
     sequence: str | None = None
     """The order sequence to which it is bound."""
     order_types: tuple[AcceptableOrderType, ...] = ()
+    view: RobotView | None = None
+    """What was known of its robot; None where that was of no account."""
 
     @property
     def matters(self) -> tuple[object, ...]:

@@ -432,6 +432,7 @@ class _Round:
         self._now = now
         self._kept = kept
         self._assigned: set[int] = set()
+        self._kinds: dict[int, OrderKind] = {}
         self._restricted = any(each.restriction for each in vehicles.values())
         self._loaded = any(each.carried for each in vehicles.values())
 
@@ -496,15 +497,15 @@ class _Round:
         known: dict[OrderKind, dict[str, str]] = {}
         found = {}
         for order in orders:
-            kind, is_kept = kind_of(order), order.number in self._kept
+            kind, is_kept = self._kind(order), order.number in self._kept
             hindrances = None if is_kept else known.get(kind)
             if hindrances is None:
                 hindrances = {each.name: self._why_not(order, each) for each in self._meant(order)}
             if not is_kept:
                 known[kind] = hindrances
             free = [name for name, hindrance in hindrances.items() if not hindrance]
-            pairs = self._possible((order, self._vehicles[name]) for name in free)
-            if nearest := nsmallest(len(orders), pairs, key=rank):
+            pairs = [*self._possible((order, self._vehicles[name]) for name in free)]
+            if nearest := pairs if len(pairs) <= 1 else nsmallest(len(orders), pairs, key=rank):
                 found[order.number] = _Choices(nearest, len(free), self._settings.vehicle_candidates[0])
             else:
                 self.decisions.reasons[order.name] = self._why_waiting(order, hindrances, free)
@@ -517,7 +518,7 @@ class _Round:
         for order in orders:
             if order.number in self._assigned or order.name in self.decisions.reasons:
                 continue
-            kind = kind_of(order)
+            kind = self._kind(order)
             if kind in nobody and order.number not in self._kept:
                 self.decisions.reasons[order.name] = nobody[kind]
                 continue
@@ -556,6 +557,12 @@ class _Round:
         self._assigned.add(order.number)
         self._vehicles[vehicle.name] = replace(vehicle, obstacle=BUSY)
         self.decisions.assignments.append(Assignment(order, vehicle.name, why, vehicle.gives_up))
+
+    def _kind(self, order: TransportOrder) -> OrderKind:
+        kind = self._kinds.get(order.number)
+        if kind is None:
+            kind = self._kinds[order.number] = kind_of(order)
+        return kind
 
     def _intended(self, order: TransportOrder) -> str | None:
         return self._kept.get(order.number, order.status.intended_vehicle)

@@ -94,17 +94,20 @@ class KnownCosts:
         self._orders.clear()
 
     def of(self, order: TransportOrder, vehicle: FleetVehicle, kind: int) -> OrderCosts:
-        """Return the costs of an order that names no coordinates, for vehicles of a kind."""
+        """Find out the costs of an order that names no coordinates, for vehicles of a kind."""
+        found = self.ways.of(_stops(order), vehicle=vehicle.model, avoid=order.resources_to_avoid)
+        self._orders[order.number, order.index, kind] = found
+        if len(self._orders) > self._limit:
+            self._orders.popitem(last=False)
+        return found
+
+    def known(self, order: TransportOrder, kind: int) -> OrderCosts | None:
+        """Return the costs of an order for vehicles of a kind where they are remembered."""
         key = order.number, order.index, kind
-        known = self._orders.get(key)
-        if known is None:
-            avoid = order.resources_to_avoid
-            known = self._orders[key] = self.ways.of(_stops(order), vehicle=vehicle.model, avoid=avoid)
-            if len(self._orders) > self._limit:
-                self._orders.popitem(last=False)
-        else:
+        found = self._orders.get(key)
+        if found:
             self._orders.move_to_end(key)
-        return known
+        return found
 
     def why_no_way(self, order: TransportOrder, vehicle: str, start: str) -> str:
         """Return why a vehicle that starts at a point has no way."""
@@ -154,6 +157,8 @@ class OrderKnowledge:
     def cost(self, order: TransportOrder, vehicle: str) -> RouteCost:
         """Return the cost of a vehicle's route through an order's destinations; infinity: no route."""
         who, start = self._places[vehicle]
+        if known := self._costs.known(order, self._kinds[vehicle]):
+            return known.source(start)
         stops = _stops(order)
         if any(each.coordinate for each in stops):
             return self._costs.ways.cost(start, stops, vehicle=who.model, avoid=order.resources_to_avoid)
@@ -331,7 +336,12 @@ class Dispatching:
 
     def idle_reason(self, vehicle: FleetVehicle, *, orders_wait: bool) -> str:
         """Return why a vehicle that works on no order has none."""
-        seen = self.consider(vehicle).seen
+        known = self._candidates.get(vehicle.name)
+        if known and vehicle.name not in self._state.touched:
+            view = None if known.view is None else self._view(vehicle)
+            seen = known.seen if known.view is view else self.consider(vehicle).seen
+        else:
+            seen = self.consider(vehicle).seen
         return seen.obstacle or seen.restriction or (NO_ORDER_FITS if orders_wait else NO_ORDER)
 
     def is_bound(self, vehicle: FleetVehicle) -> bool:
@@ -347,13 +357,13 @@ class Dispatching:
             return self._hindered(vehicle, GIVES_UP if self._is_giving_up(vehicle, order) else BUSY)
         view = self._view(vehicle)
         if obstacle := self._obstacle(vehicle, view, order):
-            return self._hindered(vehicle, obstacle)
+            return self._hindered(vehicle, obstacle, view)
         try:
             standing = self._planner.standing(vehicle, view)
         except NotLocatedError as error:
-            return self._hindered(vehicle, f"cannot be sent anywhere: {error.reason}")
+            return self._hindered(vehicle, f"cannot be sent anywhere: {error.reason}", view)
         if obstacle := self._lacks_map(vehicle, view, standing):
-            return self._hindered(vehicle, obstacle)
+            return self._hindered(vehicle, obstacle, view)
         energy = self.energy(vehicle, view)
         seen = DispatchedVehicle(
             vehicle.name,
@@ -366,13 +376,15 @@ class Dispatching:
             carried=self._carried(vehicle, view),
         )
         return LocatedCandidate(
-            vehicle, seen, standing, self.fit.sequences.bound_to(vehicle.name), seen.order_types
+            vehicle, seen, standing, self.fit.sequences.bound_to(vehicle.name), seen.order_types, view
         )
 
-    def _hindered(self, vehicle: FleetVehicle, obstacle: str) -> LocatedCandidate:
+    def _hindered(
+        self, vehicle: FleetVehicle, obstacle: str, view: RobotView | None = None
+    ) -> LocatedCandidate:
         seen = DispatchedVehicle(vehicle.name, obstacle)
         bound = self.fit.sequences.bound_to(vehicle.name)
-        return LocatedCandidate(vehicle, seen, None, bound, self.fit.order_types(vehicle))
+        return LocatedCandidate(vehicle, seen, None, bound, self.fit.order_types(vehicle), view)
 
     def energy(self, vehicle: FleetVehicle, view: RobotView) -> Energy | None:
         """Return how much energy a vehicle has; None where that is of no account."""
