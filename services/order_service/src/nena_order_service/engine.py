@@ -212,6 +212,10 @@ class Engine:
         self.unit_of_work = UnitOfWork(self.state, store, self._reporter.status_of, self.on_events)
         self._asked_for_state: set[RobotKey] = set()
 
+    def prepare(self) -> None:
+        """Build what takes long in large plants, in any thread: before :meth:`start`."""
+        self.context.finder.prepare(each.model for each in self.registry)
+
     async def start(self, fleet: FleetControl) -> None:
         """Take up everything in the store that has not ended; before the first message of a robot."""
         self.context.connect(fleet)

@@ -61,6 +61,7 @@ class OrderService:
     async def begin(self, start: Callable[..., asyncio.Task[None]]) -> None:
         """Take up what is in the store, then let all parts run; ``start`` starts their tasks."""
         await self.hosts.load()
+        await asyncio.to_thread(self.engine.prepare)
         await self.engine.start(self.fleet)
         start("mqtt", self._connect())
         start("fleet control", self.fleet.run())

@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_order_service.routing import NoRouteError, Router, evaluators
+from nena_order_service.routing import NoRouteError, Router, evaluators, graph
 from nena_order_service.routing.graph import CostKey
 from nena_order_service.routing.order_routes import NO_WAY, RouteCosts, RouteFinder, VehicleRoutes
 from nena_order_service.vehicles.registry import VehicleRegistry
 from nena_shared.fleet_api.transport_order import Coordinate, Destination
 from nena_shared.plant import Link, Location, LocationType, Path, PlantModel, Vehicle
-from support.plants import path, plant, point
+from support.plants import grid_plant, path, plant, point
 
 ONE_WAY = plant(
     path("A B"),
@@ -183,3 +183,21 @@ def test_routes_are_remembered_until_the_plant_changes() -> None:
     ways.forget()
     with pytest.raises(NoRouteError):
         ways.route("heavy", "A", "B")
+
+
+def test_the_first_routes_after_the_preparation_build_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    model = grid_plant(3, 3)
+    slow = Vehicle(name="Slow", max_velocity_mm_s=100, max_reverse_velocity_mm_s=0)
+    finder = RouteFinder(model, Router(model), any_day=Router(model))
+    finder.prepare([slow])
+
+    def not_now(*_: object) -> None:
+        pytest.fail("it takes long in a large plant, and holds everybody else")
+
+    monkeypatch.setattr(graph.RoutingGraph, "__init__", not_now)
+    one, other = model.points[0].name, model.points[-1].name
+    goal = [at(other)]
+    assert finder.why_unroutable(goal, ()) is None
+    for vehicle in (None, slow):
+        assert finder.find(one, goal, vehicle=vehicle).cost > 0
+        assert finder.costs_to(other, vehicle=vehicle).source(one) > 0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import groupby
@@ -71,6 +71,12 @@ class RouteFinder:
         self._any_day.set_locks({path: locked for path, locked in locks.items() if not locked})
         self._router.set_locks(locks)
         self._locks = dict(locks)
+
+    def prepare(self, vehicles: Iterable[Vehicle | None]) -> None:
+        """Build what the first routes of these vehicles need, and those of no certain vehicle."""
+        each_kind = {self.kind(vehicle): vehicle for vehicle in (None, *vehicles)}
+        self._router.prepare(each_kind.values())
+        self._any_day.prepare((None,))
 
     def is_locked(self, path: str) -> bool:
         """Return whether new routes keep off a path; what is no path of the plant is not locked."""

@@ -126,6 +126,12 @@ class Router:
             self._maps.move_to_end(key)
         return known
 
+    def prepare(self, vehicles: Iterable[Vehicle | None]) -> None:
+        """Build what the first routes of these vehicles need: in large plants that takes long."""
+        for vehicle in vehicles:
+            for point in self._plant.points[:1]:
+                self.costs_to(point.name, vehicle=vehicle)
+
     def kind(self, vehicle: Vehicle | None) -> int:
         """Return a number for the kind of a vehicle: those of one kind have the same ways."""
         return self._kinds.of(vehicle).number
