@@ -17,6 +17,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from faults.history import History, Kind
+from nena_shared.mqtt.message import Inbound
 from nena_shared.tasks import end
 from support.broker import BrokerAddress, MqttPeer
 from support.instant_robot import FACTSHEET
@@ -290,12 +291,11 @@ async def standard_robot(
 ) -> AsyncIterator[StandardRobot]:
     """Run a robot that is written from the standard alone until the block ends."""
     loop, own = asyncio.get_running_loop(), f"{interface}/v2/{MANUFACTURER}/{standing.serial}"
-    peer = MqttPeer(
-        broker,
-        f"{own}/order",
-        f"{own}/instantActions",
-        on_message=lambda each: loop.call_soon_threadsafe(robot.take, each.topic, each.payload) and None,
-    )
+
+    def take(message: Inbound) -> None:
+        loop.call_soon_threadsafe(robot.take, message.topic, message.payload)
+
+    peer = MqttPeer(broker, f"{own}/order", f"{own}/instantActions", on_message=take)
     robot = StandardRobot(standing, history, peer, interface)
     with peer:
         tasks = [asyncio.create_task(robot.run()), asyncio.create_task(robot.work())]

@@ -22,6 +22,7 @@ ECHO_DELAY = 0.3
 """Seconds after which the robot reports that it has an order."""
 BACKLOG = 300
 """States of the robot that wait in front of its echo."""
+STRICTLY_BY_AGE = ("--kernel.dispatch.age_window", 0)
 ORDERS = {"T-1": "South 2", "T-2": "South 1", "T-3": "South 2"}
 
 
@@ -44,10 +45,10 @@ def body(name: str) -> dict[str, object]:
 
 
 async def test_a_leader_that_wakes_after_a_takeover_sends_nothing(shared: Fleet, broker: Broker) -> None:
-    first = shared.order_service(name="first")
+    first = shared.order_service(*STRICTLY_BY_AGE, name="first")
     client = await first.client()
     await active(client)
-    standby = await shared.order_service(name="second").client()
+    standby = await shared.order_service(*STRICTLY_BY_AGE, name="second").client()
     frozen = asyncio.Event()
     loop = asyncio.get_running_loop()
 

@@ -120,8 +120,8 @@ async def test_all_orders_are_told_why_they_wait_by_and_by() -> None:
     assert "offline" in reasons.pop()
 
 
-async def test_no_order_overtakes_one_that_is_older_than_the_patience() -> None:
-    engine, fleet = await waiting(0, {"patience": 10})
+async def test_no_order_overtakes_one_that_is_of_an_earlier_age_window() -> None:
+    engine, fleet = await waiting(0, {"age_window": 10})
     clock = engine.clock
     engine.create(request("H"), "far")
     clock.advance(11)  # type: ignore[attr-defined]

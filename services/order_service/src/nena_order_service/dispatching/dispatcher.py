@@ -472,7 +472,7 @@ class _Round:
             levels = [
                 {each.number: pairs[each.number].costs for each in part if each.number in pairs}
                 for _, same in groupby(alike, level)
-                for part in self._within_patience([*same])
+                for part in self._by_age_window([*same])
             ]
             for number, vehicle in assign(levels).items():
                 choices = pairs[number]
@@ -480,11 +480,11 @@ class _Round:
                 nearest = best is choices.nearest
                 self._assign(best, self._why(best, choices.free) if nearest else choices.why(best))
 
-    def _within_patience(self, orders: Sequence[TransportOrder]) -> Iterator[list[TransportOrder]]:
-        """Part orders, oldest first, so that none overtakes one that is older by more than the patience."""
-        patience, part = timedelta(seconds=self._settings.patience), list[TransportOrder]()
+    def _by_age_window(self, orders: Sequence[TransportOrder]) -> Iterator[list[TransportOrder]]:
+        """Split orders, oldest first, into windows of age: none overtakes an order of an earlier window."""
+        window, part = timedelta(seconds=self._settings.age_window), list[TransportOrder]()
         for order in orders:
-            if part and order.status.created > part[0].status.created + patience:
+            if part and order.status.created > part[0].status.created + window:
                 yield part
                 part = []
             part.append(order)

@@ -143,16 +143,16 @@ class DispatchSettings(SettingsGroup):
     choosers: Chooser = Field(
         Chooser.TOGETHER,
         description=(
-            "Who chooses: TOGETHER (the least way in all for orders of the same urgency and the free "
-            "vehicles), ORDERS (each in turn), or SCARCER (whichever are fewer, as in openTCS)."
+            "Who chooses: TOGETHER (orders of the same urgency and free vehicles at the least total "
+            "cost), ORDERS (each in turn), or SCARCER (whichever are fewer, as in openTCS)."
         ),
     )
-    patience: float = Field(
+    age_window: float = Field(
         300.0,
         ge=0,
         description=(
-            "With TOGETHER: how much younger an order may be that goes first because it is nearer, "
-            "seconds. 0: strictly by age."
+            "With TOGETHER: a nearer order may go first if it was created at most this many seconds "
+            "later. 0: strictly by age."
         ),
     )
     orders: list[OrderKey] = Field(
