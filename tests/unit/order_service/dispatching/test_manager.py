@@ -16,7 +16,7 @@ from nena_shared.fleet_api.transport_order import OrderSequenceRequest, Transpor
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
 from support.plants import path, point
-from support.scripted_fleet import MemoryStore, ScriptedFleet, make_engine
+from support.scripted_fleet import MemoryStore, ScriptedFleet, make_engine, status_of
 
 PLANT = PlantModel(
     name="row",
@@ -191,3 +191,18 @@ async def test_another_decision_needs_no_other_search(monkeypatch: pytest.Monkey
 
     monkeypatch.setattr(graph.RoutingGraph, "costs_to", no_search)
     assert [each.fits for each in engine.explain(order)] == [True, True]
+
+
+async def test_an_order_that_avoids_what_the_plant_has_lost_waits_and_says_so() -> None:
+    engine, fleet = await make()
+    engine.create(request("B", intendedVehicle="V1"), "T")
+    order = engine.state.orders.named("T")
+    assert order
+    lost = order.current.model_copy(update={"avoided": ("Gone",)})
+    engine.state.orders.put(order.changed(drive_orders=order.with_current(lost)))
+
+    fleet.fields["V1"] = power(50)
+    fleet.appear("V1", "A")
+
+    assert fleet.sent == []
+    assert "Gone" in status_of(engine).reason

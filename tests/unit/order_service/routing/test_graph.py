@@ -244,3 +244,12 @@ def test_a_step_is_its_edge() -> None:
 
     assert (step.source, step.destination, step.orientation) == ("0", "1", Orientation.FORWARD)
     assert (step.path.name, step.edge_id) == ("0 --- 1", step.edge.id)
+
+
+def test_burden_decides_between_paths_of_the_same_ends() -> None:
+    model = plant(path("A B", max_reverse_velocity_mm_s=1000), path("B A"))
+    (free,) = Router(model).route("B", "A").steps
+
+    (burdened,) = Router(model).route("B", "A", burden={free.edge_id: 0.3}).steps
+
+    assert burdened.edge_id != free.edge_id

@@ -143,3 +143,37 @@ def test_vehicles_that_wait_for_each_other_in_a_ring_make_room() -> None:
     decided = bench.decided()
 
     assert [(type(each), each.vehicle) for each in decided] == [(Evasion, "v")]
+
+
+def test_vehicle_beyond_its_section_holds_where_it_is() -> None:
+    bench = Bench(plant(*lane("A B C D E F G H I J")), v="A")
+    bench.want("v", "J")
+    bench.decided()
+
+    bench.arrive("v", len("BCDEFGH"))
+
+    assert [each.point for each in bench.manager.held("v")] == ["H"]
+    bench.decided()
+    assert bench.claims("v") == "IJ"
+
+
+def test_vehicle_beyond_its_section_can_finish() -> None:
+    bench = Bench(plant(*lane("A B C D E F G H I J")), v="A")
+    bench.want("v", "J")
+    bench.decided()
+
+    bench.manager.finished("v")
+
+    assert [each.point for each in bench.manager.held("v")] == ["J"]
+
+
+def test_turn_ends_at_the_goal() -> None:
+    bench = Bench(plant(*lane("A B C"), *lane("C A"), *lane("D E F")), v="A", u="D")
+    bench.want("v", "B")
+    bench.decided()
+    bench.manager.finished("v")
+    bench.want("u", "F")
+
+    bench.want("v", "B")
+
+    assert bench.manager._control.requesting == ("u", "v")

@@ -32,12 +32,13 @@ from nena_order_service.orders.transport_order import TransportOrder, Urgency
 from nena_order_service.orders.vda_orders import OrderPlanner
 from nena_order_service.orders.waiting import OrderKind
 from nena_order_service.routing import NoRouteError
-from nena_order_service.routing.order_routes import OrderCosts, RouteCost, RouteCosts, RoutePlan
+from nena_order_service.routing.order_routes import NO_WAY, OrderCosts, RouteCost, RouteCosts, RoutePlan
 from nena_order_service.state import VehicleRecords
 from nena_order_service.traffic.driving import Driving
 from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry, why_not_on
 from nena_shared.fleet_api.transport_order import Destination, DriveOrderState, TransportOrderState
 from nena_shared.fleet_api.vehicle import AcceptableOrderType, VehicleState
+from nena_shared.plant import UnknownObjectError
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +120,7 @@ class KnownCosts:
     ) -> str:
         try:
             self.finder.find(start, stops, vehicle=self.registry.model(vehicle), avoid=avoid)
-        except NoRouteError as error:
+        except (NoRouteError, UnknownObjectError) as error:
             return str(error)
         return "it costs too much"
 
@@ -156,6 +157,12 @@ class OrderKnowledge:
 
     def cost(self, order: TransportOrder, vehicle: str) -> RouteCost:
         """Return the cost of a vehicle's route through an order's destinations; infinity: no route."""
+        try:
+            return self._cost(order, vehicle)
+        except UnknownObjectError:  # the plant lost a place that it avoids; `why_no_way` names it
+            return NO_WAY
+
+    def _cost(self, order: TransportOrder, vehicle: str) -> RouteCost:
         who, start = self._places[vehicle]
         if known := self._costs.known(order, self._kinds[vehicle]):
             return known.source(start)

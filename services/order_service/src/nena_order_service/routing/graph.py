@@ -312,7 +312,7 @@ class RoutingGraph:
         if goal not in ways:
             return None
         # Two points may be joined by several paths: the search went by the cheapest.
-        return tuple(min(self._graph.get_all_edge_data(a, b), key=_COST) for a, b in pairwise(ways[goal]))
+        return tuple(min(self._graph.get_all_edge_data(a, b), key=cost) for a, b in pairwise(ways[goal]))
 
     def costs_from(self, source: str, destinations: Iterable[str]) -> dict[str, float]:
         """Return what it costs to reach those of the destinations that can be reached."""

@@ -45,6 +45,8 @@ class Router:
 
     def set_locks(self, locks: Mapping[str, bool]) -> None:
         """Lock or unlock paths by name, over what the plant model says; replaces what was set before."""
+        if self._locks == locks:
+            return
         self._locks = dict(locks)
         self._graphs.clear()
         self._maps.clear()

@@ -166,6 +166,8 @@ class Mobility:
             return True
         if self._context.view(vehicle).link is not LinkStatus.ONLINE:
             return True
+        if self._traffic.journey(name):
+            return False  # it is on its way, and will go on
         works = self._context.state.sent_orders.order_number(vehicle.key) is not None
         return not works and not self.movable(name)
 

@@ -218,6 +218,7 @@ class TrafficManager:
         refusal = self._control.claim_other_way(vehicle, way)
         if refusal is None:
             journey.way, journey.refusal = (*journey.way[: journey.allocated], *way), None
+            self._control.forget_refusal(vehicle)
             self._to_extend[vehicle] = None
         return refusal
 
@@ -256,6 +257,8 @@ class TrafficManager:
         """
         journey, occupant = self._journeys[vehicle], self._scheduler.occupant(vehicle)
         reached = min(reached, len(journey.way))
+        if journey.allocated + len(occupant.claimed) < reached:  # beyond the section that it claims
+            self._scheduler.resume(vehicle, (), journey.way[journey.allocated : reached])
         while journey.allocated < reached:
             self._scheduler.seize(vehicle)
             journey.allocated += 1
@@ -269,18 +272,21 @@ class TrafficManager:
         """Note that the vehicle has come to the end of its way, and rests there."""
         self.arrived(vehicle, len(self._journeys[vehicle].way))
         del self._journeys[vehicle]
+        self._control.end_turn(vehicle, self._scheduler.occupant(vehicle).point)
 
     def shorten(self, vehicle: str) -> None:
         """Let a vehicle's way end where its allocated sets do."""
         journey = self._journeys[vehicle]
         self._scheduler.give_up_claim(vehicle)
         journey.way, journey.refusal = journey.way[: journey.allocated], None
+        self._control.forget_refusal(vehicle)
 
     def break_off(self, vehicle: str) -> None:
         """End a way early: the vehicle rests on all that it holds until it is seen standing."""
         occupant = self._scheduler.occupant(vehicle)
         held = tuple(occupant.held)
         self._journeys.pop(vehicle, None)
+        self._control.forget_refusal(vehicle)
         self._broken_off[vehicle] = held[: occupant.reached + 2]
         self._scheduler.place(vehicle, held, occupant.length_mm)
 

@@ -292,6 +292,16 @@ class TrafficControl:
         self._refusals.pop(vehicle, None)
         self._routes.pop(vehicle, None)
 
+    def end_turn(self, vehicle: str, point: str | None) -> None:
+        """End the turn of a vehicle that has come to ``point``, if that was its goal."""
+        self.forget_refusal(vehicle)
+        if vehicle not in self._requests and self._turns.get(vehicle, (0, ""))[1] == point:
+            del self._turns[vehicle]
+
+    def forget_refusal(self, vehicle: str) -> None:
+        """Forget why a vehicle could not go on; its way has changed or ended."""
+        self._refusals.pop(vehicle, None)
+
     def forget(self, vehicle: str) -> None:
         """Forget a vehicle and its turn."""
         self.drop(vehicle)
