@@ -76,6 +76,31 @@ async def test_a_map_that_map_server_refuses_is_not_enabled(tmp_path: Path) -> N
     assert enabled(maps) == ["hall"]
 
 
+async def test_that_no_place_on_the_map_was_set_is_known_after_a_restart(tmp_path: Path) -> None:
+    maps = store(tmp_path, Loader())
+    await maps.install("attic", "1", attic())
+    await maps.enable("attic", "1")
+
+    server = Loader()
+    store(tmp_path, server)
+    assert server.unplaced
+    server.placed()
+
+    last = Loader()
+    store(tmp_path, last)
+    assert not last.unplaced
+
+
+async def test_a_refused_map_leaves_the_place_known(tmp_path: Path) -> None:
+    server = Loader()
+    maps = store(tmp_path, server)
+    await maps.install("attic", "1", attic())
+    server.refuses = "it finds no such file"
+    with pytest.raises(MapRefusedError):
+        await maps.enable("attic", "1")
+    assert not server.unplaced
+
+
 async def test_what_is_no_map_of_nav2_is_not_installed(tmp_path: Path) -> None:
     maps = store(tmp_path, Loader())
     with pytest.raises(MapRefusedError, match="no zip or tar"):

@@ -19,6 +19,7 @@ from nena_shared.vda5050.topics import RobotKey
 
 DESCRIPTION = "map.yaml"
 CURRENT = "current"
+UNPLACED = "unplaced"
 
 
 class Nav2MapStore(FolderMapStore):
@@ -34,6 +35,7 @@ class Nav2MapStore(FolderMapStore):
     def __init__(self, folder: Path, first: Map, *, maximum: int, server: MapServer) -> None:
         self._server = server
         super().__init__(folder, first, maximum=maximum)
+        server.remember(self._folder / UNPLACED)
         current = next((each for each in self.maps if self._current == (each.map_id, each.map_version)), None)
         if current is not None:
             server.expect(current.map_id, self._file(current.map_id, current.map_version))
@@ -59,10 +61,18 @@ class Nav2MapStore(FolderMapStore):
 
         """
         self._expect(map_id, map_version)
+        placed = not self._server.unplaced
         try:
+            if map_id != self._server.map_id:
+                self._put(self._folder / UNPLACED, b"")  # first: a restart may come at any time
             await self._server.use(map_id, self._file(map_id, map_version))
         except MapNotLoadedError as error:
+            if placed:
+                self._server.placed()
             raise MapRefusedError(str(error)) from error
+        except OSError as error:
+            message = f"the map was not enabled: {error.strerror}"
+            raise MapRefusedError(message) from error
         await super().enable(map_id, map_version)
 
     def _files(self, content: bytes) -> Mapping[str, bytes]:

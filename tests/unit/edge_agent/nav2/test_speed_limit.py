@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from nena_edge_agent.driver.port import SessionState
-from nena_edge_agent.nav2.speed_limit import SLOWEST, SpeedLimiter
+from nena_edge_agent.nav2.speed_limit import REPEATED_AFTER, SLOWEST, SpeedLimiter
 
 OWN = 1.0
 
@@ -69,13 +69,30 @@ def test_a_limit_of_zero_does_not_take_the_limit_back(limiter: SpeedLimiter, con
 
 def test_a_controller_that_comes_back_is_told(limiter: SpeedLimiter, controller: Controller) -> None:
     limiter.look()
-    limiter.for_goal(0.5)
     limiter.look()
-    assert controller.sent == [0.0, 0.5]
+    assert controller.sent == [0.0]
 
     controller.listeners = [b"another one"]
     limiter.look()
-    assert controller.sent == [0.0, 0.5, 0.5]
+    assert controller.sent == [0.0, 0.0]
+
+
+def test_a_limit_that_holds_is_repeated(limiter: SpeedLimiter, controller: Controller) -> None:
+    limiter.for_goal(0.5)
+    limiter.for_goal(0.5)
+    limiter.look()
+    assert controller.sent == [0.5] * 3
+
+    limiter.drives(10.0)
+    limiter.drives(10.0 + REPEATED_AFTER / 2)
+    limiter.drives(10.0 + REPEATED_AFTER)
+    assert controller.sent == [0.5] * 5
+
+    limiter.for_goal(None)
+    limiter.drives(20.0)
+    limiter.look()  # the first one: it tells all
+    limiter.look()
+    assert controller.sent == [0.5] * 5 + [0.0]
 
 
 def test_a_limit_of_an_earlier_run_stays_until_the_next_goal(
@@ -106,6 +123,13 @@ def test_a_controller_that_is_slower_than_the_settings_say_gets_no_limit_above_i
     limiter.for_goal(0.8)
     limiter.controller_drives(0.5)
     assert controller.sent == [0.8, 0.0]
-    limiter.controller_drives(2.0)
     limiter.for_goal(0.4)
     assert controller.sent == [0.8, 0.0, 0.4]
+
+
+def test_a_controller_that_is_quicker_than_the_settings_say_gets_the_limits_between(
+    limiter: SpeedLimiter, controller: Controller
+) -> None:
+    limiter.for_goal(1.5)
+    limiter.controller_drives(2.0)
+    assert controller.sent == [0.0, 1.5]

@@ -6,7 +6,7 @@ import pytest
 
 from nena_edge_agent.driver.port import Halted, VelocityReport
 from nena_edge_agent.protocol.events import Halt, Started
-from support.robot_core import Bench, action, order
+from support.robot_core import Bench, action, at, order
 
 
 def restarted() -> Bench:
@@ -27,6 +27,17 @@ def test_a_stop_ends_the_goal_of_before_first(request_type: str) -> None:
     assert bench.status("a") == "RUNNING"
     bench.do(Halted())
     assert bench.status("a") == "FINISHED"
+
+
+def test_a_goal_of_before_goes_on_until_the_robot_is_known_to_be_lost() -> None:
+    bench = restarted()
+    bench.do(VelocityReport(0.5, 0.0))
+    assert not bench.effects_of(Halt)
+
+    bench.do(at(3.0, localized=False))
+    bench.do(at(3.0, localized=False))
+
+    assert len(bench.effects_of(Halt)) == 1
 
 
 def test_a_robot_with_a_goal_of_before_may_drive_until_odometry_tells() -> None:

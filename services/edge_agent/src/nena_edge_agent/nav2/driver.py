@@ -85,6 +85,8 @@ TICK = 0.05
 """Seconds between two looks at the time while something is waited for."""
 FEEDBACK_TIMEOUT = 2.0
 """Seconds without feedback of a drive, each 10 ms as a rule, after which bt_navigator counts as dead."""
+READINGS = 5
+"""Times that Nav2's parameters are read at most while none of them is the controller's speed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +123,7 @@ class Nav2Driver:
         self._areas: tuple[MapArea, ...] = ()
         self._keep_out = KeepOutMask(settings) if nav2_offers(settings).keeps_out else None
         self._map_id = map_server.map_id if map_server is not None else map_id
-        self._unplaced = False
+        self._unplaced = map_server is not None and map_server.unplaced
         self._emit = emit
         self._clock = clock
         self._log = get_logger(__name__)
@@ -147,6 +149,7 @@ class Nav2Driver:
         self._node: Nav2Node | None = None
         self._transforms = TransformWatch(settings, self._on_pose)
         self._parameters: ParameterReader | None = None
+        self._readings = READINGS
         self._tasks = Supervisor()
         self._stack = AsyncExitStack()
         self._ticking: asyncio.TimerHandle | None = None
@@ -199,6 +202,10 @@ class Nav2Driver:
         problem = impossible(goal.pose, self._map_id)
         if self._limiter is not None:
             if reason := self._limiter.problem(goal.maximum_speed):
+                self._apply(self._tracker.drop(now))
+                if goal.generation < 0:  # a plug-in's drive, which is not given again
+                    self._tell(DriveFailed(goal.generation, DriveFailure.NOT_TAKEN_UP, reason))
+                    return
                 self._too_fast = reason
                 self._tell_navigation(NavigationReport(available=False, reason=reason))
                 return
@@ -252,9 +259,12 @@ class Nav2Driver:
         self._map_id, self._unplaced = map_id, True
         self._forget_place()
         self.keep_out(self._areas)
+        self._tell_unplaced(report)
+
+    def _tell_unplaced(self, report: MapPoseReport | None) -> None:
         if report is not None:
-            problem = f"the map '{map_id}' was enabled, and its position there is not set"
-            pose = replace(report.pose, map_id=map_id)
+            problem = f"the map '{self._map_id}' was enabled, and its position there is not set"
+            pose = replace(report.pose, map_id=self._map_id)
             self._tell(
                 MapPoseReport(pose, localized=False, vx=report.vx, omega=report.omega, problem=problem)
             )
@@ -385,11 +395,17 @@ class Nav2Driver:
         return NavigationReport(available=False, reason=self._map_server.problem)
 
     async def _read_limits(self, report: NavigationReport) -> None:
-        """Read how near Nav2 drives to a goal, each time that it has become available."""
+        """Read how near Nav2 drives to a goal, each time that it has become available.
+
+        A controller that is still busy with its start may not name its speed yet, and is asked again.
+        """
         was_available = self._navigation is not None and self._navigation.available
-        if not report.available or was_available or self._parameters is None:
+        if not was_available:
+            self._readings = READINGS
+        if not report.available or self._readings == 0 or self._parameters is None:
             return
         told = await self._parameters.read()
+        self._readings = self._readings - 1 if told.speed is None else 0
         tolerance = self._settings.goals.goal_tolerance or told.xy_tolerance or GOAL_TOLERANCE
         known_each = 0.0 if self._action.look() else STALE_XY  # by topics the robot's place is known seldom
         hand_over = max(tolerance, told.approach or 0.0) + known_each
@@ -457,8 +473,12 @@ class Nav2Driver:
             return
         confirmed = self._initial_position.on_pose(pose)
         if self._unplaced and not confirmed:
+            report = self._localisation.report()
             self._forget_place()  # a place of the map before
+            self._tell_unplaced(report)
             return
+        if self._unplaced and self._map_server is not None:
+            self._map_server.placed()
         self._unplaced = False
         self._movement.on_pose(pose, now)
         self._pose_watch.on_pose(now)
@@ -471,6 +491,8 @@ class Nav2Driver:
         now = self._clock.monotonic()
         if reading.goal_id != self._tracker.goal_id:
             return
+        if self._limiter is not None:
+            self._limiter.drives(now)
         if self._feedback.moved(reading, now):
             pose = self._localisation.on_nearer(reading.x, reading.y, reading.yaw, reading.frame)
             if pose is not None:
@@ -578,5 +600,6 @@ class Nav2Driver:
 def _ends(event: MapDriverEvent) -> bool:
     """Return whether the robot drives to no goal of ours any more, and the limit of the last one is over."""
     if isinstance(event, DriveFailed):
-        return event.failure is not DriveFailure.NAVIGATION_GONE  # the controller may drive on
+        # after these the controller may drive on to the goal of before
+        return event.failure not in (DriveFailure.NAVIGATION_GONE, DriveFailure.NOT_TAKEN_UP)
     return isinstance(event, Arrived | Halted)

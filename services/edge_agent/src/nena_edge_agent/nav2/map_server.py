@@ -9,6 +9,8 @@ from nena_edge_agent.nav2.settings import RosSettings
 from nena_shared.log import get_logger
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from nena_edge_agent.nav2.session import RosSession
 
 log = get_logger(__name__)
@@ -54,6 +56,7 @@ class MapServer:
         self._publishers: frozenset[bytes] = frozenset()
         self._problem = ""
         self._user: MapUser | None = None
+        self._mark: Path | None = None
         self._session: RosSession | None = None
         self._node: Any = None
 
@@ -83,6 +86,24 @@ class MapServer:
         self.map_id, self._file = map_id, file
         if file:
             self._problem = f"map_server was not told yet to use the map '{map_id}'"
+
+    def remember(self, mark: Path) -> None:
+        """Note the file that is there while the robot's place on the enabled map is not known."""
+        self._mark = mark
+
+    @property
+    def unplaced(self) -> bool:
+        """Whether a map was enabled, also in an earlier run, and no place on it was set since."""
+        return self._mark is not None and self._mark.exists()
+
+    def placed(self) -> None:
+        """Note that the robot's place on the map is known."""
+        if self._mark is None:
+            return
+        try:
+            self._mark.unlink(missing_ok=True)
+        except OSError as error:
+            log.warning("after a restart the position is to be set again", error=str(error))
 
     async def use(self, map_id: str, file: str) -> None:
         """Have Nav2 use another map, and the driver with it.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import inf
 from typing import TYPE_CHECKING, Any
 
 from nena_edge_agent.driver.port import SessionState
@@ -17,14 +18,18 @@ NO_LIMIT = 0.0
 """What a message says to take a limit back."""
 SLOWEST = 0.01
 """Lowest limit that is sent, m/s: 0 would take it back."""
+REPEATED_AFTER = 0.3
+"""Seconds after which a limit that holds is sent again while the robot drives."""
 
 
 class SpeedLimiter:
     """Sends the lower one of two limits to the controller: that of the goal, and that of the place.
 
     Nav2 takes a limit above its own speed for its speed, so that such a limit is not sent. The topic is not
-    latched: a controller that appears is told. After a restart of the agent nothing is sent as long as Nav2
-    may still drive to a goal of the earlier run, which has a limit that only the next goal names.
+    latched: a controller that appears is told. A limit that holds is repeated, as MPPI drops it whenever it
+    resets itself: after idling, in its fallback, and at the end of a goal. After a restart of the agent
+    nothing is sent as long as Nav2 may still drive to a goal of the earlier run, which has a limit that only
+    the next goal names.
     """
 
     def __init__(self, topic: str, own_speed: float) -> None:
@@ -36,6 +41,8 @@ class SpeedLimiter:
         self._reclaimed = False
         self._listeners: frozenset[bytes] = frozenset()
         self._sent: float | None = None
+        self._logged = NO_LIMIT
+        self._repeated_at = -inf
         self._session: RosSession | None = None
         self._node: Any = None
         self._publisher: Any = None
@@ -52,11 +59,11 @@ class SpeedLimiter:
 
     def controller_drives(self, speed: float) -> None:
         """Note the controller's own speed by its parameters, m/s: a limit above that would make it faster."""
-        if speed < self._own_speed:
+        if speed != self._own_speed:
             log.warning(
-                "the controller is slower than description.maximum_speed",
+                "the controller's speed is not the one noted: set description.maximum_speed to it",
                 controller=speed,
-                own=self._own_speed,
+                noted=self._own_speed,
             )
             self._own_speed = speed
             self._send()
@@ -85,7 +92,7 @@ class SpeedLimiter:
     def for_goal(self, limit: float | None) -> None:
         """Take the limit of the goal that is given now, m/s; None: it has none."""
         self._of_goal, self._reclaimed = limit, False
-        self._send()
+        self._repeat()
 
     def for_place(self, limit: float | None) -> None:
         """Take the limit of where the robot is or will be soon, m/s; None: there is none."""
@@ -93,7 +100,7 @@ class SpeedLimiter:
         self._send()
 
     def look(self) -> None:
-        """Tell a controller that has appeared since the last look."""
+        """Tell a controller that has appeared since the last look, and repeat a limit that holds."""
         if self._session is None or not self._active:
             return
         found = self._node.get_subscriptions_info_by_topic(self._topic)
@@ -101,7 +108,13 @@ class SpeedLimiter:
         if listeners - self._listeners:
             self._sent = None
         self._listeners = listeners
-        self._send()
+        self._repeat()
+
+    def drives(self, now: float) -> None:
+        """Repeat a limit that holds while the robot drives; ``now`` is the monotonic time in s."""
+        if now - self._repeated_at >= REPEATED_AFTER:
+            self._repeated_at = now
+            self._repeat()
 
     @property
     def _active(self) -> bool:
@@ -112,6 +125,11 @@ class SpeedLimiter:
         """Whether a controller takes limits."""
         return self._active and self._publisher.get_subscription_count() > 0
 
+    def _repeat(self) -> None:
+        if self.limit != NO_LIMIT:
+            self._sent = None
+        self._send()
+
     def _send(self) -> None:
         limit = self.limit
         if self._reclaimed or limit == self._sent or not self.listened:
@@ -120,4 +138,6 @@ class SpeedLimiter:
         message = self._kind()
         message.percentage, message.speed_limit = False, float(limit)
         self._publisher.publish(message)
-        log.info("speed limit", limit=limit or None)
+        if limit != self._logged:
+            self._logged = limit
+            log.info("speed limit", limit=limit or None)

@@ -45,7 +45,8 @@ def advance(robot: RobotState) -> None:
     """Do what the state allows: repeat a halt, stop, or drive on."""
     _repeat_halt(robot)
     if _must_stop(robot):
-        halt(robot)
+        # after a restart navigation may go on with the goal of before until the first pose comes
+        (stop if robot.reports.pose is not None else halt)(robot)
         return
     _update_ahead(robot)
     while _may_drive(robot):
@@ -156,7 +157,7 @@ def _must_stop(robot: RobotState) -> bool:
         or robot.clearing
         or robot.link.must_stop(robot.now)
         or robot.reports.localized_pose is None
-        or (robot.goal.target is not None and zones.must_stop(robot))
+        or ((robot.goal.target is not None or robot.goal.left_over) and zones.must_stop(robot))
     )
 
 
