@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from nena_edge_agent.map_store import MapRefusedError
+from nena_edge_agent.map_store import FolderMapStore, MapRefusedError
 from nena_edge_agent.nav2.map_server import MapNotLoadedError, MapServer
 from nena_edge_agent.nav2.settings import RosSettings
 from nena_edge_agent.nav2_maps import Nav2MapStore
@@ -99,6 +99,18 @@ async def test_a_refused_map_leaves_the_place_known(tmp_path: Path) -> None:
     with pytest.raises(MapRefusedError):
         await maps.enable("attic", "1")
     assert not server.unplaced
+
+
+async def test_maps_of_a_plain_folder_are_not_taken_for_map_servers_own(tmp_path: Path) -> None:
+    plain = FolderMapStore(tmp_path / "maps", FIRST, maximum=5)
+    await plain.install("attic", "1", b"walls")
+
+    server = Loader()
+    maps = store(tmp_path, server)
+    assert enabled(maps) == ["hall"]
+    with pytest.raises(MapRefusedError, match="delete and download it again"):
+        await maps.enable("attic", "1")
+    assert (enabled(maps), server.files) == (["hall"], [])
 
 
 async def test_what_is_no_map_of_nav2_is_not_installed(tmp_path: Path) -> None:

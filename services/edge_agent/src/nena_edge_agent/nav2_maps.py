@@ -9,10 +9,11 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from urllib.parse import quote
 
-from nena_edge_agent.map_store import CONTENT, FolderMapStore, MapRefusedError, MapStore
+from nena_edge_agent.map_store import CONTENT, FolderMapStore, MapRefusedError, MapStore, find
 from nena_edge_agent.nav2.map_bundle import BadBundleError, MapBundle
 from nena_edge_agent.nav2.map_server import MapNotLoadedError, MapServer
 from nena_edge_agent.settings import EdgeAgentSettings
+from nena_shared.program import StartError
 from nena_shared.settings import ConfigurationError
 from nena_shared.vda5050.state import Map, MapStatus
 from nena_shared.vda5050.topics import RobotKey
@@ -35,6 +36,8 @@ class Nav2MapStore(FolderMapStore):
     def __init__(self, folder: Path, first: Map, *, maximum: int, server: MapServer) -> None:
         self._server = server
         super().__init__(folder, first, maximum=maximum)
+        if self._current is None and find(self.maps, first.map_id, first.map_version):
+            self._mark_first(first)  # the folder is of another store
         server.remember(self._folder / UNPLACED)
         current = next((each for each in self.maps if self._current == (each.map_id, each.map_version)), None)
         if current is not None:
@@ -61,6 +64,12 @@ class Nav2MapStore(FolderMapStore):
 
         """
         self._expect(map_id, map_version)
+        if self._is_foreign(map_id, map_version):
+            message = (
+                f"map '{map_id}' in version '{map_version}' was not stored for map_server: delete and "
+                "download it again"
+            )
+            raise MapRefusedError(message)
         placed = not self._server.unplaced
         try:
             if map_id != self._server.map_id:
@@ -80,6 +89,20 @@ class Nav2MapStore(FolderMapStore):
             return {CONTENT: b""}
         bundle = MapBundle.of(content)
         return {DESCRIPTION: bundle.description.encode(), bundle.image_name: bundle.image}
+
+    def _mark_first(self, first: Map) -> None:
+        try:
+            self._mark(first.map_id, first.map_version)
+        except OSError as error:
+            message = f"the maps' folder {self._folder} cannot be used: {error.strerror}; set maps.folder"
+            raise StartError(message) from error
+        self.maps = self._read()
+
+    def _is_foreign(self, map_id: str, map_version: str) -> bool:
+        """Return whether another store keeps this map, which has a content without a map's description."""
+        place = self._place(map_id, map_version)
+        content = place / CONTENT
+        return not (place / DESCRIPTION).exists() and content.exists() and content.stat().st_size > 0
 
     def _file(self, map_id: str, map_version: str) -> str:
         path = self._place(map_id, map_version) / DESCRIPTION

@@ -92,7 +92,7 @@ JsonObject = Annotated[dict[str, JsonValue], AfterValidator(finite)]
 """Any JSON object."""
 
 
-Epoch = Annotated[int, Field(ge=0)]
+Epoch = Annotated[int, Field(ge=0, lt=2**53)]
 
 
 class Header(WireObject):

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import sys
+from types import SimpleNamespace
+from typing import Any
+
 import pytest
 
+from nena_edge_agent.actions import ros_port
 from nena_edge_agent.actions.plugin import RosError
 from nena_edge_agent.actions.ros_port import PluginRos
+from nena_edge_agent.driver.port import SessionState
 
 STRING = "std_msgs/msg/String"
 
@@ -35,3 +41,57 @@ async def test_what_does_not_fit_is_refused_before_anything_else() -> None:
         await port.client("clamp", "std_srvs/srv/SetBool").call({"data": 1}, seconds=1.0)
     with pytest.raises(RosError, match="there is no type"):
         port.subscribe("lift", "acme_msgs/msg/Lift", print)
+
+
+class Silent:
+    """A session whose action server takes goals, if at all, and is silent from then on."""
+
+    state = SessionState.ACTIVE
+
+    def __init__(self, *, accepts: bool) -> None:
+        self._accepts = accepts
+        self.called: list[str] = []
+
+    async def call(self, client: Any, _request: Any, *, seconds: float) -> Any:
+        assert seconds > 0
+        self.called.append(client.name)
+        return SimpleNamespace(accepted=True) if client.name == "send" and self._accepts else None
+
+
+class Services:
+    """A node on which clients of hidden services are found at once."""
+
+    def create_client(self, kind: Any, path: str) -> Any:
+        made = SimpleNamespace(goal_info=SimpleNamespace(goal_id=None))
+        service = SimpleNamespace(Request=lambda: made)
+        return SimpleNamespace(
+            name=path.rpartition("/")[2].split("_")[0],
+            srv_type=service,
+            kind=kind,
+            service_is_ready=lambda: True,
+        )
+
+
+@pytest.mark.parametrize(("accepts", "called"), [(False, ["send"]), (True, ["send", "get"])])
+async def test_a_goal_of_which_nothing_is_heard_is_cancelled(
+    monkeypatch: pytest.MonkeyPatch, *, accepts: bool, called: list[str]
+) -> None:
+    goal = SimpleNamespace(goal_id=SimpleNamespace(uuid=[]))
+    kind = SimpleNamespace(
+        Impl=SimpleNamespace(
+            SendGoalService=SimpleNamespace(Request=lambda **_: goal),
+            GetResultService=SimpleNamespace(Request=lambda **_: goal),
+        )
+    )
+    monkeypatch.setattr(ros_port, "_known", lambda _find, _name: (None, kind))
+    monkeypatch.setattr(ros_port, "_message", lambda *_: None)
+    monkeypatch.setitem(sys.modules, "action_msgs.srv", SimpleNamespace(CancelGoal=None))
+    session = Silent(accepts=accepts)
+    port = PluginRos()
+    action = port.action("lift", "acme_msgs/action/Lift")
+    port.enter(session, Services())  # type: ignore[arg-type]
+
+    with pytest.raises(RosError):
+        await action.run({})
+
+    assert session.called == [*called, "cancel"]

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from nena_edge_agent.nav2.transforms import Chain, Transform
+from nena_edge_agent.nav2.transforms import MOST_FRAMES, Chain, Transform
 
 MAP_ODOM = Transform("map", "odom", 10.0, 0.0, math.pi / 2, 5)
 ODOM_FOOT = Transform("odom", "base_footprint", 2.0, 0.0, 0.0, 7)
@@ -26,6 +26,15 @@ def test_the_robot_is_where_the_transforms_lead(chain: Chain) -> None:
     assert pose is not None
     assert (pose.x, pose.y, pose.yaw) == pytest.approx((10.0, 2.1, math.pi / 2))
     assert (pose.frame, pose.stamp) == ("map", 7)
+
+
+def test_frames_of_names_that_are_never_heard_again_are_forgotten(chain: Chain) -> None:
+    for number in range(3 * MOST_FRAMES):
+        chain.put((Transform("map", f"tag {number}", 1.0, 0.0, 0.0, 0),), float(number))
+    chain.put((MAP_ODOM, ODOM_FOOT), 3.0 * MOST_FRAMES)
+
+    assert len(chain._known) <= MOST_FRAMES + 2
+    assert chain.pose(3.0 * MOST_FRAMES) is not None
 
 
 @pytest.mark.parametrize(

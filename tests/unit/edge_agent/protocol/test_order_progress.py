@@ -240,6 +240,28 @@ def test_within_an_epoch_the_header_tells_a_replay() -> None:
     assert bench.errors == ["OUTDATED_ORDER_UPDATE"]
 
 
+@pytest.mark.parametrize("far", [10**12, 2**53 - 1])
+def test_an_epoch_far_in_the_future_does_not_lock_the_others_out(far: int) -> None:
+    bench = Bench()
+    now = int(TIME.timestamp())
+    bench.do(OrderReceived(of_epoch(now, sent(1, 5)), utc=TIME))
+    bench.do(OrderReceived(of_epoch(far, sent(2, 5000)), utc=TIME))
+    assert bench.state.order_id == "o2"
+
+    bench.do(OrderReceived(of_epoch(now, sent(3, 6)), utc=TIME))
+
+    assert (bench.state.order_id, bench.errors) == ("o3", [])
+
+
+def test_a_sender_without_epochs_and_times_is_obeyed_after_one_with_epochs() -> None:
+    bench = Bench()
+    bench.send(of_epoch(7, sent(1, 5000)))
+
+    bench.do(OrderReceived(sent(2, 5), utc=TIME, dated=False))
+
+    assert (bench.state.order_id, bench.errors) == ("o2", [])
+
+
 def test_an_order_from_before_there_were_epochs_is_told_by_its_time() -> None:
     bench = Bench()
     bench.send(of_epoch(7, sent(1, 5, TIME + 2 * MUCH)))

@@ -279,6 +279,8 @@ class _Action:
             answer = await session.call(self._send, request, seconds=ANSWERS_WITHIN)
             if answer is None or not answer.accepted:
                 text = "refuses the goal" if answer is not None else "does not answer"
+                if answer is None:  # it may take the goal later, when this action has failed
+                    await self._cancelled(session, request.goal_id)
                 message = f"the action {self._name} {text}: is its server active?"
                 raise RosError(message)
             return await self._result(session, request.goal_id)
@@ -290,6 +292,7 @@ class _Action:
         asked = self._kind.Impl.GetResultService.Request(goal_id=goal_id)
         answer = await session.call(self._results, asked, seconds=LONGEST_GOAL)
         if answer is None:
+            await self._cancelled(session, goal_id)
             message = f"nothing was heard of the end of the goal of {self._name}"
             raise RosError(message)
         result = read(answer.result)

@@ -25,6 +25,8 @@ log = get_logger(__name__)
 
 LONGEST_CHAIN = 20
 """Frames between the robot and the map at most."""
+MOST_FRAMES = 1000
+"""Frames above which those are dropped whose transforms are out of date: names may be new each time."""
 STEP = 0.05
 """Metres, or radians, between two poses that are told."""
 PERIOD = 1.0
@@ -63,6 +65,9 @@ class Chain:
         """Take transforms; return whether one of them may move the robot."""
         for each in transforms:
             self._known[each.child] = (each, now)
+        if len(self._known) > MOST_FRAMES and math.isfinite(now):
+            known = self._known.items()
+            self._known = {child: each for child, each in known if now - each[1] <= self._timeout}
         return any(each.child == self._bottom or each.parent == self._top for each in transforms)
 
     def pose(self, now: float) -> PoseReading | None:

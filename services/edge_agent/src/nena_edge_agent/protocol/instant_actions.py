@@ -60,7 +60,7 @@ def receive(robot: RobotState, message: InstantActions) -> None:
         )
         robot.errors.report(entry, Until.INSTANT_ACTION_ACCEPTED)
         return
-    robot.history.begin_epoch(message.nena_epoch)
+    robot.history.begin_epoch(message.nena_epoch, robot.utc_now)
     for action in message.actions:
         if action.action_id in robot.known_instant_ids:
             continue

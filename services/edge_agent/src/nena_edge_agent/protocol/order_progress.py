@@ -129,6 +129,9 @@ ENDED_ORDERS_KEPT: Final = 200
 CLOCK_TOLERANCE: Final = timedelta(seconds=60)
 """How far the clocks of two fleet controls, or of fleet control and robot, may differ."""
 
+EPOCH_TOLERANCE: Final = timedelta(days=1)
+"""How far an epoch may be ahead of the robot's clock."""
+
 
 NONE_YET: Final = -1
 """Less than every headerId."""
@@ -175,16 +178,23 @@ class OrderHistory:
         A timestamp in the future is not remembered: once the sender's clock is corrected, every new order
         would look old.
         """
-        self.begin_epoch(order.nena_epoch)
+        self.begin_epoch(order.nena_epoch, utc)
         last = self.last_header or OrderHeader(NONE_YET, None)
         credible = utc is None or order.timestamp <= utc + CLOCK_TOLERANCE
         times = [each for each in (last.timestamp, order.timestamp if credible else None) if each]
-        header_id = max(last.header_id, order.header_id)
+        counts = order.nena_epoch is None or order.nena_epoch == last.epoch
+        header_id = max(last.header_id, order.header_id) if counts else last.header_id
         self.last_header = OrderHeader(header_id, max(times, default=None), last.epoch)
 
-    def begin_epoch(self, epoch: int | None) -> None:
-        """Remember a greater epoch, in which headerIds begin again."""
+    def begin_epoch(self, epoch: int | None, utc: datetime | None) -> None:
+        """Remember a greater epoch, in which headerIds begin again; ``utc`` is the robot's time, if known.
+
+        An epoch is a time in seconds. One far in the future is not remembered: no order service could take
+        over from it.
+        """
         last = self.last_header or OrderHeader(NONE_YET, None)
+        if epoch is not None and utc is not None and epoch > (utc + EPOCH_TOLERANCE).timestamp():
+            return
         if epoch is not None and (last.epoch is None or epoch > last.epoch):
             self.last_header = OrderHeader(NONE_YET, last.timestamp, epoch)
 
@@ -200,7 +210,8 @@ class OrderHistory:
 
         Within an epoch headerIds rise. Without epochs, a sender whose counter starts again sends newer
         timestamps, and one whose clock is set back goes on counting: only a message that is older by both is
-        a replay. One that is not ``dated``, whose timestamp could not be read, is judged by its headerId.
+        a replay. One that is not ``dated``, whose timestamp could not be read, is judged by its headerId,
+        unless the last sender had epochs.
         """
         if _digest(order.order_id) in self._ended:
             return f"order '{order.order_id}' was received before and has ended"
@@ -213,7 +224,7 @@ class OrderHistory:
         if order.nena_epoch is not None:
             return order.nena_epoch == last.epoch and order.header_id <= last.header_id
         if not dated:
-            return order.header_id < last.header_id
+            return last.epoch is None and order.header_id < last.header_id
         if last.epoch is None and order.header_id > last.header_id:
             return False
         return last.timestamp is not None and order.timestamp < last.timestamp - CLOCK_TOLERANCE

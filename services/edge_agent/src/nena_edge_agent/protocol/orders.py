@@ -44,7 +44,7 @@ def receive(robot: RobotState, order: Order, *, dated: bool = True) -> Verdict:
     if _waits_for_disk(robot, order):
         return Duplicate()
     verdict = judge(order, _situation(robot, dated=dated), robot.capabilities)
-    robot.history.begin_epoch(order.nena_epoch)
+    robot.history.begin_epoch(order.nena_epoch, robot.utc_now)
     match verdict:
         case NewOrder():
             _begin(robot, order)
