@@ -92,7 +92,7 @@ JsonObject = Annotated[dict[str, JsonValue], AfterValidator(finite)]
 """Any JSON object."""
 
 
-Epoch = Annotated[int, Field(ge=0, lt=2**53)]
+Epoch = Annotated[int, Field(ge=0, le=2**53 - 1)]
 
 
 class Header(WireObject):
