@@ -271,11 +271,11 @@ async def test_a_fault_in_the_core_costs_one_message_and_not_the_robot(
 ) -> None:
     receive = orders.receive
 
-    def receive_or_fail(robot: RobotState, order: Order) -> object:
+    def receive_or_fail(robot: RobotState, order: Order, *, dated: bool) -> object:
         if order.order_id == "fatal":
             message = "a fault of the program"
             raise RuntimeError(message)
-        return receive(robot, order)
+        return receive(robot, order, dated=dated)
 
     monkeypatch.setattr(orders, "receive", receive_or_fail)
     fleet.send(order("n0", "n1", order_id="fatal"))
