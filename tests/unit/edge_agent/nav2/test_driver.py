@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import asyncio
 import sys
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -18,6 +17,7 @@ from nena_edge_agent.nav2.settings import RosSettings
 from nena_edge_agent.nav2.speed_limit import SpeedLimiter
 from nena_shared.clock import ManualClock
 from nena_shared.program import StartError
+from support.pausing import turn_passes
 
 READING = PoseReading(1.0, 2.0, 0.5, "map", 1, 0.01, 0.01, 0.01)
 
@@ -58,7 +58,7 @@ async def test_a_goal_with_a_limit_that_no_controller_hears_is_answered(
     options = Nav2Options(limiter=SpeedLimiter("speed_limit", 1.0))
     async with started(monkeypatch, told, options) as driver:
         driver.go_to(goal(generation))
-        await asyncio.sleep(0)
+        await turn_passes()
     failed = [each for each in told if isinstance(each, DriveFailed)]
     reasons = [each.reason for each in told if isinstance(each, NavigationReport)]
     if generation < 0:
@@ -78,7 +78,7 @@ async def test_a_place_of_the_map_before_does_not_count_after_a_restart(
     told: list[MapDriverEvent] = []
     async with started(monkeypatch, told, Nav2Options(map_server=server)) as driver:
         driver._on_pose(READING)
-        await asyncio.sleep(0)
+        await turn_passes()
     poses = [each for each in told if isinstance(each, MapPoseReport)]
     assert [each.localized for each in poses] == [False]
     assert "its position there is not set" in poses[0].problem
