@@ -1,4 +1,4 @@
-"""Measures the examples of the guide for planners of halls (docs/simulate.md) by ``nena simulate``.
+"""Measures the examples of docs/hall-planning.md by ``nena simulate``.
 
 ``PYTHONPATH=tests python -m bench.planning_examples`` writes a line for each.
 """
