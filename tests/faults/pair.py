@@ -30,6 +30,9 @@ NAMES = ("one", "two")
 LOOPBACK = 2
 ANSWERED_WITHIN = 2.0
 """Seconds after which the other order service is asked."""
+LOOK_EVERY = 0.25
+"""Seconds between two questions for the role of an order service: more often is a load of its own."""
+ROLE_WITHIN = 5 * PATIENCE
 ENDED_WITHIN = 240.0
 ECHO = 0.3
 """Seconds after which the plain robot reports that it has an order."""
@@ -74,6 +77,7 @@ class PairSite(Site):
         self.orders = httpx.AsyncClient(
             base_url="http://127.0.0.1", transport=_Either(list(self._own_ports.values())), timeout=60
         )
+        self._roles = httpx.AsyncClient(timeout=ANSWERED_WITHIN)
         self.history = History()
         self._robots = AsyncExitStack()
 
@@ -105,11 +109,10 @@ class PairSite(Site):
 
     async def role_of(self, name: str) -> str:
         """Return what an order service says that it is; nothing if it does not answer."""
-        async with httpx.AsyncClient(timeout=ANSWERED_WITHIN) as client:
-            try:
-                told = (await client.get(f"http://127.0.0.1:{self._own_ports[name]}/readyz")).json()
-            except (httpx.HTTPError, ValueError):
-                return ""
+        try:
+            told = (await self._roles.get(f"http://127.0.0.1:{self._own_ports[name]}/readyz")).json()
+        except (httpx.HTTPError, ValueError):
+            return ""
         return str(told.get("role", ""))
 
     @staticmethod
@@ -124,7 +127,9 @@ class PairSite(Site):
             roles = {name: await self.role_of(name) for name in NAMES}
             return next((name for name, role in roles.items() if role == "active"), "")
 
-        return await awaited(look, bool, seconds=5 * PATIENCE, what="an active order service")
+        return await awaited(
+            look, bool, seconds=ROLE_WITHIN, what="an active order service", every=LOOK_EVERY
+        )
 
     async def stands_by(self, name: str) -> None:
         """Wait until an order service stands by; start it again if it has ended."""
@@ -134,7 +139,20 @@ class PairSite(Site):
                 self.start_service(name)
             return await self.role_of(name)
 
-        await awaited(look, lambda role: role == "standby", seconds=5 * PATIENCE, what=f"{name} stands by")
+        await awaited(
+            look,
+            lambda role: role == "standby",
+            seconds=ROLE_WITHIN,
+            what=f"{name} stands by",
+            every=LOOK_EVERY,
+        )
+
+    async def start_again_what_is_stuck(self) -> None:
+        """Kill and start each order service that neither is the active one nor stands by."""
+        for name in NAMES:
+            if await self.role_of(name) not in ("active", "standby"):
+                self.programs[f"order-service-{name}"].kill()
+                self.start_service(name)
 
     @asynccontextmanager
     async def paused(self, name: str) -> AsyncIterator[None]:
@@ -149,6 +167,7 @@ class PairSite(Site):
     async def close(self) -> None:
         """End everything."""
         await self._robots.aclose()
+        await self._roles.aclose()
         await super().close()
 
     def complete_history(self) -> History:

@@ -17,7 +17,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from faults.host import Host
-from faults.pair import PairSite, judged
+from faults.pair import LOOK_EVERY, ROLE_WITHIN, PairSite, judged
 from support.pausing import time_passes
 from support.postgres import Postgres
 from support.waiting import PATIENCE, awaited
@@ -27,8 +27,6 @@ SHORTEST, LONGEST = 1.0, 60.0
 AT_ONCE = 5
 BETWEEN = 3.0
 """Seconds from the end of a pause to the next one, in which orders are sent."""
-
-
 SETTLED = 1.0
 """Seconds after which an order service that woke knows whether it was replaced."""
 
@@ -61,19 +59,23 @@ async def run(pauses: list[float], folder: Path, store_url: str) -> Result:
         await site.start()
         host = Host(site, at_once=AT_ONCE, seed=1)
         ordering = asyncio.create_task(host.run(), name="host")
-        takeovers = 0
+        takeovers, stuck = 0, []
         for number, seconds in enumerate(pauses, 1):
             await time_passes(BETWEEN)
-            leader = await site.leader()
-            await site.stands_by(site.other(leader))
-            async with site.paused(leader):
-                await time_passes(seconds)
-            takeovers += await _replaced(site, leader)
-            print(f"{number}: {seconds:.1f} s, {len(host.answered)} orders", flush=True)  # noqa: T201
+            try:
+                takeovers += await _pause(site, seconds)
+            except AssertionError as error:
+                stuck.append(f"pause {number}, of {seconds:.1f} s: {error}")
+                await site.start_again_what_is_stuck()
+            print(  # noqa: T201 - a person waits for half an hour
+                f"{number}: {seconds:.1f} s, {takeovers} takeovers, {len(host.answered)} orders",
+                *stuck[-1:],
+                flush=True,
+            )
         await time_passes(BETWEEN)
         host.stop()
         await asyncio.wait_for(ordering, PATIENCE)
-        findings = await judged(site, host)
+        findings = [*stuck, *await judged(site, host)]
         done = [each.robot for each in site.complete_history().events if each.kind == "ended"]
         answer = await site.orders.get("/v1/transportOrders", params={"limit": 1000})
         states = [each["state"] for each in answer.json()["transportOrders"]]
@@ -89,18 +91,29 @@ async def run(pauses: list[float], folder: Path, store_url: str) -> Result:
         await site.close()
 
 
-async def _replaced(site: PairSite, name: str) -> bool:
-    """Return whether another order service is the active one now; then the old one is started again."""
+async def _pause(site: PairSite, seconds: float) -> bool:
+    """Let the active order service hang; return whether another one has replaced it.
+
+    Raises:
+        AssertionError: an order service did not become what it should be in time.
+
+    """
+    leader = await site.leader()
+    await site.stands_by(site.other(leader))
+    async with site.paused(leader):
+        await time_passes(seconds)
     await time_passes(SETTLED)
-    if await site.role_of(site.other(name)) != "active":
+    if await site.role_of(site.other(leader)) != "active":
         return False
-    process = site.programs[f"order-service-{name}"].process
+    process = site.programs[f"order-service-{leader}"].process
 
     async def ended() -> bool:
         return process.poll() is not None
 
-    await awaited(ended, bool, seconds=PATIENCE, what="the old active order service has ended")
-    site.start_service(name)
+    await awaited(
+        ended, bool, seconds=ROLE_WITHIN, what=f"{leader}, which was replaced, has ended", every=LOOK_EVERY
+    )
+    site.start_service(leader)
     return True
 
 

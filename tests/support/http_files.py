@@ -23,6 +23,8 @@ class Files:
         self.trickling: set[str] = set()
         self.cut: set[str] = set()
         self.moved: dict[str, str] = {}
+        self.asked: list[str] = []
+        """Paths, in the order in which they were asked for."""
         self.open = 0
         """Answers that are being given."""
         self.closing = Event()
@@ -61,6 +63,7 @@ class _Handler(BaseHTTPRequestHandler):
     server: _Server
 
     def do_GET(self) -> None:
+        self.server.files.asked.append(self.path)
         self.server.files.open += 1
         with suppress(OSError):
             self._answer()

@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
+import socket
+from collections.abc import Callable
+from email.message import Message
 from hashlib import sha256
+from typing import Any
+from urllib.request import Request
 
 import pytest
 
-from nena_edge_agent.download import DownloadError, DownloadSettings, download
+from nena_edge_agent.download import (
+    DownloadError,
+    DownloadSettings,
+    _Journey,
+    _Reach,
+    _Redirects,
+    download,
+)
 from support.http_files import Files
 from support.waiting import until
 
@@ -98,3 +110,103 @@ async def test_a_file_that_has_moved_is_fetched(files: Files) -> None:
     files.moved["/old"] = files.put("/new", b"map")
 
     assert await download(f"{files.address}/old", None, SETTINGS) == b"map"
+
+
+@pytest.mark.parametrize(
+    ("address", "what"),
+    [
+        ("127.0.0.1", "the robot itself"),
+        ("127.8.9.1", "the robot itself"),
+        ("0.0.0.0", "the robot itself"),
+        ("::1", "the robot itself"),
+        ("::", "the robot itself"),
+        ("::ffff:127.0.0.1", "the robot itself"),
+        ("169.254.169.254", "a link-local address"),
+        ("::ffff:169.254.169.254", "a link-local address"),
+        ("fe80::1%eth0", "a link-local address"),
+        ("224.0.0.1", "no single machine"),
+        ("192.168.1.7", "the network"),
+        ("2001:db8::1", "the network"),
+    ],
+)
+def test_what_an_address_reaches_is_known(address: str, what: str) -> None:
+    assert _Reach.of(address) == what
+
+
+class Elsewhere:
+    """Lets names lead to the file server here, whose address then counts as another one."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, addresses: dict[str, str]) -> None:
+        self._addresses = addresses
+        self._resolve = socket.getaddrinfo
+        self._kinds: list[str] = []
+        monkeypatch.setattr(socket, "getaddrinfo", self._look_up)
+        monkeypatch.setattr(_Journey, "check", self._check(_Journey.check))
+
+    def _look_up(self, host: str, *more: Any, **options: Any) -> Any:
+        self._kinds.append(self._addresses.get(host, host))
+        return self._resolve("127.0.0.1" if host in self._addresses else host, *more, **options)
+
+    def _check(self, check: Callable[[_Journey, str], None]) -> Callable[[_Journey, str], None]:
+        return lambda journey, _: check(journey, self._kinds[-1])
+
+
+@pytest.mark.parametrize(
+    ("target", "why"),
+    [
+        ("127.0.0.1", r"sends the robot to 127\.0\.0\.1, which is the robot itself"),
+        ("127.1", "which is the robot itself"),
+        ("metadata.internal", r"not fetched from 169\.254\.169\.254, which is a link-local address"),
+    ],
+)
+async def test_a_server_cannot_send_the_robot_to_where_only_the_robot_gets(
+    files: Files, monkeypatch: pytest.MonkeyPatch, target: str, why: str
+) -> None:
+    """Loopback services and the metadata of clouds answer whoever asks from there."""
+    Elsewhere(
+        monkeypatch,
+        {"maps.site": "192.168.1.7", "127.1": "127.0.0.1", "metadata.internal": "169.254.169.254"},
+    )
+    port = files.put("/secret", b"secret").rpartition(":")[2].partition("/")[0]
+    files.moved["/map.pgm"] = f"http://{target}:{port}/secret"
+
+    with pytest.raises(DownloadError, match=why):
+        await download(f"http://maps.site:{port}/map.pgm", None, SETTINGS)
+    assert files.asked == ["/map.pgm"]
+
+
+async def test_a_link_to_a_link_local_address_is_not_followed(
+    files: Files, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    Elsewhere(monkeypatch, {"metadata.internal": "169.254.169.254"})
+    link = files.put("/latest", b"secret").replace("127.0.0.1", "metadata.internal")
+
+    with pytest.raises(DownloadError, match="link-local"):
+        await download(link, None, SETTINGS)
+    assert files.asked == []
+
+
+async def test_servers_send_the_robot_from_one_to_another(
+    files: Files, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    Elsewhere(monkeypatch, {"maps.site": "192.168.1.7", "other.site": "192.168.1.8"})
+    files.moved["/old"] = files.put("/new", b"map").replace("127.0.0.1", "other.site")
+
+    link = f"{files.address}/old".replace("127.0.0.1", "maps.site")
+    assert await download(link, None, SETTINGS) == b"map"
+
+
+async def test_servers_that_send_the_robot_in_a_circle_are_left(files: Files) -> None:
+    files.moved["/a"], files.moved["/b"] = f"{files.address}/b", f"{files.address}/a"
+
+    with pytest.raises(DownloadError, match="redirect"):
+        await download(f"{files.address}/a", None, SETTINGS)
+    assert len(files.asked) < 20
+
+
+def test_a_server_cannot_send_the_robot_from_https_to_http() -> None:
+    """What is fetched without TLS is whatever somebody on the way says."""
+    request = Request("https://maps.site/map.zip")
+
+    with pytest.raises(DownloadError, match=r"from https to http://maps\.site/map\.zip"):
+        _Redirects().redirect_request(request, None, 302, "Found", Message(), "http://maps.site/map.zip")

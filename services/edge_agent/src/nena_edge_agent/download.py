@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+from enum import StrEnum
 from hashlib import sha256
-from http.client import HTTPException
+from http.client import HTTPConnection, HTTPException, HTTPResponse, HTTPSConnection
+from ipaddress import IPv6Address, ip_address
 from time import monotonic
-from typing import Final
+from typing import Any, Final
 from urllib.request import (
     HTTPDefaultErrorHandler,
     HTTPErrorProcessor,
@@ -101,16 +103,108 @@ def _check(link: str, size: int, end: float, settings: DownloadSettings) -> None
         raise DownloadError(message)
 
 
+class _Reach(StrEnum):
+    """What an address reaches: a server could use the robot to ask what only the robot can ask."""
+
+    NETWORK = "the network"
+    ROBOT = "the robot itself"
+    LINK = "a link-local address"
+    NOBODY = "no single machine"
+
+    @classmethod
+    def of(cls, address: str) -> _Reach:
+        """Return what an IP address reaches."""
+        found = ip_address(address.partition("%")[0])
+        if isinstance(found, IPv6Address):
+            found = found.ipv4_mapped or found
+        if found.is_loopback or found.is_unspecified:
+            return cls.ROBOT
+        if found.is_link_local:
+            return cls.LINK
+        return cls.NOBODY if found.is_multicast else cls.NETWORK
+
+
+class _Journey:
+    """The connections of one download: the first goes where the link says, the others where servers say."""
+
+    def __init__(self) -> None:
+        self._first: _Reach | None = None
+
+    def check(self, address: str) -> None:
+        """Refuse an address that was connected to, before anything is sent: a name may change in between.
+
+        Raises:
+            DownloadError: it must not be reached.
+
+        """
+        reach = _Reach.of(address)
+        if reach in (_Reach.LINK, _Reach.NOBODY):
+            message = f"files are not fetched from {address}, which is {reach}"
+            raise DownloadError(message)
+        if self._first is None:
+            self._first = reach
+        elif reach is _Reach.ROBOT and self._first is not reach:
+            message = f"the server sends the robot to {address}, which is {reach}"
+            raise DownloadError(message)
+
+
+class _Http(HTTPHandler):
+    def __init__(self, journey: _Journey) -> None:
+        super().__init__()
+        self._journey = journey
+
+    def http_open(self, req: Request) -> HTTPResponse:
+        return self.do_open(_checked(HTTPConnection, self._journey, req), req)
+
+
+class _Https(HTTPSHandler):
+    def __init__(self, journey: _Journey) -> None:
+        super().__init__()
+        self._journey = journey
+
+    def https_open(self, req: Request) -> HTTPResponse:
+        return self.do_open(_checked(HTTPSConnection, self._journey, req), req)
+
+
+def _checked(kind: type[HTTPConnection], journey: _Journey, request: Request) -> type[HTTPConnection]:
+    """Return connections whose address is checked; a proxy has an address that the site chose."""
+    if request.has_proxy():
+        return kind
+
+    class Checked(kind):  # type: ignore[misc, valid-type] # one of two that have the same interface
+        def connect(self) -> None:
+            super().connect()
+            try:
+                journey.check(self.sock.getpeername()[0])
+            except DownloadError:
+                self.close()
+                raise
+
+    return Checked
+
+
+class _Redirects(HTTPRedirectHandler):
+    max_redirections = 5
+
+    def redirect_request(self, req: Request, *answer: Any) -> Request | None:  # noqa: ANN401
+        new = super().redirect_request(req, *answer)
+        if new is not None and req.type == "https" and new.type != "https":
+            message = f"the server sends the robot from https to {new.full_url}"
+            raise DownloadError(message)
+        return new
+
+
 def _opener() -> OpenerDirector:
     """Return what opens http and https, and nothing else that a server may send the robot to."""
     opener = OpenerDirector()
+    journey = _Journey()
     for handler in (
         ProxyHandler(),
         UnknownHandler(),
-        HTTPHandler(),
-        HTTPSHandler(),
+        _Http(journey),
+        _Https(journey),
         HTTPDefaultErrorHandler(),
-        HTTPRedirectHandler(),
+        _Redirects(),
         HTTPErrorProcessor(),
     ):
         opener.add_handler(handler)

@@ -2,23 +2,85 @@
 
 from __future__ import annotations
 
+import bz2
+import gzip
 import io
+import lzma
 import re
+import struct
 import tarfile
 import zipfile
+import zlib
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import PurePosixPath
+from typing import Final
+
+from nena_shared.fleet_api.plant import png_size
 
 FILES_LIMIT = 100
 """Files of an archive that are looked at."""
+ENTRIES_LIMIT = 1000
+"""Files of a zip; the head of each takes memory, however few are looked at."""
 YAML_LIMIT = 64 * 1024
 """Largest YAML file, bytes."""
-IMAGE_LIMIT = 512 * 1024 * 1024
+IMAGE_LIMIT = 256 * 1024 * 1024
 """Largest image, bytes, unpacked."""
+UNPACKED_LIMIT = 320 * 1024 * 1024
+"""Largest compressed tar, bytes, unpacked."""
+PIXELS_LIMIT = 64 * 1024 * 1024
+"""map_server unpacks an image: a PNG of a few kB may have more pixels than the robot has memory for."""
+DICTIONARY_LIMIT = 128 * 1024 * 1024
+"""Memory that the reader of an xz file may take, bytes."""
 IMAGES = (".pgm", ".png", ".bmp")
 REQUIRED = ("image", "resolution", "origin")
-_ENTRY = re.compile(r"^(?P<key>[a-z_]+)\s*:\s*(?P<value>.*?)\s*(#.*)?$", re.MULTILINE)
-_IMAGE = re.compile(r"^image\s*:.*$", re.MULTILINE)
+
+_NUMBER: Final = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
+_KEPT: Final = {
+    "mode": re.compile("trinary|scale|raw"),
+    "resolution": re.compile(_NUMBER),
+    "negate": re.compile("0|1|true|false"),
+    "occupied_thresh": re.compile(_NUMBER),
+    "free_thresh": re.compile(_NUMBER),
+}
+"""Keys that map_server reads beside image and origin, and their values. The file is written again with these
+alone: map_server would follow a second `image` to any file of the robot, or to another machine."""
+_ENTRY: Final = re.compile(r"^(?P<key>[a-z_]+)[ \t]*:(?P<value>.*)$", re.MULTILINE)
+_ORIGIN: Final = re.compile(
+    rf"^origin[ \t]*:\s*(?:\[\s*({_NUMBER})\s*,\s*({_NUMBER})\s*,\s*({_NUMBER})\s*\]"
+    rf"|-[ \t]+({_NUMBER})\s+-[ \t]+({_NUMBER})\s+-[ \t]+({_NUMBER})[ \t]*$)",
+    re.MULTILINE,
+)
+_PGM: Final = re.compile(rb"P[25](?:\s|#[^\n]*\n)+(\d{1,9})(?:\s|#[^\n]*\n)+(\d{1,9})\s")
+_BMP: Final = struct.Struct("<18xii")
+"""Width and height in the head of a BMP."""
+_ZIP_ENTRY: Final = b"PK\x01\x02"
+_PGM_HEAD: Final = 4096
+"""Bytes of a PGM in which its size is looked for, comments among them."""
+
+_UNPACKERS: Final[Mapping[bytes, Callable[[bytes, int], bytes]]] = {
+    b"\x1f\x8b": lambda content, limit: gzip.GzipFile(fileobj=io.BytesIO(content)).read(limit),
+    b"BZh": lambda content, limit: bz2.BZ2File(io.BytesIO(content)).read(limit),
+    b"\xfd7zXZ": lambda content, limit: lzma.LZMADecompressor(memlimit=DICTIONARY_LIMIT).decompress(
+        content, limit
+    ),
+}
+"""By the first bytes of a compressed tar; each unpacks so many bytes at most."""
+
+_UNREADABLE: Final = (
+    tarfile.TarError,
+    zipfile.BadZipFile,
+    zlib.error,
+    lzma.LZMAError,
+    struct.error,
+    EOFError,
+    OSError,
+    ValueError,
+    ArithmeticError,
+    LookupError,
+    RuntimeError,  # passwords, methods of compression, heads of heads of heads
+)
+"""What the readers of archives raise at damaged or forged ones."""
 
 
 class BadBundleError(Exception):
@@ -41,27 +103,96 @@ class MapBundle:
             BadBundleError: it is none, or holds no map.
 
         """
-        archive = _opened(content)
+        try:
+            return cls._read(_opened(content))
+        except _UNREADABLE as error:
+            message = f"the map is no zip or tar archive that can be read ({error})"
+            raise BadBundleError(message) from error
+
+    @classmethod
+    def _read(cls, archive: _Zip | _Tar) -> MapBundle:
         named = [each for each in archive.names if each.lower().endswith((".yaml", ".yml"))]
         if len(named) != 1:
             message = f"the map needs one YAML file in its archive, not {len(named)}"
             raise BadBundleError(message)
         try:
-            text = archive.read(named[0], YAML_LIMIT).decode()
+            text = archive.read(named[0], YAML_LIMIT).decode().replace("\r\n", "\n")
         except UnicodeDecodeError:
             message = f"{named[0]} is no text"
             raise BadBundleError(message) from None
-        entries = {found["key"]: found["value"].strip("'\"") for found in _ENTRY.finditer(text)}
-        if missing := [key for key in REQUIRED if not entries.get(key)]:
-            message = f"{named[0]} has no '{missing[0]}'"
-            raise BadBundleError(message)
+        entries = _entries(named[0], text)
         suffix = PurePosixPath(entries["image"]).suffix.lower()
         path = str(PurePosixPath(named[0]).parent / entries["image"])
         if suffix not in IMAGES or path not in archive.names:
             message = f"{named[0]} names the image '{entries['image']}', which is not in the archive"
             raise BadBundleError(message)
+        image = archive.read(path, IMAGE_LIMIT)
+        _check_size(path, suffix, image)
         name = f"image{suffix}"
-        return cls(_IMAGE.sub(f"image: {name}", text, count=1), name, archive.read(path, IMAGE_LIMIT))
+        lines = (f"{key}: {value}\n" for key, value in {**entries, "image": name}.items())
+        return cls("".join(lines), name, image)
+
+
+def _entries(name: str, text: str) -> dict[str, str]:
+    """Return what map_server is to read of a YAML file.
+
+    Raises:
+        BadBundleError: something is missing, twice there, or no such value.
+
+    """
+    lines = [(found["key"], _value(found["value"])) for found in _ENTRY.finditer(text)]
+    entries = dict(lines)
+    for key in REQUIRED:
+        if key not in entries or (key == "image" and not entries[key]):
+            message = f"{name} has no '{key}'"
+            raise BadBundleError(message)
+    for key, value in lines:
+        if key in _KEPT and not _KEPT[key].fullmatch(value):
+            message = f"{name}: '{key}' cannot be '{value[:100]}'"
+            raise BadBundleError(message)
+    origin = _ORIGIN.search(text)
+    if origin is None:
+        message = f"{name}: 'origin' needs three numbers"
+        raise BadBundleError(message)
+    numbers = ", ".join(each for each in origin.groups() if each)
+    return {
+        key: f"[{numbers}]" if key == "origin" else value
+        for key, value in entries.items()
+        if key in _KEPT or key in REQUIRED
+    }
+
+
+def _value(text: str) -> str:
+    return text.partition("#")[0].strip().strip("'\"")
+
+
+def _check_size(name: str, suffix: str, image: bytes) -> None:
+    """Read how many pixels an image has before map_server makes room for them.
+
+    Raises:
+        BadBundleError: it is no such image, or has too many pixels.
+
+    """
+    size = _size(suffix, image)
+    if size is None:
+        message = f"{name} is no {suffix[1:].upper()} image"
+        raise BadBundleError(message)
+    width, height = size
+    if width * height > PIXELS_LIMIT:
+        message = f"{name} has {width} x {height} pixels; {PIXELS_LIMIT} are the most"
+        raise BadBundleError(message)
+
+
+def _size(suffix: str, image: bytes) -> tuple[int, int] | None:
+    if suffix == ".png":
+        return png_size(image)
+    if suffix == ".pgm":
+        found = _PGM.match(image[:_PGM_HEAD])
+        return (int(found[1]), int(found[2])) if found else None
+    if not image.startswith(b"BM") or len(image) < _BMP.size:
+        return None
+    width, height = _BMP.unpack_from(image)
+    return abs(width), abs(height)
 
 
 class _Zip:
@@ -72,7 +203,11 @@ class _Zip:
         self.names = list(self._entries)
 
     def read(self, name: str, limit: int) -> bytes:
-        with self._file.open(self._entries[name]) as file:
+        entry = self._entries[name]
+        if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+            message = f"{name} is compressed in a way that is not read; use deflate"
+            raise BadBundleError(message)
+        with self._file.open(entry) as file:
             return _limited(file.read(limit + 1), name, limit)
 
 
@@ -90,13 +225,16 @@ class _Tar:
 
 
 def _opened(content: bytes) -> _Zip | _Tar:
-    try:
-        if zipfile.is_zipfile(io.BytesIO(content)):
-            return _Zip(zipfile.ZipFile(io.BytesIO(content)))
-        return _Tar(tarfile.open(fileobj=io.BytesIO(content)))
-    except (tarfile.TarError, zipfile.BadZipFile, EOFError, OSError) as error:
-        message = f"the map is no zip or tar archive ({error})"
-        raise BadBundleError(message) from error
+    if zipfile.is_zipfile(io.BytesIO(content)):
+        if content.count(_ZIP_ENTRY) > ENTRIES_LIMIT:
+            message = f"the map's archive has more than {ENTRIES_LIMIT} files"
+            raise BadBundleError(message)
+        return _Zip(zipfile.ZipFile(io.BytesIO(content)))
+    for first, unpack in _UNPACKERS.items():
+        if content.startswith(first):
+            # Not by tarfile: to find the next file it unpacks all before it, without a limit.
+            content = _limited(unpack(content, UNPACKED_LIMIT + 1), "the map's archive", UNPACKED_LIMIT)
+    return _Tar(tarfile.open(fileobj=io.BytesIO(content), mode="r:"))
 
 
 def _limited(content: bytes, name: str, limit: int) -> bytes:
