@@ -6,8 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from nena_order_service.context import Context, EngineSettings, FleetControl
-from nena_order_service.engine import Engine
+from nena_order_service.engine.context import Context, EngineSettings, FleetControl
+from nena_order_service.engine.engine import Engine
+from nena_order_service.engine.state import FleetState
 from nena_order_service.fleet import (
     ActionRetriable,
     Availability,
@@ -31,7 +32,6 @@ from nena_order_service.fleet.vda_order import grown
 from nena_order_service.orders.vda_orders import OrderPlanner
 from nena_order_service.routing import Router
 from nena_order_service.routing.order_routes import RouteFinder
-from nena_order_service.state import FleetState
 from nena_order_service.store.changes import Changes
 from nena_order_service.store.database import Unfinished
 from nena_order_service.store.store import Store

@@ -9,13 +9,13 @@ from typing import Any
 import httpx
 import pytest
 
-from nena_order_service.context import EngineSettings
 from nena_order_service.dispatching.settings import (
     DispatchSettings,
     EnergySettings,
     ParkingSettings,
     RechargingSettings,
 )
+from nena_order_service.engine.context import EngineSettings
 from support.order_service_fleet import Fleet, order_in
 from support.waiting import PATIENCE, awaited
 

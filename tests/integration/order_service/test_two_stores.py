@@ -8,7 +8,7 @@ import signal
 
 import pytest
 
-from nena_order_service.fleet.claim import ANSWERED_WITHIN, LeaderRecord
+from nena_order_service.fleet.leader import ANSWERED_WITHIN, LeaderRecord
 from nena_shared.fleet_api.epoch import epoch_of
 from support.broker import Broker, MqttPeer
 from support.order_service_fleet import Fleet, listening, order_in, vehicle_idle

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 from random import Random
 from typing import NoReturn
 
-from nena_order_service.context import EngineSettings
 from nena_order_service.dispatching.settings import DispatchSettings
-from nena_order_service.engine import Engine
+from nena_order_service.engine.context import EngineSettings
+from nena_order_service.engine.engine import Engine
+from nena_order_service.engine.life_cycle import BEGUN_MEANWHILE
 from nena_order_service.errors import NotReroutableError, VehicleNotReachedError
-from nena_order_service.orders.life_cycle import BEGUN_MEANWHILE
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.vehicles.parking import BARRED
 from nena_shared.fleet_api.transport_order import (

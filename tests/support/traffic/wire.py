@@ -8,7 +8,7 @@ from heapq import heappop, heappush
 from itertools import count
 from random import Random
 
-from nena_order_service.engine import Engine
+from nena_order_service.engine.engine import Engine
 from nena_order_service.fleet import (
     FleetController,
     FleetSettings,

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from nena_order_service.api.host_requests import committed, require_store
-from nena_order_service.engine import UnitOfWork
+from nena_order_service.engine.engine import UnitOfWork
 from nena_order_service.errors import StoreNotReadyError
 from nena_order_service.store.store import Store
 from support.scripted_fleet import make_state

@@ -7,7 +7,7 @@ from collections.abc import Callable, Coroutine
 from typing import Any
 
 from nena_order_service.api.server import RestServer, make_standby_app, make_starting_app
-from nena_order_service.fleet.claim import FleetClaim
+from nena_order_service.fleet.leader import LeaderElection
 from nena_order_service.plant_change import ServiceRunner
 from nena_order_service.plant_file import PlantFile, load_plant
 from nena_order_service.service import OrderService, build
@@ -89,9 +89,8 @@ async def _serve_alone(settings: OrderServiceSettings, plant: PlantFile, stop: a
     store = Store(engine, lock)
     server = RestServer(make_starting_app(lambda: store.why_not_ready), settings.http)
     async with Supervisor() as supervisor:
-        claim = FleetClaim(settings, store=store_id(engine), epoch=epoch, term=always)
-        supervisor.start("claim of the fleet", claim.run())
-        runner = _runner(settings, plant, store, supervisor, claim=claim, epoch=epoch)
+        election = _start_election(settings, supervisor, store_id(engine), epoch, always)
+        runner = _runner(settings, plant, store, supervisor, election=election)
         await _begin_and_serve(runner, store, server, supervisor, stop)
     store.close()
 
@@ -104,9 +103,9 @@ async def _serve_shared(settings: OrderServiceSettings, plant: PlantFile, stop: 
         server.open(supervisor)
         try:
             if await lead.take(stop):
-                store, claim = await _take_over(settings, lead, supervisor, server.url)
-                term, epoch = lead.lease.term, claim.epoch
-                runner = _runner(settings, plant, store, supervisor, claim=claim, epoch=epoch, term=term)
+                store, election = await _take_over(settings, lead, supervisor, server.url)
+                term = lead.lease.term
+                runner = _runner(settings, plant, store, supervisor, election=election, term=term)
                 await _begin_and_serve(runner, store, server, supervisor, stop)
         finally:
             await server.close()
@@ -150,8 +149,7 @@ def _runner(
     store: Store,
     supervisor: Supervisor,
     *,
-    claim: FleetClaim,
-    epoch: int,
+    election: LeaderElection,
     term: Term = always,
 ) -> ServiceRunner[OrderService]:
     def make(model: PlantModel) -> OrderService:
@@ -159,28 +157,35 @@ def _runner(
             settings,
             model,
             store,
-            epoch=epoch,
+            epoch=election.epoch,
             term=term,
             change_plant=runner.change_plant,
-            claimed=claim.claimed,
+            elected=election.won,
         )
 
     runner = ServiceRunner(plant, store, supervisor, make=make)
     return runner
 
 
+def _start_election(
+    settings: OrderServiceSettings, supervisor: Supervisor, store: str, epoch: int, term: Term
+) -> LeaderElection:
+    topic = f"{settings.topic_prefix}/leader/{settings.interface_name}"
+    election = LeaderElection(settings.mqtt, topic, store=store, epoch=epoch, term=term)
+    supervisor.start("leader election", election.run())
+    return election
+
+
 async def _take_over(
     settings: OrderServiceSettings, lead: Lead, supervisor: Supervisor, url: str
-) -> tuple[Store, FleetClaim]:
-    """Take over from the other one, which commits nothing any more; return store and claim of the fleet."""
+) -> tuple[Store, LeaderElection]:
+    """Take over from the other one, which commits nothing any more; return store and leader election."""
     own_url = str(settings.public_url or url).rstrip("/")
     engine, fence = await lead.raise_fence(settings.store.location(), own_url)
     store = Store(engine, fence=fence)
     supervisor.start("lead", lead.keep(store, engine, fence))
     log.info("the shared store is taken over", epoch=fence.epoch)
-    claim = FleetClaim(settings, store=store_id(engine), epoch=fence.epoch, term=lead.lease.term)
-    supervisor.start("claim of the fleet", claim.run())
-    return store, claim
+    return store, _start_election(settings, supervisor, store_id(engine), fence.epoch, lead.lease.term)
 
 
 async def _shut_down(service: OrderService) -> None:

@@ -19,18 +19,18 @@ from nena_order_service.api.mqtt import MqttApi, MqttLimits
 from nena_order_service.api.operations import HostOperations
 from nena_order_service.api.rest import Service, make_app
 from nena_order_service.api.statuses import RetainedSweep, StatusPublisher
-from nena_order_service.context import Context
-from nena_order_service.engine import Engine
+from nena_order_service.engine.context import Context
+from nena_order_service.engine.engine import Engine
+from nena_order_service.engine.path_locks import PathLocks
+from nena_order_service.engine.zone_sets import ZoneSets
 from nena_order_service.fleet import FleetLink, OperationMap, RobotAddresses
 from nena_order_service.orders.vda_orders import OrderPlanner
 from nena_order_service.plant_change import ChangePlant
 from nena_order_service.routing import Router, evaluators
 from nena_order_service.routing.order_routes import RouteFinder
-from nena_order_service.routing.path_locks import PathLocks
 from nena_order_service.settings import OrderServiceSettings
 from nena_order_service.store.store import Store
 from nena_order_service.vehicles.registry import VehicleRegistry
-from nena_order_service.vehicles.zone_sets import ZoneSets
 from nena_shared.clock import Clock, SystemClock
 from nena_shared.fleet_api.requests import Readiness
 from nena_shared.fleet_api.topics import FleetTopics
@@ -55,8 +55,8 @@ class OrderService:
     stream: EventStream
     hosts: HostServices
     loop_lag: LoopLag
-    claimed: asyncio.Event | None = None
-    """Set once the fleet is claimed: nothing is sent before. None: nobody else can have it."""
+    elected: asyncio.Event | None = None
+    """Set once this order service leads the fleet: nothing is sent before. None: no other can lead it."""
 
     async def begin(self, start: Callable[..., asyncio.Task[None]]) -> None:
         """Take up what is in the store, then let all parts run; ``start`` starts their tasks."""
@@ -71,8 +71,8 @@ class OrderService:
         start("retained sweep", self.sweep.run(), vital=False)
 
     async def _connect(self) -> None:
-        if self.claimed:
-            await self.claimed.wait()
+        if self.elected:
+            await self.elected.wait()
         await self.mqtt.run()
 
     async def end(self) -> None:
@@ -90,7 +90,7 @@ def build(
     epoch: int = 0,
     term: Term = always,
     change_plant: ChangePlant | None = None,
-    claimed: asyncio.Event | None = None,
+    elected: asyncio.Event | None = None,
 ) -> OrderService:
     """Wire up the order service; for ``epoch`` and ``term`` see :class:`StatusPublisher` and :data:`Term`.
 
@@ -129,7 +129,7 @@ def build(
     )
     app = make_app(operations, stream, service)
     return OrderService(
-        store, engine, fleet, publisher, sweep, mqtt, app, mqtt_api, stream, hosts, loop_lag, claimed
+        store, engine, fleet, publisher, sweep, mqtt, app, mqtt_api, stream, hosts, loop_lag, elected
     )
 
 

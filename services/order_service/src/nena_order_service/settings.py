@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field, HttpUrl, SecretStr
 
-from nena_order_service.context import EngineSettings
+from nena_order_service.engine.context import EngineSettings
 from nena_order_service.fleet import FleetSettings
 from nena_order_service.routing import CostKey
 from nena_shared.fleet_api.transport_order import FailurePolicy

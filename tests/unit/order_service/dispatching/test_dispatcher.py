@@ -22,7 +22,6 @@ from nena_order_service.dispatching.dispatcher import (
     Dispatcher,
     Energy,
     Now,
-    Pick,
     acceptable,
     carried,
     explain,
@@ -40,6 +39,7 @@ from nena_order_service.dispatching.settings import (
     VehicleKey,
 )
 from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.orders.vda_orders import Pick
 from nena_order_service.routing.order_routes import RouteCost
 from nena_shared.fleet_api.vehicle import ANY_ORDER_TYPE, AcceptableOrderType
 from nena_shared.plant.model import EnergyThresholds

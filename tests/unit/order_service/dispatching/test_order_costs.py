@@ -2,11 +2,11 @@ from __future__ import annotations
 
 from math import inf
 
-from nena_order_service.dispatching.dispatcher import Pick
-from nena_order_service.dispatching.manager import KnownCosts, OrderFit, OrderKnowledge
+from nena_order_service.engine.dispatching import KnownCosts, OrderFit, OrderKnowledge
+from nena_order_service.engine.sequences import Sequences
 from nena_order_service.orders.automatic import park_request
-from nena_order_service.orders.sequences import Sequences
 from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.orders.vda_orders import Pick
 from nena_order_service.vehicles.registry import VehicleRegistry
 from nena_shared.fleet_api.vehicle import AcceptableOrderType
 from nena_shared.plant import Vehicle

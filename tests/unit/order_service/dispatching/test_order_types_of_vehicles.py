@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 
-from nena_order_service.engine import Engine
+from nena_order_service.engine.engine import Engine
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.fleet_api.vehicle import AcceptableOrderType

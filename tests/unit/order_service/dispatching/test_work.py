@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from nena_order_service.context import EngineSettings
-from nena_order_service.dispatching.manager import ORDERS_FOR_MANY, TOLD_FIRST
 from nena_order_service.dispatching.settings import Chooser, DispatchSettings
-from nena_order_service.engine import LOOKED_AT_ONCE, Engine
+from nena_order_service.engine.context import EngineSettings
+from nena_order_service.engine.dispatching import ORDERS_FOR_MANY, TOLD_FIRST
+from nena_order_service.engine.engine import LOOKED_AT_ONCE, Engine
 from nena_order_service.store.changes import Changes
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.plant import PlantModel, Vehicle

@@ -161,7 +161,7 @@ PLANT = PlantModel(
 
 def make() -> tuple[RouteFinder, VehicleRoutes]:
     finder = RouteFinder(PLANT, Router(PLANT, evaluators([CostKey.EXPLICIT_PROPERTIES], PLANT)))
-    return finder, VehicleRoutes(finder, VehicleRegistry(PLANT, default_map_id="", adopt_unknown=True))
+    return finder, VehicleRoutes(finder, VehicleRegistry(PLANT, default_map_id="", adopt_unknown=True).model)
 
 
 def test_each_vehicle_has_the_ways_of_its_routing_group() -> None:

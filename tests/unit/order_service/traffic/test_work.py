@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from nena_order_service.context import EngineSettings
-from nena_order_service.engine import Engine
+from nena_order_service.engine.context import EngineSettings
+from nena_order_service.engine.engine import Engine
 from nena_order_service.store.changes import Changes
 from nena_shared.plant import PlantModel, Point, Vehicle
 from support.operations import calls_of

@@ -15,7 +15,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
 
-from nena_order_service.engine import Engine
+from nena_order_service.engine.engine import Engine
 from nena_order_service.errors import StoreNotReadyError, TooManyClientsError
 from nena_order_service.settings import EventSettings
 from nena_shared.fleet_api.transport_order import OrderSequenceStatus, TransportOrderStatus

@@ -8,7 +8,9 @@ from collections.abc import AsyncIterator
 from dataclasses import dataclass
 from math import hypot
 
-from nena_order_service.engine import Engine, UnitOfWork
+from nena_order_service.engine.engine import Engine, UnitOfWork
+from nena_order_service.engine.path_locks import PathLocks
+from nena_order_service.engine.zone_sets import ZoneSets
 from nena_order_service.errors import (
     KeyReusedError,
     NameTakenError,
@@ -30,11 +32,9 @@ from nena_order_service.fleet.vda_order import fresh_id, order_id
 from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder, sortable_id
 from nena_order_service.orders.validation import check_request
-from nena_order_service.routing.path_locks import PathLocks
 from nena_order_service.store.database import OrderFilter, SequenceFilter
 from nena_order_service.store.store import Store
 from nena_order_service.vehicles.registry import FleetVehicle
-from nena_order_service.vehicles.zone_sets import ZoneSets
 from nena_shared.fleet_api.requests import FleetSummary
 from nena_shared.fleet_api.transport_order import (
     AssignmentStatus,

@@ -19,8 +19,8 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from nena_order_service.api.host_requests import HostRequests, HostServices, SequenceRequests
 from nena_order_service.api.operations import Call, HostOperations
 from nena_order_service.api.problems import FORESEEN, problem_of
+from nena_order_service.engine.path_locks import PathLocks
 from nena_order_service.errors import NameTakenError, SequenceNameTakenError
-from nena_order_service.routing.path_locks import PathLocks
 from nena_order_service.store.database import OrderFilter, SequenceFilter
 from nena_shared.findings import FINDINGS_SHOWN, in_words
 from nena_shared.fleet_api import operations as table

@@ -10,7 +10,7 @@ from typing import Final
 
 from pydantic import BaseModel
 
-from nena_order_service.engine import Engine
+from nena_order_service.engine.engine import Engine
 from nena_shared.fleet_api.epoch import epoch_of, with_epoch
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import OrderSequenceStatus, TransportOrderStatus

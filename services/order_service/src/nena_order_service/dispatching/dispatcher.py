@@ -9,7 +9,7 @@ from heapq import nsmallest
 from itertools import groupby, takewhile
 from math import inf
 from types import MappingProxyType
-from typing import Final, NamedTuple, Protocol
+from typing import Final, Protocol
 
 from nena_order_service.dispatching.assignment import assign
 from nena_order_service.dispatching.settings import (
@@ -20,6 +20,7 @@ from nena_order_service.dispatching.settings import (
     VehicleKey,
 )
 from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.orders.vda_orders import Pick
 from nena_order_service.orders.waiting import OrderKind, kind_of
 from nena_order_service.routing.order_routes import RouteCost
 from nena_shared.fleet_api.vehicle import ANY_ORDER_TYPE, ANY_TYPE, AcceptableOrderType
@@ -174,15 +175,6 @@ def why_not_accepted(accepted: Sequence[AcceptableOrderType], order_type: str) -
         return "accepts no orders of any type"
     names = ", ".join(repr(each.name) for each in sorted(accepted, key=lambda each: each.priority))
     return f"accepts no orders of type {order_type!r}, only {names}"
-
-
-class Pick(NamedTuple):
-    """What an order begins with: a load to be picked up before any is dropped."""
-
-    load_type: str = ""
-    """Empty: nobody says."""
-    place: str = ""
-    """The load handling device that is to take it (parameter lhd); empty: any."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Self
+from typing import NamedTuple, Self
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from nena_order_service.dispatching.dispatcher import Pick
 from nena_order_service.fleet import (
     OperationMap,
     RobotView,
@@ -131,6 +130,15 @@ class SentOrder(BaseModel):
 
 EVASION_PREFIX = "evasion-"
 """Before what is unique, in the ids of VDA orders that make room for others."""
+
+
+class Pick(NamedTuple):
+    """What an order begins with: a load to be picked up before any is dropped."""
+
+    load_type: str = ""
+    """Empty: nobody says."""
+    place: str = ""
+    """The load handling device that is to take it (parameter lhd); empty: any."""
 
 
 class OrderPlanner:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import groupby
@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 from nena_order_service.routing import NoRouteError, Route, Router
 from nena_order_service.routing.graph import CostMap
-from nena_order_service.vehicles.registry import VehicleRegistry
 from nena_shared.fleet_api.transport_order import Coordinate, Destination
 from nena_shared.plant import PlantModel, Point, Vehicle
 
@@ -281,9 +280,10 @@ ROUTES_KEPT = 2_000
 class VehicleRoutes:
     """Finds routes as the plant model's data of each vehicle let it drive, and remembers them."""
 
-    def __init__(self, finder: RouteFinder, registry: VehicleRegistry) -> None:
+    def __init__(self, finder: RouteFinder, model_of: Callable[[str], Vehicle | None]) -> None:
+        """``model_of`` returns the plant model's data of the vehicle of this name; None if it has none."""
         self._finder = finder
-        self._registry = registry
+        self._model_of = model_of
         self._route = lru_cache(ROUTES_KEPT)(self._find)
 
     def route(
@@ -297,7 +297,7 @@ class VehicleRoutes:
     ) -> Route:
         """Return the cheapest route; raises NoRouteError. One with a ``burden`` is not remembered."""
         if burden:
-            model = self._registry.model(vehicle)
+            model = self._model_of(vehicle)
             return self._finder.route(start, goal, vehicle=model, avoid=avoid, burden=burden)
         found = self._route(self._model(vehicle), start, goal, frozenset(avoid))
         if isinstance(found, NoRouteError):
@@ -306,20 +306,20 @@ class VehicleRoutes:
 
     def costs(self, vehicle: str, start: str) -> Mapping[str, float]:
         """Return what it costs to reach each point that can be reached."""
-        return self._finder.costs(start, vehicle=self._registry.model(vehicle))
+        return self._finder.costs(start, vehicle=self._model_of(vehicle))
 
     def forget(self) -> None:
         """Forget all routes: the plant has changed."""
         self._route.cache_clear()
 
     def _model(self, vehicle: str) -> str | None:
-        return vehicle if self._registry.model(vehicle) else None
+        return vehicle if self._model_of(vehicle) else None
 
     def _find(
         self, vehicle: str | None, start: str, goal: str, avoid: frozenset[str]
     ) -> Route | NoRouteError:
         """Return what is remembered: that there is no way costs as much to find out as one."""
-        model: Vehicle | None = self._registry.model(vehicle) if vehicle else None
+        model = self._model_of(vehicle) if vehicle else None
         try:
             return self._finder.route(start, goal, vehicle=model, avoid=avoid)
         except NoRouteError as error:

@@ -1,0 +1,1 @@
+"""The engine: one state, and the flows that change it in units of work."""

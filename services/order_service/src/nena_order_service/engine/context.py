@@ -1,0 +1,150 @@
+"""What every flow of the engine works with: plant, state, traffic, fleet, settings and clock."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from pydantic import Field
+
+from nena_order_service.dispatching.settings import DispatchSettings
+from nena_order_service.engine.state import FleetState
+from nena_order_service.fleet import RobotView, VdaOrder
+from nena_order_service.orders.vda_orders import OrderPlanner
+from nena_order_service.routing.order_routes import VehicleRoutes
+from nena_order_service.traffic.manager import TrafficManager
+from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry
+from nena_shared.clock import Clock
+from nena_shared.fleet_api.transport_order import FailurePolicy
+from nena_shared.settings import SettingsGroup
+from nena_shared.vda5050.action import Action
+from nena_shared.vda5050.topics import RobotKey
+
+
+class EngineSettings(SettingsGroup):
+    """How orders and vehicles are handled."""
+
+    adopt_unknown: bool = Field(
+        default=False,
+        description="Dispatch robots that are connected but not in the plant model.",
+    )
+    default_map_id: str = Field(
+        "",
+        description=(
+            "Map of vehicles without one in the plant model. Empty: the map that the robot reports."
+        ),
+    )
+    release_ahead: int = Field(
+        0,
+        ge=0,
+        le=1000,
+        description=(
+            "Nodes released ahead of a robot (preventive: it stops after them without its link); "
+            "the rest is horizon. 0: everything that can be allocated (assertive)."
+        ),
+    )
+    restart_patience: float = Field(
+        20.0,
+        ge=0,
+        description=(
+            "Time after the start to wait for robots that were connected before, seconds; then "
+            "the others drive, and missing robots keep their resources."
+        ),
+    )
+    traffic: bool = Field(
+        default=True,
+        description=(
+            "Allocate points, paths and blocks to one robot at a time. false: no traffic control; "
+            "robots must avoid each other."
+        ),
+    )
+    dispatch: DispatchSettings = Field(
+        default_factory=DispatchSettings, description="Dispatching: which vehicle gets which order."
+    )
+    action_types: dict[str, str] = Field(
+        default_factory=dict,
+        description="VDA 5050 action types by plant operation; extends the built-in table.",
+    )
+    commit_timeout: float = Field(10.0, gt=0, description="Timeout for committing a request, seconds.")
+    instant_action_timeout: float = Field(
+        10.0, gt=0, description="Timeout for the end of an instant action, seconds."
+    )
+
+
+class FleetControl(Protocol):
+    """The port to the robots; its events go to the engine's ``on_events``."""
+
+    def start_vda_order(self, robot: RobotKey, vda_order: VdaOrder) -> None:
+        """Send a VDA order; raises RobotBusyError."""
+        ...
+
+    def adopt_vda_order(
+        self, robot: RobotKey, vda_order: VdaOrder, *, accepted: bool, update_id: int = 0
+    ) -> None:
+        """Take up a VDA order from before a restart; raises RobotBusyError."""
+        ...
+
+    def extend_vda_order(self, robot: RobotKey, vda_order: VdaOrder) -> None:
+        """Update the robot's VDA order to a newer plan; raises BaseChangedError."""
+        ...
+
+    def cancel_vda_order(self, robot: RobotKey) -> None:
+        """End the robot's VDA order early."""
+        ...
+
+    def instant_action(self, robot: RobotKey, action: Action) -> None:
+        """Send an instant action."""
+        ...
+
+    def all_known(self) -> bool:
+        """Return whether each robot that is connected by the broker's record has reported its state."""
+        ...
+
+    def connected_for(self) -> float:
+        """Return for how many seconds the link to the broker has been up; 0 while it is down."""
+        ...
+
+    def view(self, robot: RobotKey) -> RobotView:
+        """Return what is known of a robot."""
+        ...
+
+
+class Context:
+    """The state, and what flows need to change it; each flow receives it."""
+
+    def __init__(
+        self,
+        planner: OrderPlanner,
+        registry: VehicleRegistry,
+        settings: EngineSettings,
+        clock: Clock,
+        *,
+        on_failure: FailurePolicy = (),
+    ) -> None:
+        """``on_failure`` is the failure policy of orders that have none of their own."""
+        self.planner = planner
+        self.finder = planner.finder
+        self.plant = planner.plant
+        self.registry = registry
+        self.settings = settings
+        self.on_failure = on_failure
+        self.clock = clock
+        self.state = FleetState(registry)
+        self.routes = VehicleRoutes(planner.finder, registry.model)
+        self.traffic = TrafficManager(planner.plant, self.routes, exclusive=settings.traffic)
+        self._fleet: FleetControl | None = None
+
+    def connect(self, fleet: FleetControl) -> None:
+        """Use this port to the robots from now on."""
+        self._fleet = fleet
+
+    @property
+    def fleet(self) -> FleetControl:
+        """The port to the robots; RuntimeError before :meth:`connect`."""
+        if self._fleet is None:
+            message = "connect the fleet before it is used"
+            raise RuntimeError(message)
+        return self._fleet
+
+    def view(self, vehicle: FleetVehicle) -> RobotView:
+        """Return what is known of a vehicle's robot."""
+        return self.fleet.view(vehicle.key)

@@ -1,0 +1,153 @@
+"""Dependencies: which orders wait for which, and what the end of one means for others."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from nena_order_service.engine.context import Context
+from nena_order_service.engine.sequences import Sequences
+from nena_order_service.orders.transport_order import TransportOrder
+from nena_shared.fleet_api.transport_order import DependencyFailure, Hold, TransportOrderState
+
+NAMES_SHOWN = 3
+
+
+class Dependencies:
+    """Knows of each order that waits which others must be at their end first."""
+
+    def __init__(self) -> None:
+        self._waits_for: dict[int, set[str]] = {}
+        self._dependents: dict[str, set[int]] = {}
+
+    def wait(self, order: TransportOrder, pending: Iterable[str]) -> None:
+        """Let an order wait for those of these names."""
+        names = set(pending)
+        if names:
+            self._waits_for[order.number] = names
+        for name in names:
+            self._dependents.setdefault(name, set()).add(order.number)
+
+    def settle(self, name: str) -> tuple[int, ...]:
+        """Release the orders that wait for an order; return their numbers, oldest first."""
+        numbers = tuple(sorted(self._dependents.pop(name, ())))
+        for number in numbers:
+            names = self._waits_for[number]
+            names.discard(name)
+            if not names:
+                del self._waits_for[number]
+        return numbers
+
+    def forget(self, order: TransportOrder) -> None:
+        """Let an order wait for nothing any more."""
+        for name in self._waits_for.pop(order.number, ()):
+            self._dependents[name].discard(order.number)
+            if not self._dependents[name]:
+                del self._dependents[name]
+
+    def why_waiting(self, order: TransportOrder) -> str:
+        """Return what an order waits for; empty for nothing."""
+        names = sorted(self._waits_for.get(order.number, ()))
+        if not names:
+            return ""
+        shown = ", ".join(repr(name) for name in names[:NAMES_SHOWN])
+        more = f" and {len(names) - NAMES_SHOWN} more" if len(names) > NAMES_SHOWN else ""
+        return f"waits until {shown}{more} {'is' if len(names) == 1 else 'are'} FINISHED"
+
+
+S = TransportOrderState
+
+HOLDER = "failure of a dependency"
+
+
+class Conditions:
+    """Lets orders wait for those that they depend on, and for their turn in their sequence.
+
+    What the end of an order means for others is done in the same step. So of an order that the store has as
+    ACTIVE just those dependencies are to be waited for that are not at their end, also after a restart.
+    """
+
+    def __init__(self, context: Context, sequences: Sequences) -> None:
+        self._orders = context.state.orders
+        self._sequences = sequences
+        self._clock = context.clock
+        self._dependencies = Dependencies()
+
+    def begin(self, order: TransportOrder, ended: Mapping[str, TransportOrderState]) -> TransportOrder:
+        """Look at a new order; gives it as it is then.
+
+        ``ended`` are the states of those of its dependencies that have been at their end for so long that
+        they are not at hand any more.
+        """
+        for name in order.status.dependencies:
+            known = self._orders.named(name)
+            state = known.state if known else ended[name]
+            if state.final and state is not S.FINISHED:
+                order = self._failed_dependency(order, name, state)
+                if order.state.final:
+                    return order
+        return self.take_up(order)
+
+    def take_up(self, order: TransportOrder) -> TransportOrder:
+        """Let an order wait, as it is to after a restart, too; gives it as it is then."""
+        self._dependencies.wait(order, filter(self._is_awaited, order.status.dependencies))
+        return self.look(order)
+
+    def settle(self) -> bool:
+        """Apply what the ends of orders mean for others; return whether any may be dispatched now."""
+        dispatchable = False
+        while ended := self._orders.take_ended():
+            for order in ended:
+                dispatchable |= self._ended(order)
+        return dispatchable
+
+    def _ended(self, order: TransportOrder) -> bool:
+        self._dependencies.forget(order)
+        failed, following = self._sequences.ended(order)
+        for each in failed:
+            sequence = order.status.wrapping_sequence
+            reason = (
+                f"order {order.name!r} of its sequence {sequence!r} is {order.state}: {order.status.reason}"
+            )
+            self._orders.put(each.failed(reason, self._clock.now()))
+        dispatchable = False
+        for number in self._dependencies.settle(order.name):
+            dependent = self._orders.get(number)
+            if order.state is not S.FINISHED:
+                dependent = self._failed_dependency(dependent, order.name, order.state)
+            dispatchable |= self._look_again(dependent)
+        if following and (one := self._orders.named(following)):
+            dispatchable |= self._look_again(one)
+        return dispatchable
+
+    def _look_again(self, order: TransportOrder) -> bool:
+        """Note an order under its present conditions; return whether it may be dispatched."""
+        order = self.look(order)
+        self._orders.put(order)
+        return order.state is S.DISPATCHABLE
+
+    def look(self, order: TransportOrder) -> TransportOrder:
+        """Return an order as its conditions are; one that does not wait for any stays as it is."""
+        if order.state is not S.ACTIVE:
+            return order
+        why = self._dependencies.why_waiting(order) or self._sequences.why_waiting(order)
+        return order.waiting(why) if why else order.dispatchable()
+
+    def _failed_dependency(
+        self, order: TransportOrder, name: str, state: TransportOrderState
+    ) -> TransportOrder:
+        """Do with an order what it says of the failure of one that it depends on."""
+        if order.state.final:
+            return order
+        reason = f"order {name!r}, on which it depends, is {state}"
+        match order.status.on_dependency_failure:
+            case DependencyFailure.FAIL:
+                return order.failed(reason, self._clock.now())
+            case DependencyFailure.HOLD if not order.status.held:
+                now = self._clock.now()
+                return order.on_hold(Hold(by=HOLDER, reason=reason, since=now), now)
+            case _:
+                return order
+
+    def _is_awaited(self, name: str) -> bool:
+        order = self._orders.named(name)
+        return order is not None and not order.state.final

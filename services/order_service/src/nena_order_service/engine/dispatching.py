@@ -1,0 +1,560 @@
+"""Dispatching: joins the dispatcher with the vehicles as they are, and says why orders wait."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+from nena_order_service.dispatching.candidates import Candidates, LocatedCandidate
+from nena_order_service.dispatching.dispatcher import (
+    BUSY,
+    Assignment,
+    Carried,
+    Decisions,
+    DispatchedVehicle,
+    Dispatcher,
+    Energy,
+    VehicleFit,
+    acceptable,
+    carried,
+    explain,
+    why_nobody,
+    why_not_accepted,
+)
+from nena_order_service.engine.context import Context
+from nena_order_service.engine.driving import Driving
+from nena_order_service.engine.sequences import Sequences
+from nena_order_service.engine.state import VehicleRecords
+from nena_order_service.fleet import LinkStatus, NotLocatedError, RobotView, Standing
+from nena_order_service.orders.automatic import is_automatic_recharge
+from nena_order_service.orders.transport_order import TransportOrder, Urgency
+from nena_order_service.orders.vda_orders import OrderPlanner, Pick
+from nena_order_service.orders.waiting import OrderKind
+from nena_order_service.routing import NoRouteError
+from nena_order_service.routing.order_routes import NO_WAY, OrderCosts, RouteCost, RouteCosts, RoutePlan
+from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry, why_not_on
+from nena_shared.fleet_api.transport_order import Destination, DriveOrderState, TransportOrderState
+from nena_shared.fleet_api.vehicle import AcceptableOrderType, VehicleState
+from nena_shared.plant import UnknownObjectError
+
+
+@dataclass(frozen=True, slots=True)
+class OrderFit:
+    """Joins what hosts and the plant model say of vehicles and orders."""
+
+    records: VehicleRecords
+    sequences: Sequences
+
+    def order_types(self, vehicle: FleetVehicle) -> tuple[AcceptableOrderType, ...]:
+        """Return the types of orders that a vehicle accepts: what hosts have said, else the plant model."""
+        said = self.records.of(vehicle.key).acceptable_order_types
+        if said is not None:
+            return said
+        return acceptable(vehicle.model.acceptable_order_types if vehicle.model else None)
+
+    def accept(self, vehicle: FleetVehicle, types: tuple[AcceptableOrderType, ...]) -> None:
+        """Let a vehicle accept orders of these types from now on; an order that it has it does to the end."""
+        self.records.change(vehicle.key, acceptable_order_types=types)
+
+    def misfit(self, order: TransportOrder, vehicle: FleetVehicle) -> str:
+        """Return, as a predicate, why a vehicle must not be given an order; empty where it may."""
+        if vehicle.name in order.status.excluded_vehicles:
+            return "has failed at it"
+        why = self.sequences.misfit(order, vehicle.name)
+        return why or why_not_accepted(self.order_types(vehicle), order.status.type)
+
+
+REASONS_KEPT = 1000
+"""Why there is no way: asked for again and again for each order that waits for one."""
+
+COSTS_KEPT = 4_000
+"""Orders of which is remembered what they cost, for each kind of vehicle."""
+
+ENTRIES_KEPT = 1_000_000
+"""Costs of single points that these may hold on to: fewer orders are remembered in large plants."""
+
+
+class KnownCosts:
+    """Costs of ways, and why there is none; remembered until the plant changes."""
+
+    def __init__(self, planner: OrderPlanner, registry: VehicleRegistry) -> None:
+        self.planner = planner
+        self.finder = planner.finder
+        self.registry = registry
+        self.ways = RouteCosts(planner.plant, planner.finder)
+        self._why = lru_cache(REASONS_KEPT)(self._find_out_why)
+        self._orders: OrderedDict[tuple[int, int, int], OrderCosts] = OrderedDict()
+        self._limit = min(COSTS_KEPT, 1 + ENTRIES_KEPT // (len(planner.plant.points) + 1))
+
+    def forget(self) -> None:
+        """Look again for each way and for why there is none."""
+        self._why.cache_clear()
+        self._orders.clear()
+
+    def of(self, order: TransportOrder, vehicle: FleetVehicle, kind: int) -> OrderCosts:
+        """Find out the costs of an order that names no coordinates, for vehicles of a kind."""
+        found = self.ways.of(_stops(order), vehicle=vehicle.model, avoid=order.resources_to_avoid)
+        self._orders[order.number, order.index, kind] = found
+        if len(self._orders) > self._limit:
+            self._orders.popitem(last=False)
+        return found
+
+    def known(self, order: TransportOrder, kind: int) -> OrderCosts | None:
+        """Return the costs of an order for vehicles of a kind where they are remembered."""
+        key = order.number, order.index, kind
+        found = self._orders.get(key)
+        if found:
+            self._orders.move_to_end(key)
+        return found
+
+    def why_no_way(self, order: TransportOrder, vehicle: str, start: str) -> str:
+        """Return why a vehicle that starts at a point has no way."""
+        stops = tuple(_stops(order))
+        return self._why(stops, order.resources_to_avoid, vehicle, start)
+
+    def _find_out_why(
+        self, stops: Sequence[Destination], avoid: frozenset[str], vehicle: str, start: str
+    ) -> str:
+        try:
+            self.finder.find(start, stops, vehicle=self.registry.model(vehicle), avoid=avoid)
+        except (NoRouteError, UnknownObjectError) as error:
+            return str(error)
+        return "it costs too much"
+
+
+class OrderKnowledge:
+    """What the dispatcher asks during one decision."""
+
+    def __init__(
+        self,
+        costs: KnownCosts,
+        places: Mapping[str, tuple[FleetVehicle, str]],
+        planner: OrderPlanner,
+        fit: OrderFit,
+    ) -> None:
+        """``places`` gives vehicles that may get orders, and the points from which they would start."""
+        self._costs = costs
+        self._places = places
+        self._planner = planner
+        self._fit = fit
+        self._kinds = {name: costs.finder.kind(each.model) for name, (each, _) in places.items()}
+
+    def misfit(self, order: TransportOrder, vehicle: str) -> str:
+        """Return, as a predicate, why a vehicle must not do an order at all; empty where it may."""
+        known = self._costs.registry.named(vehicle)
+        return "" if known is None or order.status.automatic else self._fit.misfit(order, known)
+
+    def recharges(self, order: TransportOrder) -> bool:
+        """Return whether the next thing that an order asks for is to recharge."""
+        return self._planner.recharges(order)
+
+    def pick(self, order: TransportOrder) -> Pick | None:
+        """Return what an order picks up first; None: nothing, or it drops something before."""
+        return self._planner.pick(order)
+
+    def cost(self, order: TransportOrder, vehicle: str) -> RouteCost:
+        """Return the cost of a vehicle's route through an order's destinations; infinity: no route."""
+        try:
+            return self._cost(order, vehicle)
+        except UnknownObjectError:  # the plant lost a place that it avoids; `why_no_way` names it
+            return NO_WAY
+
+    def _cost(self, order: TransportOrder, vehicle: str) -> RouteCost:
+        who, start = self._places[vehicle]
+        if known := self._costs.known(order, self._kinds[vehicle]):
+            return known.source(start)
+        stops = _stops(order)
+        if any(each.coordinate for each in stops):
+            return self._costs.ways.cost(start, stops, vehicle=who.model, avoid=order.resources_to_avoid)
+        return self._costs.of(order, who, self._kinds[vehicle]).source(start)
+
+    def why_no_way(self, order: TransportOrder, vehicle: str) -> str:
+        """Return why there is no way."""
+        return self._costs.why_no_way(order, vehicle, self._places[vehicle][1])
+
+
+def _stops(order: TransportOrder) -> list[Destination]:
+    """Return the destinations that are not reached yet."""
+    return [each.destination for each in order.status.drive_orders[order.index :]]
+
+
+NO_ORDER = "has nothing to do: no order waits"
+NO_ORDER_FITS = (
+    "has nothing to do: the orders that wait are for other vehicles or of types that it does not accept, "
+    "or it cannot reach them, or has no room for what is to be picked up"
+)
+GIVES_UP = "gives up a dispensable order first"
+
+TOLD_FIRST = 20
+"""Orders at the head of the queue that are told at once why they wait; the others by and by."""
+LOOKED_AT_ONCE = 500
+"""Orders further back of which each look finds out whether they wait for other reasons than they say."""
+TOLD_AT_ONCE = 100
+"""Those of them that are told so."""
+ORDERS_FOR_ONE = 32
+"""Orders that are compared for one vehicle that has become free."""
+ORDERS_FOR_EACH = 4
+"""How many more they are for each one."""
+FEW = 8
+"""Vehicles up to which that is so."""
+ORDERS_FOR_MANY = 16
+"""Orders that are compared at once for more vehicles: to assign one takes milliseconds, and others wait."""
+
+STANDS_STILL = (VehicleState.UNKNOWN, VehicleState.UNAVAILABLE, VehicleState.ERROR)
+"""States in which a robot could not go on with another order than it has."""
+
+
+@dataclass(frozen=True, slots=True)
+class Dispatched:
+    """An assignment, and the vehicle and way by which it is done."""
+
+    assignment: Assignment
+    vehicle: FleetVehicle
+    way: RoutePlan
+
+
+class Dispatching:
+    """Asks the dispatcher, and says why vehicles have nothing to do."""
+
+    def __init__(self, context: Context, driving: Driving, fit: OrderFit) -> None:
+        settings = context.settings.dispatch
+        self._dispatcher = Dispatcher(settings)
+        self._energy = settings.energy
+        self._loads_respected = settings.loads_respected
+        self._maps_respected = settings.maps_respected
+        self._registry = context.registry
+        self._state = context.state
+        self._orders = context.state.orders
+        self._planner = context.planner
+        self._driving = driving
+        self.fit = fit
+        self._view = context.view
+        self._clock = context.clock
+        self._costs = KnownCosts(context.planner, context.registry)
+        self._candidates = Candidates(context.registry, self.consider)
+        self._kept: dict[int, str] = {}
+        """Vehicles that give up dispensable orders, by the numbers of the orders that they are kept for."""
+        self._part_after: Urgency | None = None
+        """Up to which order those that wait have been offered to the free vehicles; None: from the first."""
+        self._told_to = 0
+        """Up to which place in the queue orders have been told why they wait."""
+
+    def due(self) -> Iterator[Sequence[TransportOrder]]:
+        """Yield the orders that may be assigned now, or wait for other reasons than before; once at most.
+
+        These are the orders that are new to free vehicles, and the most urgent ones for vehicles that have
+        become free; of the others only the first ones of the queue, and those that name a vehicle of which
+        something is new. So the work does not grow with the queue. Where vehicles are left that have not been
+        offered all, ``dispatch_later`` says so.
+        """
+        touched = self._refresh()
+        self._forget_kept()
+        numbers = self._with_new_reasons(touched)
+        numbers.update(self._fresh_orders())
+        offered, limit = self._offered(), self._part_limit()
+        numbers.update(dict.fromkeys(offered))
+        if orders := self._waiting_of(numbers):
+            yield orders
+        self._refresh()
+        if len(offered) < limit:
+            self._candidates.fresh.clear()
+        self._state.dispatch_later = bool(self._candidates.fresh)
+        self._part_after = self._orders.get(offered[-1]).urgency if self._candidates.fresh else None
+
+    def dispatch(self, orders: Sequence[TransportOrder]) -> tuple[list[Dispatched], dict[str, str]]:
+        """Return what is to be assigned of orders, and why the others wait, by name.
+
+        Where a vehicle has to give up a dispensable order first, it is kept for its new one from now on.
+        """
+        self._refresh()
+        self._forget_kept()
+        for order in orders:
+            self._orders.waiting.fresh.pop(order.number, None)
+        if not orders:
+            return [], {}
+        decisions, candidates = self._decide(orders)
+        for order in orders:
+            kept = candidates.get(self._kept.get(order.number, ""))
+            if kept and not kept.seen.obstacle and order.name in decisions.reasons:
+                self._keep(order.number, None)  # it is free, and still the order cannot be given to it
+        dispatched = []
+        for assignment in decisions.assignments:
+            candidate = candidates[assignment.vehicle]
+            assert candidate.standing, "who is assigned anything stands somewhere"  # noqa: S101 - for the type
+            if assignment.gives_up:
+                self._keep(assignment.order.number, assignment.vehicle)
+            way = self._planner.way(assignment.order, candidate.vehicle, candidate.standing)
+            dispatched.append(Dispatched(assignment, candidate.vehicle, way))
+        return dispatched, decisions.reasons
+
+    def look_at(self, vehicles: Iterable[FleetVehicle]) -> None:
+        """See vehicles as they are now."""
+        self._candidates.refresh(each.name for each in vehicles)
+
+    def offer_all(self) -> None:
+        """Offer the vehicles that are free all orders once more."""
+        self._candidates.offer_all()
+
+    def outdated_reasons(self) -> Iterator[tuple[TransportOrder, str]]:
+        """Yield orders further back in the queue that wait for other reasons than they say; a part each time.
+
+        Free vehicles do not count: whoever waits though one is free for it is told that by :meth:`dispatch`.
+        """
+        numbers = self._orders.waiting.part(self._told_to, LOOKED_AT_ONCE)
+        self._told_to = self._told_to + len(numbers) if numbers else 0
+        told = 0
+        reasons: dict[OrderKind, str | None] = {}
+        for order in self._waiting_of(numbers):
+            kind = self._orders.waiting.kind(order.number)
+            if kind is None or order.number in self._kept:
+                continue
+            if kind not in reasons:
+                reasons[kind] = self._why_nobody(order)
+            reason = reasons[kind]
+            if reason and reason != order.status.reason and told < TOLD_AT_ONCE:
+                told += 1
+                yield order, reason
+
+    def explain(self, order: TransportOrder) -> list[VehicleFit]:
+        """Say of each vehicle why it does not do this order, or that it could."""
+        candidates = {each.name: self.consider(each) for each in self._registry if not each.obstacle}
+        seen = (each.seen for each in candidates.values())
+        return explain(order, seen, self._knowledge(candidates), kept=self._kept)
+
+    def forget(self) -> None:
+        """Look for each way again: the plant has changed."""
+        self._costs.forget()
+        self._candidates.offer_all()
+
+    def has_changed(self, vehicle: FleetVehicle) -> bool:
+        """Return whether anything that matters here is new about a vehicle since it was looked at.
+
+        That it works on an order now is no news: whoever gave it the order has looked at those that wait.
+        """
+        if vehicle.obstacle:
+            return False
+        self._state.touched.discard(vehicle.name)
+        is_new = self._candidates.look_at(vehicle)
+        now = self._candidates.get(vehicle.name)
+        return is_new and now is not None and now.seen.obstacle != BUSY
+
+    def idle_reason(self, vehicle: FleetVehicle, *, orders_wait: bool) -> str:
+        """Return why a vehicle that works on no order has none."""
+        known = self._candidates.get(vehicle.name)
+        if known and vehicle.name not in self._state.touched:
+            view = None if known.view is None else self._view(vehicle)
+            seen = known.seen if known.view is view else self.consider(vehicle).seen
+        else:
+            seen = self.consider(vehicle).seen
+        return seen.obstacle or seen.restriction or (NO_ORDER_FITS if orders_wait else NO_ORDER)
+
+    def is_bound(self, vehicle: FleetVehicle) -> bool:
+        """Return whether a vehicle does nothing but an order sequence."""
+        return self.fit.sequences.bound_to(vehicle.name) is not None
+
+    def consider(self, vehicle: FleetVehicle) -> LocatedCandidate:
+        """Return a vehicle as the dispatcher sees it now."""
+        if vehicle.obstacle:
+            return self._hindered(vehicle, vehicle.obstacle)
+        order = self._state.order_of(vehicle.key)
+        if order is not None and not self._would_give_up(order):
+            return self._hindered(vehicle, GIVES_UP if self._is_giving_up(vehicle, order) else BUSY)
+        view = self._view(vehicle)
+        if obstacle := self._obstacle(vehicle, view, order):
+            return self._hindered(vehicle, obstacle, view)
+        try:
+            standing = self._planner.standing(vehicle, view)
+        except NotLocatedError as error:
+            return self._hindered(vehicle, f"cannot be sent anywhere: {error.reason}", view)
+        if obstacle := self._lacks_map(vehicle, view, standing):
+            return self._hindered(vehicle, obstacle, view)
+        energy = self.energy(vehicle, view)
+        seen = DispatchedVehicle(
+            vehicle.name,
+            restriction=energy.restriction(fully=self._energy.until_fully_recharged) if energy else "",
+            energy=energy.level if energy else 100.0,
+            idle=order is None and not (energy and energy.charging),
+            gives_up=order.name if order else "",
+            kept_for=next((number for number, name in self._kept.items() if name == vehicle.name), None),
+            order_types=self.fit.order_types(vehicle),
+            carried=self._carried(vehicle, view),
+        )
+        return LocatedCandidate(
+            vehicle, seen, standing, self.fit.sequences.bound_to(vehicle.name), seen.order_types, view
+        )
+
+    def _hindered(
+        self, vehicle: FleetVehicle, obstacle: str, view: RobotView | None = None
+    ) -> LocatedCandidate:
+        seen = DispatchedVehicle(vehicle.name, obstacle)
+        bound = self.fit.sequences.bound_to(vehicle.name)
+        return LocatedCandidate(vehicle, seen, None, bound, self.fit.order_types(vehicle), view)
+
+    def energy(self, vehicle: FleetVehicle, view: RobotView) -> Energy | None:
+        """Return how much energy a vehicle has; None where that is of no account."""
+        if view.state is None or not self._energy.respected:
+            return None
+        thresholds = vehicle.model.energy_thresholds if vehicle.model else self._energy.thresholds
+        power = view.state.power_supply
+        return Energy(power.state_of_charge, power.charging, thresholds)
+
+    def _obstacle(self, vehicle: FleetVehicle, view: RobotView, order: TransportOrder | None) -> str:
+        """Return why a vehicle takes no order though it has none, or one that it would give up."""
+        if order is None:
+            obstacle = self._driving.obstacle(vehicle)
+            free = view.availability.can_take_order
+            return obstacle or ("" if free else view.availability.reason)
+        if view.link is not LinkStatus.ONLINE or view.vehicle_state in STANDS_STILL:
+            return BUSY
+        return self._driving.obstacle_at(vehicle)
+
+    def _lacks_map(self, vehicle: FleetVehicle, view: RobotView, standing: Standing) -> str:
+        """Say that a robot cannot drive on the map of the point where it begins; others it refuses itself."""
+        if view.state is None or not self._maps_respected:
+            return ""
+        return why_not_on(self._planner.map_id(standing.point, vehicle), view.state)
+
+    def _carried(self, vehicle: FleetVehicle, view: RobotView) -> Carried | None:
+        """Return the loads that count: not those of a vehicle whose host has planned all that it is to do."""
+        if view.state is None or not self._loads_respected or self.is_bound(vehicle):
+            return None
+        return carried(view.state, view.factsheet)
+
+    def _is_giving_up(self, vehicle: FleetVehicle, order: TransportOrder) -> bool:
+        """Return whether a vehicle is about to be free for the order that it is kept for."""
+        if order.state is not TransportOrderState.WITHDRAWN or vehicle.name not in self._kept.values():
+            return False
+        return self._view(vehicle).link is LinkStatus.ONLINE
+
+    def _would_give_up(self, order: TransportOrder) -> bool:
+        """Return whether an order is given up for another one; whoever recharges has to be done with that."""
+        if order.state is not TransportOrderState.BEING_PROCESSED or order.held:
+            return False
+        return order.status.dispensable or (is_automatic_recharge(order) and is_operating(order))
+
+    def _refresh(self) -> list[str]:
+        """Look again at the vehicles of which something has changed; return their names."""
+        touched = [*self._state.touched]
+        self._state.touched.clear()
+        self._candidates.refresh(touched)
+        return touched
+
+    def _decide(self, orders: Sequence[TransportOrder]) -> tuple[Decisions, Mapping[str, LocatedCandidate]]:
+        """Ask the dispatcher; again where a vehicle is not any more as it was seen."""
+        while True:
+            candidates = self._relevant(orders)
+            decisions = self._dispatcher.decide(
+                orders,
+                (each.seen for each in candidates.values()),
+                self._knowledge(candidates),
+                now=self._clock.now(),
+                kept=self._kept,
+            )
+            chosen = [candidates[each.vehicle].vehicle for each in decisions.assignments]
+            if sum(map(self._candidates.look_at, chosen)) == 0:
+                return decisions, candidates
+
+    def _relevant(self, orders: Sequence[TransportOrder]) -> Mapping[str, LocatedCandidate]:
+        """Return the vehicles that make a difference for orders; only the named ones where each names one."""
+        named: set[str] = set()
+        for order in orders:
+            status = order.status
+            named.update(status.excluded_vehicles)
+            named.update(filter(None, (status.intended_vehicle, self.fit.sequences.meant(order))))
+            named.update(filter(None, (self._kept.get(order.number),)))
+        if all(each.status.intended_vehicle for each in orders):
+            return {name: found for name in sorted(named) if (found := self._candidates.get(name))}
+        return self._candidates.relevant(named)
+
+    def _with_new_reasons(self, touched: Iterable[str]) -> dict[int, None]:
+        """Return orders that may wait for other reasons now."""
+        waiting = self._orders.waiting
+        found = dict.fromkeys((*waiting.part(0, TOLD_FIRST), *self._kept))
+        for name in touched:
+            found.update(dict.fromkeys(waiting.first(waiting.naming(name), TOLD_FIRST)))
+        return found
+
+    def _fresh_orders(self) -> dict[int, None]:
+        """Take the orders that may be new to free vehicles."""
+        waiting = self._orders.waiting
+        found = dict.fromkeys([*waiting.fresh][: None if self._candidates.free else TOLD_FIRST])
+        waiting.fresh.clear()
+        return found
+
+    def _part_limit(self) -> int:
+        """Return how many orders are offered at once to the vehicles that are free."""
+        if not self._dispatcher.by_urgency:
+            return len(self._orders.waiting) + 1
+        fresh = len(self._candidates.fresh)
+        return ORDERS_FOR_ONE + ORDERS_FOR_EACH * fresh if fresh <= FEW else ORDERS_FOR_MANY
+
+    def _offered(self) -> list[int]:
+        """Return the numbers of the next orders that vehicles may take to which they are new."""
+        fresh, waiting = self._candidates.fresh, self._orders.waiting
+        if not fresh:
+            return []
+        seen = {name: self._candidates.free[name] for name in fresh}
+        knowledge = self._knowledge(seen)
+
+        def fits(kind: OrderKind) -> bool:
+            order = self._orders.get(waiting.example(kind))
+            recharges, pick = knowledge.recharges(order), knowledge.pick(order)
+            return any(
+                kind.intended_vehicle in (None, name)
+                and not knowledge.misfit(order, name)
+                and not each.seen.why_not(order, recharges=recharges, pick=pick)
+                for name, each in seen.items()
+            )
+
+        return waiting.first(filter(fits, waiting.kinds(fresh)), self._part_limit(), self._part_after)
+
+    def _waiting_of(self, numbers: Iterable[int]) -> list[TransportOrder]:
+        """Return those of the orders that may be assigned, most urgent first."""
+        orders = map(self._orders.find, numbers)
+        waiting = TransportOrderState.DISPATCHABLE
+        found = [each for each in orders if each and each.state is waiting and not each.held]
+        return sorted(found, key=lambda order: order.urgency)
+
+    def _why_nobody(self, order: TransportOrder) -> str | None:
+        """Return why no vehicle that is not free does an order; None where one that is free may do it."""
+        candidates = self._relevant((order,))
+        knowledge = self._knowledge({})
+        recharges, pick = knowledge.recharges(order), knowledge.pick(order)
+        hindrances = {
+            name: knowledge.misfit(order, name) or each.seen.why_not(order, recharges=recharges, pick=pick)
+            for name, each in candidates.items()
+        }
+        intended = order.status.intended_vehicle
+        return why_nobody(intended, hindrances) if all(hindrances.values()) else None
+
+    def _knowledge(self, candidates: Mapping[str, LocatedCandidate]) -> OrderKnowledge:
+        places = {
+            name: (each.vehicle, each.standing.point)
+            for name, each in candidates.items()
+            if each.standing is not None
+        }
+        return OrderKnowledge(self._costs, places, self._planner, self.fit)
+
+    def _keep(self, number: int, name: str | None) -> None:
+        """Keep a vehicle for the order of a number, or none any more."""
+        before = self._kept.pop(number, None)
+        if name is not None:
+            self._kept[number] = name
+        self._candidates.refresh(filter(None, (before, name)))
+
+    def _forget_kept(self) -> None:
+        """Keep vehicles only for orders that wait, and while they are about to be free."""
+        for number, name in tuple(self._kept.items()):
+            vehicle = self._registry.named(name)
+            order = self._orders.find(number)
+            waits = order is not None and order.state is TransportOrderState.DISPATCHABLE and not order.held
+            obstacle = self.consider(vehicle).seen.obstacle if vehicle else BUSY
+            if not waits or obstacle not in ("", GIVES_UP):
+                self._keep(number, None)
+
+
+def is_operating(order: TransportOrder) -> bool:
+    """Return whether an order's vehicle does what is to be done at its destination."""
+    return order.current.state is DriveOrderState.OPERATING

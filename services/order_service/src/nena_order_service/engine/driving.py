@@ -1,0 +1,518 @@
+"""Driving: which vehicles can drive, and what their robots are sent, as traffic lets them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cache, partial
+
+from nena_order_service.engine.context import Context
+from nena_order_service.engine.positions import Positions
+from nena_order_service.fleet import (
+    FailureKind,
+    FleetOutput,
+    LinkStatus,
+    NotLocatedError,
+    RobotBusyError,
+    Standing,
+    VdaOrderFailed,
+)
+from nena_order_service.fleet.vda_order import state_request
+from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.orders.vda_orders import SentOrder
+from nena_order_service.routing.order_routes import RoutePlan
+from nena_order_service.traffic.traffic_control import (
+    Displacement,
+    Evasion,
+    MoreClaimed,
+    RouteGrant,
+    RouteRejection,
+    RouteRequest,
+)
+from nena_order_service.vehicles.registry import FleetVehicle
+from nena_shared.log import get_logger
+from nena_shared.vda5050.action import Action
+
+log = get_logger(__name__)
+
+MAY_STILL_SPEAK = (LinkStatus.UNKNOWN, LinkStatus.ONLINE, LinkStatus.SILENT, LinkStatus.UNREADABLE)
+EVASION_PAUSE = 10.0
+"""Seconds in which a robot that did not make room is not asked again."""
+
+
+class RestartGate:
+    """Opens once, when every robot present has reported its state, or at the latest after a timeout.
+
+    Robots that are known from before the restart are waited for also while the broker says nothing of them.
+    Those that are away keep what they held.
+    """
+
+    def __init__(self, context: Context) -> None:
+        self._context = context
+        self._timeout = context.settings.restart_patience
+        self._until = context.clock.monotonic() + self._timeout
+        self._remembered: tuple[FleetVehicle, ...] = ()
+        self._open = False
+
+    def begin(self, remembered: tuple[FleetVehicle, ...]) -> None:
+        """Wait for these vehicles, from now on."""
+        self._remembered = remembered
+        self._until = self._context.clock.monotonic() + self._timeout
+
+    @property
+    def is_open(self) -> bool:
+        """Whether anything may be sent to robots."""
+        if not self._open:
+            missing, fleet = self._missing(), self._context.fleet
+            late = self._context.clock.monotonic() >= self._until and fleet.connected_for() >= self._timeout
+            self._open = late or (not missing and fleet.all_known())
+            if self._open and missing:
+                log.warning("robots that did not report keep the resources they held", vehicles=missing)
+        return self._open
+
+    @property
+    def reason(self) -> str:
+        """Why nothing is sent yet, in words; empty when the gate is open."""
+        if self.is_open:
+            return ""
+        whom = ", ".join(self._missing()) or "each robot"
+        return f"it waits after the start until {whom} has told its state"
+
+    def _missing(self) -> list[str]:
+        views = ((vehicle.name, self._context.view(vehicle)) for vehicle in self._remembered)
+        return [name for name, view in views if view.state is None and view.link in MAY_STILL_SPEAK]
+
+
+class Pauses:
+    """Vehicles that stand with an order until they can go on.
+
+    The order is held or tried again later, the vehicle is not localised, or locks of paths close its way. The
+    vehicle keeps its position meanwhile: it is not sent away to make room.
+    """
+
+    def __init__(self, context: Context) -> None:
+        self._context = context
+        self._orders = context.state.orders
+        self._numbers = context.state.pauses
+
+    def __contains__(self, vehicle: str) -> bool:
+        """Return whether the vehicle of this name stands with an order."""
+        return vehicle in self._numbers
+
+    def __iter__(self) -> Iterator[tuple[str, TransportOrder]]:
+        """Yield the vehicles' names and their orders."""
+        return iter([(vehicle, self._orders.get(number)) for vehicle, number in self._numbers.items()])
+
+    def begin(self, vehicle: FleetVehicle, order: TransportOrder) -> None:
+        """Let a vehicle stand with its order, until :meth:`end`."""
+        self._numbers[vehicle.name] = order.number
+
+    def end(self, vehicle: str) -> None:
+        """Let the vehicle of this name go on, or be without an order."""
+        self._numbers.pop(vehicle, None)
+
+    def is_over(self, vehicle: FleetVehicle) -> bool:
+        """Return whether a vehicle can go on with its order."""
+        return not self._orders.get(self._numbers[vehicle.name]).held and not self.why(vehicle)
+
+    def why(self, vehicle: FleetVehicle) -> str:
+        """Return why a vehicle cannot go on; empty for nothing, or where the order's hold says it."""
+        order = self._orders.get(self._numbers[vehicle.name])
+        status = order.status
+        if status.held:
+            return ""
+        if status.next_try and self._context.clock.now() < status.next_try:
+            return f"it is tried again at {status.next_try:%H:%M:%S} UTC"
+        view = self._context.view(vehicle)
+        try:
+            standing = self._context.planner.standing(vehicle, view)
+        except NotLocatedError as error:
+            away = view.state is None or view.link is not LinkStatus.ONLINE
+            return f"the robot {view.availability.reason}" if away else str(error)
+        return self._context.planner.locked_out(order, vehicle, standing)
+
+
+class Mobility:
+    """Which vehicles at rest could drive away now, by their states, positions and orders."""
+
+    def __init__(self, context: Context, positions: Positions, pauses: Pauses) -> None:
+        self._context = context
+        self._traffic = context.traffic
+        self._positions = positions
+        self._pauses = pauses
+        self._no_evasion_until: dict[str, float] = {}
+
+    def evasion_failed(self, vehicle: FleetVehicle) -> None:
+        """Do not send a vehicle away again for a while."""
+        self._no_evasion_until[vehicle.name] = self._context.clock.monotonic() + EVASION_PAUSE
+
+    def movable(self, name: str, *, wants: bool = False) -> bool:
+        """Return whether a vehicle at rest could drive away now; ``wants``: it is to drive for its order."""
+        vehicle = self._context.registry.named(name)
+        if vehicle is None or vehicle.obstacle or name in self._pauses:
+            return False
+        if self._positions.obstacle(vehicle, working=wants):
+            return False
+        if self._traffic.journey(name) or not self._positions.located(vehicle):
+            return False
+        if self._context.clock.monotonic() < self._no_evasion_until.get(name, 0.0) and not wants:
+            return False
+        return self._context.view(vehicle).availability.can_take_order
+
+    def lost(self, name: str) -> bool:
+        """Return whether it is unknown when a vehicle at rest could drive away."""
+        vehicle = self._context.registry.named(name)
+        if vehicle is None or name in self._pauses:
+            return True
+        if self._context.view(vehicle).link is not LinkStatus.ONLINE:
+            return True
+        if self._traffic.journey(name):
+            return False  # it is on its way, and will go on
+        works = self._context.state.sent_orders.order_number(vehicle.key) is not None
+        return not works and not self.movable(name)
+
+    def why_it_stays(self, vehicle: FleetVehicle) -> str:
+        """Return what keeps a vehicle from beginning to drive for its order; empty for nothing."""
+        view = self._context.view(vehicle)
+        if not view.availability.can_take_order:
+            return f"the robot {view.availability.reason}"
+        if obstacle := self._positions.obstacle(vehicle, working=True):
+            return f"it {obstacle}"
+        if not self._positions.located(vehicle):
+            return "it is not known where it is"
+        why = self._traffic.why_waiting(vehicle.name)
+        return f"it {why}" if why else ""
+
+
+@dataclass(frozen=True, slots=True)
+class _Wanted:
+    """An order of whose drive order nothing is sent yet, and the route request of its vehicle."""
+
+    order: TransportOrder
+    route_request: RouteRequest
+    retriable: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Stuck:
+    """A vehicle has no route for its order."""
+
+    vehicle: FleetVehicle
+    reason: str
+
+
+class Driving:
+    """Joins traffic and the fleet.
+
+    An order's vehicle requests the route of its drive order. Once traffic grants it, a VDA 5050 order is sent
+    with a base of what is allocated, ``release_ahead`` nodes before it at the most (*preventive*; 0: all that
+    can be had, *assertive*), and the rest as horizon; order updates extend the base. An order whose first
+    step cannot be allocated yet is not sent yet. All changes are committed before anything is sent.
+    """
+
+    def __init__(self, context: Context, positions: Positions, pauses: Pauses, gate: RestartGate) -> None:
+        self.mobility = Mobility(context, positions, pauses)
+        self._context = context
+        self._state = context.state
+        self._sent = context.state.sent_orders
+        self._traffic = context.traffic
+        self._ahead = context.settings.release_ahead
+        self._positions = positions
+        self._pauses = pauses
+        self._planner = context.planner
+        self._registry = context.registry
+        self._gate = gate
+        self._wanted: dict[str, _Wanted] = {}
+        """Orders of whose drive orders nothing is sent yet, by vehicle."""
+        self._unsent: dict[str, SentOrder] = {}
+        """VDA 5050 orders of which nothing is allocated yet, by vehicle."""
+        self._reported: dict[str, str] = {}
+        """The wait reasons reported last, by vehicle."""
+
+    def want(
+        self,
+        order: TransportOrder,
+        vehicle: FleetVehicle,
+        way: RoutePlan,
+        *,
+        first: bool = False,
+        retriable: bool = False,
+    ) -> None:
+        """Let a vehicle do the current drive order, which is the first leg of ``way``, as soon as it can.
+
+        It is ``first`` in the row where it had its turn before. Its actions are ``retriable`` where they may
+        be tried again at the robot.
+        """
+        self._positions.see(vehicle)
+        route_request = self._planner.route_request(order, vehicle, way.legs[0])
+        self._wanted[vehicle.name] = _Wanted(order, route_request, retriable)
+        self._traffic.request_route(route_request, first=first)
+        self._state.drive_due = True
+
+    def abandon(self, vehicle: FleetVehicle) -> None:
+        """Let a vehicle want nothing for its order any more; what was sent to it is not this one's affair."""
+        self._wanted.pop(vehicle.name, None)
+        self._traffic.drop(vehicle.name)
+        if self._unsent.pop(vehicle.name, None):
+            self._traffic.revoke(vehicle.name)
+
+    def cancel(self, record: SentOrder) -> None:
+        """Have a robot told to cancel its VDA order."""
+        self._shorten(record)
+        granted = record.way[: record.allocated]  # all that a restart is to hold for it
+        self._sent.put(record.model_copy(update={"cancelled": True, "way": granted}))
+        self._state.after_commit(lambda: self._context.fleet.cancel_vda_order(record.robot))
+
+    def instruct(self, record: SentOrder, action: Action) -> None:
+        """Have a robot told to do something at once about its VDA order."""
+        self._state.after_commit(lambda: self._context.fleet.instant_action(record.robot, action))
+
+    def end_early(self, record: SentOrder, *, partial: bool) -> None:
+        """Let a VDA order end where its base does; ``partial`` where its order is to go on from there."""
+        self._shorten(record)
+        shorter = record.ending_early(partial=partial)
+        if shorter is not record:
+            self.send_on(shorter)
+
+    def reconsider(self, misfits: Callable[[SentOrder], bool]) -> None:
+        """Request routes again for unsent VDA orders that ``misfits`` finds unfit."""
+        for name in [each for each, record in self._unsent.items() if misfits(record)]:
+            self._request_again(name)
+
+    def resume(self, vehicle: FleetVehicle, record: SentOrder) -> None:
+        """Take up a VDA order from before a restart: its robot holds all that it was given."""
+        self._traffic.resume(vehicle.name, record.way, record.allocated)
+
+    def passed(self, order_id: str, sequence_id: int) -> None:
+        """Note that a robot has passed a node: what is behind it is free."""
+        record = self._sent.find(order_id)
+        if record and (vehicle := self._under_way(record)):
+            self._state.drive_due |= self._traffic.arrived(vehicle.name, sequence_id // 2)
+
+    def base_wanted(self, order_id: str) -> None:
+        """Give a robot that comes near the end of its base more of it at once, where that can be had."""
+        record = self._sent.find(order_id)
+        if record and self._gate.is_open and (vehicle := self._under_way(record)):
+            self._go_on(vehicle, self._ahead and self._traffic.ahead(vehicle.name) + self._ahead)
+
+    def ahead_of(self, record: SentOrder) -> tuple[str, ...]:
+        """Name the path and the point that come next for a robot; nothing where it is at the end."""
+        vehicle = self._under_way(record)
+        journey = self._traffic.journey(vehicle.name) if vehicle else None
+        return record.ahead(journey.reached) if journey else ()
+
+    def finished(self, record: SentOrder) -> None:
+        """Let a robot rest at the end of its VDA order."""
+        self._sent.end(record)
+        vehicle = self._registry.discover(record.robot)
+        if self._traffic.journey(vehicle.name):
+            self._traffic.finished(vehicle.name)
+            self._positions.note(vehicle)
+            self._rest(vehicle)
+
+    def broken_off(self, record: SentOrder, news: object) -> None:
+        """Let a robot whose VDA order has ended early keep what it holds until it is seen standing.
+
+        What it said before counts only if it was known to have the VDA order.
+        """
+        self._sent.end(record)
+        vehicle = self._registry.discover(record.robot)
+        if record.evasion:
+            self.mobility.evasion_failed(vehicle)
+        if self._traffic.journey(vehicle.name):
+            self._break_off(vehicle, doubt=isinstance(news, VdaOrderFailed) and not record.accepted)
+
+    def take_out(self, vehicle: FleetVehicle) -> None:
+        """Forget all that a vehicle wants and does."""
+        self._wanted.pop(vehicle.name, None)
+        self._unsent.pop(vehicle.name, None)
+        self._traffic.drop(vehicle.name)
+        self._state.drive_due = True
+
+    def robot_changed(self, vehicle: FleetVehicle) -> None:
+        """Note that a robot has told something new; that of one on its way is told apart."""
+        if not self._traffic.journey(vehicle.name):
+            self._state.drive_due = True
+
+    def let_drive(self) -> Iterator[FleetVehicle | Stuck]:
+        """Let vehicles drive on; yield those that are stuck, and those whose wait reason has changed."""
+        self._state.drive_due = False
+        if self._gate.is_open:
+            unsent = filter(self._traffic.journey, self._unsent)
+            for name in dict.fromkeys([*(name for name, _ in self._traffic.extending()), *unsent]):
+                self._go_on(self._vehicle(name))
+            self._reconsider()
+            movable, lost = cache(self._movable), cache(self.mobility.lost)
+            for granted in self._traffic.decide(
+                lambda name: not self._traffic.journey(name) and movable(name), lost
+            ):
+                if isinstance(granted, MoreClaimed):
+                    self._go_on(self._vehicle(granted.vehicle))
+                elif isinstance(granted, Displacement):
+                    self._end_way_here(granted.vehicle)
+                else:
+                    yield from self._begin(granted)
+            self._replan()
+        for name in self._traffic.waiting | self._wanted.keys() | self._reported.keys():
+            vehicle = self._vehicle(name)
+            why = self.note(vehicle) if name in self._wanted else self._traffic.why_waiting(name)
+            if why != self._reported.pop(name, ""):
+                yield vehicle
+            if why:
+                self._reported[name] = why
+
+    def _reconsider(self) -> None:
+        """Request routes again where another vehicle has come to rest on a granted one."""
+        for name in filter(self._traffic.is_blocked, tuple(self._unsent)):
+            self._request_again(name)
+
+    def _request_again(self, name: str) -> None:
+        """Take back a way of which nothing was sent."""
+        del self._unsent[name]
+        self._traffic.revoke(name)
+        if name in self._wanted:
+            self._traffic.request_route(self._wanted[name].route_request, first=True)
+        self._state.drive_due = True
+
+    def _replan(self) -> None:
+        """Let VDA orders end where their bases do whose ways lead over robots that will not make room.
+
+        Then these robots are at rest, too: the vehicle with the order requests a route again, and goes around
+        them or changes places.
+        """
+        for name in tuple(self._traffic.stuck(self._movable, self.mobility.lost)):
+            self._end_way_here(name)
+
+    def _end_way_here(self, name: str) -> None:
+        """Let a vehicle that waits on its way request another one from where its base ends."""
+        record = self._sent.of_robot(self._vehicle(name).key)
+        if name in self._unsent:
+            self._request_again(name)
+        elif record and not record.cancelled and not record.all_released:
+            log.info("vehicle goes another way", vehicle=name, reason=self._traffic.why_waiting(name))
+            self.end_early(record, partial=True)
+
+    def note(self, vehicle: FleetVehicle) -> str:
+        """Return what keeps a vehicle from doing its order; empty for nothing."""
+        record = self._sent.of_robot(vehicle.key)
+        if record and record.evasion:
+            return "it makes room for others first"
+        if reason := self._gate.reason:
+            return reason
+        if vehicle.name in self._pauses:
+            return self._pauses.why(vehicle)
+        if vehicle.name in self._wanted:
+            return self.mobility.why_it_stays(vehicle)
+        why = self._traffic.why_waiting(vehicle.name)
+        return f"it {why}" if why else ""
+
+    def obstacle(self, vehicle: FleetVehicle) -> str:
+        """Return, as a predicate, why a vehicle takes no order because of what it does; empty if it does."""
+        if self._traffic.journey(vehicle.name):
+            return "makes room for others"
+        return self.obstacle_at(vehicle)
+
+    def obstacle_at(self, vehicle: FleetVehicle) -> str:
+        """Return, as a predicate, why a vehicle takes no order because of its place; empty if it does."""
+        return self._positions.obstacle(vehicle)
+
+    def _vehicle(self, name: str) -> FleetVehicle:
+        vehicle = self._registry.named(name)
+        assert vehicle, "vehicles never leave the registry"  # noqa: S101 - for the type
+        return vehicle
+
+    def _movable(self, name: str) -> bool:
+        return self.mobility.movable(name, wants=name in self._wanted)
+
+    def _begin(self, granted: RouteGrant | Evasion | RouteRejection) -> Iterator[Stuck]:
+        vehicle = self._vehicle(granted.vehicle)
+        if isinstance(granted, RouteRejection):
+            self._wanted.pop(vehicle.name, None)
+            yield Stuck(vehicle, str(granted.error))
+            return
+        try:
+            standing = self._planner.standing(vehicle, self._context.view(vehicle))
+        except NotLocatedError:
+            standing = None
+        if standing is None or not self._stands_as_known(vehicle, standing):
+            self._traffic.revoke(vehicle.name)
+            self._rest(vehicle)
+            if isinstance(granted, RouteGrant):
+                self._traffic.request_route(granted.route_request, first=True)
+            self._state.drive_due = False  # not again before something is heard or looked at
+            return
+        try:
+            self._unsent[vehicle.name] = self._record(granted, vehicle, standing)
+        except ValueError as error:
+            self._traffic.revoke(vehicle.name)
+            yield Stuck(vehicle, f"no VDA 5050 order can be made of it: {error}")
+            return
+        self._go_on(vehicle)
+
+    def _stands_as_known(self, vehicle: FleetVehicle, standing: Standing) -> bool:
+        return self._traffic.stands(vehicle.name, standing.point, on_point=standing.on_point)
+
+    def _record(self, granted: RouteGrant | Evasion, vehicle: FleetVehicle, standing: Standing) -> SentOrder:
+        if isinstance(granted, Evasion):
+            vda_order = self._planner.evasion(vehicle, standing, granted.route)
+            log.info("vehicle makes room", vehicle=vehicle.name, goal=granted.route.destination)
+            return SentOrder.of(vehicle.key, vda_order, None, granted.way)
+        wanted = self._wanted[vehicle.name]
+        vda_order = self._planner.vda_order(
+            wanted.order, vehicle, standing, granted.route, retriable=wanted.retriable
+        )
+        return SentOrder.of(vehicle.key, vda_order, wanted.order.index, granted.way)
+
+    def _go_on(self, vehicle: FleetVehicle, ahead: int | None = None) -> None:
+        """Allocate what can be had, and send what is new."""
+        name = vehicle.name
+        more = self._traffic.allocate(name, self._ahead if ahead is None else ahead)
+        journey = self._traffic.journey(name)
+        assert journey, "asked for by the caller"  # noqa: S101 - for the type
+        unsent = self._unsent.get(name)
+        if unsent and (journey.allocated or not journey.way):
+            del self._unsent[name]
+            record = unsent.released(journey)
+            if not record.evasion:
+                del self._wanted[name]
+            self._sent.put(record)
+            self._state.vehicle_changed(name)
+            self._state.after_commit(partial(self._start, record))
+        elif more and (known := self._sent.of_robot(vehicle.key)):
+            self.send_on(known.released(journey).updated())
+
+    def send_on(self, record: SentOrder) -> None:
+        """Have a robot told what is new about its VDA order."""
+        self._sent.put(record)
+        self._state.after_commit(
+            lambda: self._context.fleet.extend_vda_order(record.robot, record.as_released())
+        )
+
+    def _shorten(self, record: SentOrder) -> None:
+        if vehicle := self._under_way(record):
+            self._traffic.shorten(vehicle.name)
+            self._state.drive_due = True
+
+    def _start(self, record: SentOrder) -> FleetOutput | None:
+        try:
+            self._context.fleet.start_vda_order(record.robot, record.as_released())
+        except RobotBusyError as error:
+            name = record.vda_order.order_id
+            return VdaOrderFailed(record.robot, name, str(error), kind=FailureKind.REFUSED)
+        return None
+
+    def _under_way(self, record: SentOrder) -> FleetVehicle | None:
+        vehicle = self._registry.of(record.robot)
+        return vehicle if vehicle and self._traffic.journey(vehicle.name) else None
+
+    def _break_off(self, vehicle: FleetVehicle, *, doubt: bool = False) -> None:
+        self._traffic.break_off(vehicle.name)
+        self._positions.note(vehicle)
+        self._rest(vehicle, doubt=doubt)
+
+    def _rest(self, vehicle: FleetVehicle, *, doubt: bool = False) -> None:
+        self._positions.forget_sighting(vehicle, doubt=doubt)
+        if doubt:
+            self._state.after_commit(lambda: self._context.fleet.instant_action(vehicle.key, state_request()))
+        self._positions.see(vehicle)
+        self._state.drive_due = True

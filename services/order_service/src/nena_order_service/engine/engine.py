@@ -1,0 +1,458 @@
+"""The engine: the one place where orders, vehicles and traffic change, in one event loop.
+
+Each event comes in as a *unit of work*: it changes the state and notes effects, such as a VDA 5050 order to
+send. The changes are committed, and only then the effects are run and the changes published. So whatever
+hosts or robots have ever received survives a restart.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Protocol
+
+from nena_order_service.dispatching.dispatcher import VehicleFit
+from nena_order_service.engine.context import Context, FleetControl
+from nena_order_service.engine.dispatching import Dispatching, OrderFit
+from nena_order_service.engine.driving import Driving, Pauses, RestartGate, Stuck
+from nena_order_service.engine.idle import IdleVehicles
+from nena_order_service.engine.life_cycle import LifeCycle
+from nena_order_service.engine.positions import Positions
+from nena_order_service.engine.recovery import Recovery
+from nena_order_service.engine.rerouting import Rerouted, Rerouting
+from nena_order_service.engine.sequences import Sequences
+from nena_order_service.engine.state import Effect, FleetState, PendingChanges
+from nena_order_service.engine.status import Essentials, StatusReporter
+from nena_order_service.errors import StoreNotReadyError
+from nena_order_service.fleet import (
+    ActionRetriable,
+    BaseWanted,
+    FleetOutput,
+    InstantActionEnded,
+    LinkStatus,
+    NodePassed,
+    OperationStarted,
+    RobotChanged,
+    RobotView,
+    VdaOrderAccepted,
+    VdaOrderCancelled,
+    VdaOrderFailed,
+    VdaOrderFinished,
+)
+from nena_order_service.fleet.vda_order import state_request
+from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.store.store import Store
+from nena_order_service.vehicles.registry import FleetVehicle
+from nena_shared.fleet_api.transport_order import (
+    OrderSequenceStatus,
+    TransportOrderRequest,
+    TransportOrderState,
+    TransportOrderStatus,
+)
+from nena_shared.fleet_api.vehicle import AcceptableOrderType, IntegrationLevel, ReroutingType, VehicleStatus
+from nena_shared.log import get_logger
+from nena_shared.vda5050.action import Action
+from nena_shared.vda5050.own_actions import transforms_itself
+from nena_shared.vda5050.topics import RobotKey
+
+log = get_logger(__name__)
+
+LOOK_INTERVAL = 2.0
+"""Seconds between looks at what changes without an event: positions, and why vehicles have no order."""
+
+FIRST_LOOKS = 0.2
+"""Seconds between looks while the first states of robots are awaited after the start."""
+
+LOOKED_AT_ONCE = 100
+"""Vehicles that are looked at before others have their turn; each takes some 0.1 ms."""
+
+UNPUBLISHED_AT_MOST = 20
+"""Units of work after which a vehicle is published though a later one that changes it waits."""
+
+
+class Listener(Protocol):
+    """Receives each change, once it is committed."""
+
+    def order_changed(self, status: TransportOrderStatus) -> None:
+        """Handle the new version of an order."""
+        ...
+
+    def sequence_changed(self, status: OrderSequenceStatus) -> None:
+        """Handle the new version of an order sequence."""
+        ...
+
+    def vehicle_changed(self, status: VehicleStatus) -> None:
+        """Handle the new status of a vehicle."""
+        ...
+
+
+class UnitOfWork:
+    """Commits what changes together, then runs its effects and publishes it; units are never nested.
+
+    Of vehicles only the present status is published: where several units that wait for their commit change
+    one, the last of them publishes it, or one of them where there is no end of them.
+    """
+
+    def __init__(
+        self,
+        state: FleetState,
+        store: Store,
+        vehicle_status: Callable[[str], VehicleStatus | None],
+        on_event: Callable[[FleetOutput], None],
+    ) -> None:
+        """``on_event`` receives the events that effects return."""
+        self.listeners: list[Listener] = []
+        self.closed = ""
+        """Why nothing is changed any more; empty while changes are made."""
+        self._state = state
+        self._store = store
+        self._vehicle_status = vehicle_status
+        self._on_event = on_event
+        self._unpublished: Counter[str] = Counter()
+        """How many units that wait for their commit change each vehicle."""
+        self._passed_over: Counter[str] = Counter()
+        """How many committed units have not published each vehicle, because of later ones."""
+        self._published: dict[str, Essentials] = {}
+
+    @contextmanager
+    def begin(self) -> Iterator[None]:
+        """Make changes; at the end they go to the store, and are published once they are committed.
+
+        Raises:
+            StoreNotReadyError: no more changes are made here.
+
+        """
+        if self.closed:
+            raise StoreNotReadyError(self.closed)
+        try:
+            yield
+        finally:
+            changes = self._state.pending.take()
+            if changes:
+                self._unpublished.update(changes.vehicles)
+                self._store.commit(changes.stored, lambda: self._committed(changes))
+
+    def committed(self) -> asyncio.Future[None]:
+        """Return a future that is done when all changes so far are committed."""
+        future: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        with self.begin():
+            self._state.after_commit(lambda: None if future.done() else future.set_result(None))
+        return future
+
+    def is_published(self, name: str, now: Essentials) -> bool:
+        """Return whether this is what was published of a vehicle last, or what is about to be."""
+        return name in self._unpublished or self._published.get(name) == now
+
+    def _committed(self, changes: PendingChanges) -> None:
+        self._state.orders.committed(changes.orders)
+        self._state.sequences.committed(changes.sequences)
+        for effect in changes.effects:
+            self._run(effect)
+        due = self._no_longer_unpublished(changes.vehicles)
+        statuses = [status for name in sorted(due) if (status := self._vehicle_status(name))]
+        self._published.update({status.name: Essentials.of(status) for status in statuses})
+        for listener in self.listeners:
+            for sequence in changes.sequences:
+                listener.sequence_changed(sequence.status)
+            for order in changes.orders:
+                listener.order_changed(order.status)
+            for status in statuses:
+                listener.vehicle_changed(status)
+
+    def _run(self, effect: Effect) -> None:
+        try:
+            if event := effect():
+                self._on_event(event)
+        except Exception:
+            log.exception("an effect of a committed change failed")
+
+    def _no_longer_unpublished(self, vehicles: Iterable[str]) -> list[str]:
+        """Return those of a unit's vehicles that are published now, and not by a later one."""
+        self._unpublished.subtract(vehicles)
+        self._passed_over.update(vehicles)
+        due = [
+            name
+            for name in vehicles
+            if not self._unpublished[name] or self._passed_over[name] >= UNPUBLISHED_AT_MOST
+        ]
+        for name in due:
+            del self._passed_over[name]
+            if not self._unpublished[name]:
+                del self._unpublished[name]
+        return due
+
+
+class Engine:
+    """Owns the state and the flows that change it."""
+
+    def __init__(self, context: Context, store: Store) -> None:
+        self.context = context
+        self.state = context.state
+        self.plant = context.plant
+        self.registry = context.registry
+        self.traffic = context.traffic
+        self.clock = context.clock
+        self.settings = context.settings
+        self.store = store
+        self.sequences = Sequences(context)
+        self._gate = RestartGate(context)
+        self._positions = Positions(context)
+        pauses = Pauses(context)
+        self._driving = Driving(context, self._positions, pauses, self._gate)
+        fit = OrderFit(context.state.vehicles, self.sequences)
+        self._dispatching = Dispatching(context, self._driving, fit)
+        self._life_cycle = LifeCycle(context, self._driving, self._dispatching, self.sequences, pauses)
+        self._idle = IdleVehicles(context, self._dispatching, self._life_cycle)
+        self._rerouting = Rerouting(context, self._driving)
+        self._reporter = StatusReporter(
+            context, self._positions, self._dispatching, self.sequences, self._idle
+        )
+        self.unit_of_work = UnitOfWork(self.state, store, self._reporter.status_of, self.on_events)
+        self._asked_for_state: set[RobotKey] = set()
+
+    def prepare(self) -> None:
+        """Build what takes long in large plants, in any thread: before :meth:`start`."""
+        self.context.finder.prepare(each.model for each in self.registry)
+
+    async def start(self, fleet: FleetControl) -> None:
+        """Take up everything in the store that has not ended; before the first message of a robot."""
+        self.context.connect(fleet)
+        found = await self.store.unfinished()
+        self.state.orders.last_number = found.last_number
+        for order in found.orders:
+            self.state.orders.load(order)
+        self.state.sequences.load(found.sequences, found.last_sequence)
+        self.state.vehicles.load(found.vehicles)
+        recovery = Recovery(self.context, self._driving, self._gate)
+        with self.change():
+            recovery.take_up_vehicles()
+            self.state.sequences.rebind(recovery.present_name)
+            self._life_cycle.take_up(found.orders, found.missions, recovery)
+            self._rerouting.keep_off_locked_paths()
+            self._dispatching.look_at(self.registry)
+        await self.unit_of_work.committed()
+        log.info("orders taken up", unfinished=len(found.orders), last_number=found.last_number)
+
+    async def run(self) -> None:
+        """Look regularly at what changes without an event, until cancelled."""
+        while True:
+            await asyncio.sleep(LOOK_INTERVAL if self._gate.is_open else FIRST_LOOKS)
+            for _ in self._look():
+                await asyncio.sleep(0)
+
+    def close(self, reason: str) -> None:
+        """Change nothing any more: another engine takes up what is in the store."""
+        self.unit_of_work.closed = reason
+
+    @contextmanager
+    def change(self) -> Iterator[None]:
+        """Make changes, and let orders and vehicles go on by them, in one unit of work."""
+        with self.unit_of_work.begin():
+            yield
+            self._settle()
+        if self.state.dispatch_later:
+            self.state.dispatch_later = False
+            asyncio.get_running_loop().call_soon(self._dispatch_on)
+
+    def _dispatch_on(self) -> None:
+        """Offer the next orders to vehicles that are still free."""
+        if not self.unit_of_work.closed:
+            with self.change():
+                self.state.dispatch_due = True
+
+    def _settle(self) -> None:
+        """Dispatch and drive until nothing follows from the changes any more."""
+        while self._life_cycle.settle_due or self.state.dispatch_due or self.state.drive_due:
+            self._life_cycle.settle()
+            if self.state.dispatch_due:
+                self._life_cycle.dispatch()
+            for outcome in self._driving.let_drive():
+                if isinstance(outcome, Stuck):
+                    self._life_cycle.stuck(outcome)
+                else:
+                    self._life_cycle.update_reason(outcome)
+
+    def look(self) -> None:
+        """Try again whatever waits, and publish vehicles whose status has changed without an event."""
+        for _ in self._look():
+            pass
+
+    def _look(self) -> Iterator[None]:
+        """Do so in parts, between which others may have their turn: fleets may be large."""
+        vehicles = [*self.registry]
+        parts = [
+            vehicles[start : start + LOOKED_AT_ONCE] for start in range(0, len(vehicles), LOOKED_AT_ONCE)
+        ]
+        for part in parts:
+            with self.unit_of_work.begin():
+                for vehicle in part:
+                    self._positions.see(vehicle)
+                self._dispatching.look_at(part)
+            yield
+        with self.change():
+            self.state.dispatch_due = self.state.drive_due = True
+            self._life_cycle.check_times()
+            self._dispatching.offer_all()
+            self._life_cycle.tell_why()
+        yield
+        if self._gate.is_open:
+            with self.change():
+                self._idle.attend()
+        for part in parts:
+            with self.unit_of_work.begin():
+                for vehicle in part:
+                    if not self.unit_of_work.is_published(vehicle.name, self._reporter.essentials(vehicle)):
+                        self.state.vehicle_changed(vehicle.name)
+            yield
+
+    # What hosts ask for
+
+    def create(
+        self,
+        request: TransportOrderRequest,
+        name: str,
+        ended: Mapping[str, TransportOrderState] | None = None,
+    ) -> TransportOrder:
+        """Create an order from a request that was checked; see :meth:`LifeCycle.create`."""
+        with self.change():
+            order = self._life_cycle.create(request, name, ended)
+        return self.state.orders.get(order.number)
+
+    def withdraw(self, number: int, reason: str, *, immediate: bool = True) -> None:
+        """Withdraw an order that has not ended; see :meth:`LifeCycle.withdraw`."""
+        with self.change():
+            self._life_cycle.withdraw(self.state.orders.get(number), reason, immediate=immediate)
+
+    def hold(self, number: int, by: str, reason: str, *, immediate: bool = True) -> None:
+        """Hold an order that has neither ended nor been withdrawn; see :meth:`LifeCycle.hold`."""
+        with self.change():
+            self._life_cycle.hold(self.state.orders.get(number), by, reason, immediate=immediate)
+
+    def resume(self, number: int, by: str, reason: str) -> None:
+        """Resume a held order; see :meth:`LifeCycle.resume`."""
+        with self.change():
+            self._life_cycle.resume(self.state.orders.get(number), by, reason)
+
+    def reroute(self, vehicle: FleetVehicle, kind: ReroutingType) -> Rerouted:
+        """Replan the route of a vehicle's order; see :meth:`Rerouting.request`."""
+        with self.change():
+            return self._rerouting.request(vehicle, kind)
+
+    def set_integration_level(self, vehicle: FleetVehicle, level: IntegrationLevel) -> None:
+        """Set how a vehicle takes part from now on.
+
+        A vehicle for which nothing is kept free any more gives up its order and all resources that it holds:
+        the host has made sure that it blocks nothing.
+        """
+        with self.change():
+            if not level.holds_resources:
+                sent = self.state.sent_orders.of_robot(vehicle.key)
+                reason = f"vehicle {vehicle.name} was given the level {level.value}"
+                self._life_cycle.give_up(vehicle.key, reason)
+                self._driving.take_out(vehicle)
+                if sent:
+                    self.state.after_commit(lambda: self.context.fleet.cancel_vda_order(vehicle.key))
+            self._positions.set_level(vehicle, level)
+            self.state.dispatch_due = self.state.drive_due = True
+            self.state.vehicle_changed(vehicle.name)
+
+    def accept_order_types(self, vehicle: FleetVehicle, types: tuple[AcceptableOrderType, ...]) -> None:
+        """Set the order types that a vehicle accepts from now on; it finishes the order that it has."""
+        with self.change():
+            self._dispatching.fit.accept(vehicle, types)
+            self.state.dispatch_due = True
+            self.state.vehicle_changed(vehicle.name)
+
+    def send_instant_action(
+        self, vehicle: FleetVehicle, action: Action
+    ) -> asyncio.Future[InstantActionEnded]:
+        """Send an instant action; the future is done at its end."""
+        end = self.state.instant_actions.expect(action.action_id)
+        self.context.fleet.instant_action(vehicle.key, action)
+        return end
+
+    def plant_changed(self) -> None:
+        """Find all routes again, also behind the bases of vehicles under way."""
+        self.context.routes.forget()
+        self.traffic.forget_routes()
+        self._dispatching.forget()
+        with self.change():
+            self._rerouting.keep_off_locked_paths()
+        self.look()
+
+    # Queries
+
+    def view(self, vehicle: FleetVehicle) -> RobotView:
+        """Return what is known of a vehicle's robot."""
+        return self.context.view(vehicle)
+
+    def works(self, vehicle: FleetVehicle) -> bool:
+        """Return whether a vehicle works on an order."""
+        return self.state.sent_orders.order_number(vehicle.key) is not None
+
+    def status(self, vehicle: FleetVehicle) -> VehicleStatus:
+        """Return the status of a vehicle."""
+        return self._reporter.status(vehicle)
+
+    def explain(self, order: TransportOrder) -> list[VehicleFit]:
+        """Return for each vehicle why it does not get an order, or that it could."""
+        return self._dispatching.explain(order)
+
+    # What the fleet reports
+
+    def on_events(self, *events: FleetOutput) -> None:
+        """Handle events of the fleet in one unit of work."""
+        if self.unit_of_work.closed:
+            return
+        with self.change():
+            for event in events:
+                self._on_event(event)
+
+    def _on_event(self, event: FleetOutput) -> None:
+        match event:
+            case RobotChanged(robot):
+                self._robot_changed(robot)
+            case InstantActionEnded():
+                self.state.instant_actions.ended(event)
+                self._life_cycle.on_instant_action(event)
+            case ActionRetriable():
+                self._life_cycle.on_retriable_action(event)
+            case (
+                VdaOrderAccepted()
+                | OperationStarted()
+                | VdaOrderFinished()
+                | VdaOrderFailed()
+                | VdaOrderCancelled()
+            ):
+                self._life_cycle.on_order_event(event)
+                self._life_cycle.update_reason(self.registry.discover(event.robot))
+            case NodePassed():
+                self._driving.passed(event.order_id, event.sequence_id)
+            case BaseWanted():
+                self._driving.base_wanted(event.order_id)
+            case _:
+                pass
+
+    def _robot_changed(self, robot: RobotKey) -> None:
+        vehicle = self.registry.discover(robot)
+        view = self.context.view(vehicle)
+        if view.state and view.state.mobile_robot_position:
+            vehicle = self.registry.learn_map(vehicle, view.state.mobile_robot_position.map_id)
+        if view.factsheet:
+            self.registry.learn_frame(vehicle, transforms_itself=transforms_itself(view.factsheet))
+            vehicle = self.registry.discover(robot)
+        self._ask_for_state(view)
+        self._positions.see(vehicle)
+        self.state.vehicle_changed(vehicle.name)
+        self._driving.robot_changed(vehicle)
+        self._life_cycle.robot_changed(vehicle)
+
+    def _ask_for_state(self, view: RobotView) -> None:
+        """Request the state of a robot that is online and has not reported one, once."""
+        if view.link is not LinkStatus.ONLINE:
+            self._asked_for_state.discard(view.key)
+        elif view.state is None and view.key not in self._asked_for_state:
+            self._asked_for_state.add(view.key)
+            self.state.after_commit(lambda: self.context.fleet.instant_action(view.key, state_request()))

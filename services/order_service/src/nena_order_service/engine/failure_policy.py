@@ -1,0 +1,233 @@
+"""Which measure of a failure policy is taken next, for a failure in its situation.
+
+:func:`decide` is pure: the policy, how far it is used up and the situation go in; a measure comes out. Each
+call uses up at least one step of a list that ends, so the measures end too, in FAIL where nothing else does.
+:class:`FailureAssessment` finds out the situation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final
+
+from nena_order_service.engine.context import Context
+from nena_order_service.fleet import LinkStatus, NotLocatedError
+from nena_order_service.fleet.failures import FailureKind
+from nena_order_service.fleet.vda_order import DROP, PICK
+from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.routing import NoRouteError
+from nena_order_service.vehicles.registry import FleetVehicle
+from nena_shared.fleet_api.transport_order import (
+    DriveOrderState,
+    DriveOrderStatus,
+    FailureMeasure,
+    FailurePolicy,
+    FailureStep,
+)
+from nena_shared.plant import UnknownObjectError
+
+FAIL: Final = FailureStep(do=FailureMeasure.FAIL)
+
+K = FailureKind
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """A failure, and what is known at that time."""
+
+    kind: FailureKind
+    begun: bool = False
+    """Whether the operation at the destination is known to have begun."""
+    carrying: bool = False
+    """Whether the vehicle carries something for the order."""
+    others: bool = True
+    """Whether there are other vehicles that may do it."""
+    other_way: bool = True
+    """Whether there is a way that avoids where it failed."""
+    heard: bool = True
+    """Whether the robot is there, and says what it does."""
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """What is to be done: a step of the policy, up to which it is used up then.
+
+    ``passed_over`` says of the steps before it why they were not taken.
+    """
+
+    step: FailureStep
+    taken: int
+    passed_over: tuple[str, ...] = ()
+
+
+def decide(policy: Sequence[FailureStep], taken: int, situation: Situation) -> Decision:
+    """Return the next measure of ``policy``, of which ``taken`` measures are used up."""
+    passed_over: list[str] = []
+    for number, step in enumerate(_one_by_one(policy), start=1):
+        if number <= taken:
+            continue
+        objection = _objection(step, situation)
+        if not objection:
+            return Decision(step, number, tuple(passed_over))
+        words = f"no {step.do}: {objection}"
+        if words not in passed_over:
+            passed_over.append(words)
+    return Decision(FAIL, taken, tuple(passed_over))
+
+
+def _one_by_one(policy: Iterable[FailureStep]) -> Iterator[FailureStep]:
+    return (step for step in policy for _ in range(step.times))
+
+
+def _objection(step: FailureStep, situation: Situation) -> str:
+    """Return what speaks against a measure; empty for nothing."""
+    if step.do.last:
+        return ""
+    if situation.kind is K.UNCLEAR or (situation.kind is K.LOST and situation.begun):
+        return "what the robot has done of it is unknown"
+    return _AGAINST[step.do](step, situation)
+
+
+def _against_retry(step: FailureStep, situation: Situation) -> str:
+    if situation.kind is K.UNFIT:
+        return "the robot would never take it"
+    useless = situation.kind is K.NO_WAY and not step.after
+    return "there would be no way again" if useless else ""
+
+
+def _against_other_way(_: FailureStep, situation: Situation) -> str:
+    if situation.kind is not K.DRIVE:
+        return "it is not the way that has failed"
+    return "" if situation.other_way else "there is no other way"
+
+
+def _against_other_vehicle(_: FailureStep, situation: Situation) -> str:
+    if situation.carrying:
+        return "the vehicle carries something for the order, so no other one can go on with it"
+    if not situation.heard:
+        return "the robot is silent, so what it does is unknown"
+    return "" if situation.others else "there is no other vehicle for it"
+
+
+def _against_skip(_: FailureStep, situation: Situation) -> str:
+    return "" if situation.kind is K.ACTION else "it is not an operation that has failed"
+
+
+_AGAINST: Final[Mapping[FailureMeasure, Callable[[FailureStep, Situation], str]]] = MappingProxyType(
+    {
+        FailureMeasure.RETRY: _against_retry,
+        FailureMeasure.REPLAN: _against_other_way,
+        FailureMeasure.OTHER_VEHICLE: _against_other_vehicle,
+        FailureMeasure.SKIP: _against_skip,
+    }
+)
+
+
+def is_carrying(
+    drive_orders: Iterable[DriveOrderStatus],
+    *,
+    picks: Iterable[str],
+    drops: Iterable[str],
+    reported: bool | None,
+) -> bool:
+    """Return whether a vehicle carries something for an order.
+
+    ``picks`` and ``drops`` are the operations that take and give loads; ``reported`` is whether its robot
+    says that it has a load, None: it says nothing of that. A pick that has begun counts as done, unless the
+    robot says otherwise; a drop that is not known to be done counts as not done.
+    """
+    taking, giving = frozenset(picks), frozenset(drops)
+    carrying = False
+    for each in drive_orders:
+        operation = each.destination.operation
+        if operation in taking:
+            begun = each.state is DriveOrderState.OPERATING and reported is not False
+            carrying = carrying or begun or each.state is DriveOrderState.FINISHED
+        elif operation in giving and each.state is DriveOrderState.FINISHED:
+            carrying = False
+    return carrying or bool(reported)
+
+
+@dataclass(frozen=True, slots=True)
+class OrderFailure:
+    """How a vehicle has failed, in words too; ``ahead`` names the path and the point that come next."""
+
+    kind: FailureKind
+    words: str
+    ahead: tuple[str, ...] = ()
+
+
+class FailureAssessment:
+    """Decides by an order's policy what is done about its failures."""
+
+    def __init__(self, context: Context) -> None:
+        self._context = context
+
+    def policy(self, order: TransportOrder) -> FailurePolicy:
+        """Return the policy for where an order is: the destination's, the order's or the setting's."""
+        own = order.current.destination.on_failure
+        own = order.status.on_failure if own is None else own
+        return self._context.on_failure if own is None else own
+
+    def retries_actions(self, order: TransportOrder) -> bool:
+        """Return whether an action that fails may be tried again."""
+        return any(step.do is FailureMeasure.RETRY for step in self.policy(order))
+
+    def decide(self, order: TransportOrder, failure: OrderFailure) -> Decision:
+        """Return what is done about a failure."""
+        situation = self._situation(order, failure)
+        return decide(self.policy(order), order.current.measures_taken, situation)
+
+    def _situation(self, order: TransportOrder, failure: OrderFailure) -> Situation:
+        vehicle = self._vehicle(order)
+        view = self._context.view(vehicle)
+        loads = view.state.loads if view.state else None
+        operations = {each.destination.operation for each in order.status.drive_orders}
+        return Situation(
+            failure.kind,
+            begun=order.current.state is DriveOrderState.OPERATING,
+            carrying=is_carrying(
+                order.with_operation_begun(),
+                picks=[each for each in operations if self._context.planner.action_type(each) == PICK],
+                drops=[each for each in operations if self._context.planner.action_type(each) == DROP],
+                reported=None if loads is None else bool(loads),
+            ),
+            others=self._others(order),
+            other_way=bool(self.detour(order, failure.ahead)),
+            heard=view.link is LinkStatus.ONLINE,
+        )
+
+    def _others(self, order: TransportOrder) -> bool:
+        if order.status.intended_vehicle is not None or order.status.wrapping_sequence is not None:
+            return False  # a sequence is done by one vehicle to its end
+        tried = {order.vehicle, *order.status.excluded_vehicles}
+        return bool(self._context.registry.names() - tried)
+
+    def detour(self, order: TransportOrder, ahead: tuple[str, ...]) -> tuple[str, ...]:
+        """Return what a way around where the vehicle failed avoids: the point there too, if that can be."""
+        paths = self._context.planner.paths(ahead)
+        for avoided in (ahead, paths):
+            if paths and self._leads_on(order, avoided):
+                return avoided
+        return ()
+
+    def _leads_on(self, order: TransportOrder, avoided: tuple[str, ...]) -> bool:
+        vehicle = self._vehicle(order)
+        try:
+            standing = self._context.planner.standing(vehicle, self._context.view(vehicle))
+            self._context.planner.way(order, vehicle, standing, frozenset(avoided))
+        except (NotLocatedError, NoRouteError, UnknownObjectError):
+            return False
+        return True
+
+    def _vehicle(self, order: TransportOrder) -> FleetVehicle:
+        vehicle = self._context.registry.named(order.vehicle)
+        assert vehicle, "a vehicle with an order is registered"  # noqa: S101 - for the type
+        return vehicle
+
+
+def with_others(words: str, decision: Decision) -> str:
+    """Add why other measures of the policy were not taken."""
+    return f"{words} ({'; '.join(decision.passed_over)})" if decision.passed_over else words

@@ -1,0 +1,195 @@
+"""Idle vehicles: they recharge, and they park."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from nena_order_service.dispatching.candidates import LocatedCandidate
+from nena_order_service.engine.context import Context
+from nena_order_service.engine.dispatching import Dispatching
+from nena_order_service.engine.life_cycle import LifeCycle
+from nena_order_service.orders.automatic import PARK_TYPE, goal_of, park_request, recharge_request
+from nena_order_service.vehicles.parking import ParkingPositions, Prospect, RechargeLocations
+from nena_order_service.vehicles.registry import FleetVehicle
+from nena_shared.fleet_api.transport_order import TransportOrderRequest
+
+PAUSE = 10.0
+"""Seconds before a vehicle is sent to do the same once more, so that it is not tried all the time."""
+
+DISPLACES_AT_MOST = 2
+"""How often a vehicle has others make room for it to park, until a host has work for it.
+
+They may have to park again then, for which it may have to make room: without an end, two could do that for
+good, and somebody who recharges would never come to the end of it.
+"""
+
+
+@dataclass(slots=True)
+class _Idle:
+    """What is remembered of a vehicle."""
+
+    since: float | None = None
+    """When it was first seen with nothing to do; None: it has something."""
+    not_before: dict[str, float] = field(default_factory=dict)
+    """When it may be sent again, by the type of the order."""
+    displaced: int = 0
+    """How often others had to make room for it to park since it worked for a host."""
+    note: str = ""
+    """Why it does not recharge though it should; empty where it need not."""
+    parking_note: str = ""
+    """Why it does not park though it should."""
+
+
+@dataclass(frozen=True, slots=True)
+class _IdleRound:
+    """What is true while the vehicles are looked at once."""
+
+    now: float
+    goals: dict[str, str] = field(default_factory=dict)
+    """Where vehicles with orders will stand at last, by their names."""
+
+
+def _has_nothing_to_do(candidate: LocatedCandidate) -> bool:
+    seen = candidate.seen
+    return not (seen.obstacle or seen.gives_up or seen.kept_for is not None)
+
+
+class IdleVehicles:
+    """Makes orders for vehicles that have nothing to do.
+
+    Ask it after all orders that wait were dispatched: what is idle then is idle because nothing suits it.
+    """
+
+    def __init__(self, context: Context, dispatching: Dispatching, life_cycle: LifeCycle) -> None:
+        self._settings = context.settings.dispatch
+        self._locations = RechargeLocations(context.plant, context.planner.recharging)
+        parking = self._settings.parking
+        self._positions = ParkingPositions(
+            context.plant, priorities=parking.priorities, repark=parking.repark
+        )
+        self._context = context
+        self._state = context.state
+        self._registry = context.registry
+        self._dispatching = dispatching
+        self._traffic = context.traffic
+        self._life_cycle = life_cycle
+        self._idle: dict[str, _Idle] = {}
+
+    def attend(self) -> None:
+        """Send those to recharge who need it, and those to park who are in the way."""
+        if not (self._settings.recharging.enabled or self._settings.parking.enabled):
+            return
+        round_ = _IdleRound(self._context.clock.monotonic(), self._goals())
+        for vehicle in self._registry:
+            candidate = self._dispatching.consider(vehicle)
+            known = self._idle.setdefault(vehicle.name, _Idle())
+            if not _has_nothing_to_do(candidate):
+                known.since, known.note, known.parking_note = None, "", ""
+                if self._works_for_a_host(vehicle):
+                    known.displaced = 0
+                continue
+            if known.since is None:
+                known.since = round_.now
+            self._attend(candidate, known, round_)
+
+    def note(self, vehicle: FleetVehicle) -> str:
+        """Return why an idle vehicle does not recharge or park though it should; empty: it need not."""
+        known = self._idle.get(vehicle.name)
+        return "; ".join(filter(None, (known.note, known.parking_note))) if known else ""
+
+    def _attend(self, candidate: LocatedCandidate, known: _Idle, round_: _IdleRound) -> None:
+        vehicle, known.note = candidate.vehicle, ""
+        energy = self._dispatching.energy(vehicle, self._context.view(vehicle))
+        if energy and energy.charging:
+            return
+        bound, request = self._dispatching.is_bound(vehicle), None
+        wants_energy = energy and (energy.critical if bound else energy.degraded)
+        if self._settings.recharging.enabled and energy and wants_energy:
+            request = self._recharging(candidate, known, round_, urgent=energy.critical)
+        if request is not None or bound or not self._is_to_park(candidate, known, round_):
+            known.parking_note = ""
+        elif round_.now >= known.not_before.get(PARK_TYPE, 0.0):
+            request = self._parking(candidate, known, round_)
+        if request and round_.now >= known.not_before.get(request.type, 0.0):
+            known.not_before[request.type] = round_.now + PAUSE
+            displaces = request.type == PARK_TYPE and self._displaces(vehicle, goal_of(request))
+            if self._life_cycle.create_automatic(request):
+                known.since = None
+                known.displaced += displaces
+                round_.goals.update(self._goals())
+
+    def _works_for_a_host(self, vehicle: FleetVehicle) -> bool:
+        order = self._state.order_of(vehicle.key)
+        return order is not None and not order.status.automatic
+
+    def _recharging(
+        self, candidate: LocatedCandidate, known: _Idle, round_: _IdleRound, *, urgent: bool
+    ) -> TransportOrderRequest | None:
+        vehicle = candidate.vehicle
+        found = self._locations.choose(
+            vehicle.model,
+            cost=self._cost(candidate),
+            taken=lambda point: self._is_taken(point, vehicle, round_),
+            held_in_vain=lambda point: urgent and self._is_held_in_vain(point, vehicle, round_),
+        )
+        if not found.location:
+            known.note = f"it should recharge, but {found.reason}"
+            return None
+        return recharge_request(vehicle.name, found.location, found.operation, dispensable=not urgent)
+
+    def _is_to_park(self, candidate: LocatedCandidate, known: _Idle, round_: _IdleRound) -> bool:
+        parking = self._settings.parking
+        since = round_.now if known.since is None else known.since
+        return parking.enabled and not candidate.seen.restriction and round_.now - since >= parking.delay
+
+    def _parking(
+        self, candidate: LocatedCandidate, known: _Idle, round_: _IdleRound
+    ) -> TransportOrderRequest | None:
+        vehicle, standing = candidate.vehicle, candidate.standing
+        assert standing, "a vehicle without an obstacle stands somewhere"  # noqa: S101 - for the type
+        found = self._positions.choose(
+            vehicle.model,
+            standing.point if standing.on_point else None,
+            Prospect(
+                cost=self._cost(candidate),
+                taken=lambda point: self._is_taken(point, vehicle, round_),
+                displaces=lambda point: self._displaces(vehicle, point),
+                may_displace=known.displaced < DISPLACES_AT_MOST,
+            ),
+        )
+        known.parking_note = f"it should park, but {found.reason}" if found.reason else ""
+        if found.reason:  # to find that out may take many looks at ways
+            known.not_before[PARK_TYPE] = round_.now + PAUSE
+        return park_request(vehicle.name, found.point) if found.point else None
+
+    def _cost(self, candidate: LocatedCandidate) -> Callable[[str], float]:
+        """Return what it costs a vehicle to reach points."""
+        model, standing = candidate.vehicle.model, candidate.standing
+        assert standing, "a vehicle without an obstacle stands somewhere"  # noqa: S101 - for the type
+        return lambda point: self._context.finder.costs_to(point, vehicle=model).source(standing.point)
+
+    def _displaces(self, vehicle: FleetVehicle, point: str) -> bool:
+        return vehicle.name in self._traffic and self._traffic.displaces(vehicle.name, point)
+
+    def _goals(self) -> dict[str, str]:
+        goals = {}
+        for vehicle in self._registry:
+            order = self._state.order_of(vehicle.key)
+            if order and (route := order.status.drive_orders[-1].route):
+                goals[vehicle.name] = route[-1]
+        return goals
+
+    def _is_taken(self, point: str, vehicle: FleetVehicle, round_: _IdleRound) -> bool:
+        """Return whether another vehicle is at a point, passes it now or is to come there."""
+        return bool(self._users(point, vehicle, round_))
+
+    def _users(self, point: str, vehicle: FleetVehicle, round_: _IdleRound) -> set[str]:
+        coming = {name for name, goal in round_.goals.items() if goal == point}
+        return {*self._traffic.users(point), *coming} - {vehicle.name}
+
+    def _is_held_in_vain(self, point: str, vehicle: FleetVehicle, round_: _IdleRound) -> bool:
+        """Return whether all who are at a point have energy enough and nothing to do."""
+        others = (self._registry.named(name) for name in self._users(point, vehicle, round_))
+        seen = (self._dispatching.consider(each).seen for each in others if each)
+        return all(not (each.obstacle or each.restriction or each.gives_up) for each in seen)

@@ -1,0 +1,589 @@
+"""The life cycle of transport orders: created, assigned, driven, failed, held, withdrawn, ended.
+
+From top to bottom: what hosts ask for, dispatching, the drive to each destination, what robots report of it,
+what is done about failures, and how an order ends. Everything here runs in the engine's units of work.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from datetime import datetime, timedelta
+
+from nena_order_service.engine.context import Context
+from nena_order_service.engine.dependencies import Conditions
+from nena_order_service.engine.dispatching import GIVES_UP, Dispatched, Dispatching, is_operating
+from nena_order_service.engine.driving import Driving, Pauses, Stuck
+from nena_order_service.engine.failure_policy import Decision, FailureAssessment, OrderFailure, with_others
+from nena_order_service.engine.recovery import LostOrderError, Recovery
+from nena_order_service.engine.sequences import Sequences
+from nena_order_service.fleet import (
+    ActionRetriable,
+    FailureKind,
+    InstantActionEnded,
+    NotLocatedError,
+    OperationStarted,
+    VdaOrderAccepted,
+    VdaOrderCancelled,
+    VdaOrderFailed,
+    VdaOrderFinished,
+    retry_or_skip,
+)
+from nena_order_service.fleet.failures import with_details
+from nena_order_service.fleet.vda_order import fresh_id
+from nena_order_service.orders import deadlines
+from nena_order_service.orders.automatic import automatic_name
+from nena_order_service.orders.deadlines import Deadlines, OrderTimeouts
+from nena_order_service.orders.transport_order import TransportOrder, why_withdrawn
+from nena_order_service.orders.validation import InvalidRequestError, check_order
+from nena_order_service.orders.vda_orders import SentOrder
+from nena_order_service.routing import NoRouteError
+from nena_order_service.routing.order_routes import RoutePlan
+from nena_order_service.vehicles.registry import FleetVehicle
+from nena_shared.fleet_api.transport_order import (
+    DriveOrderState,
+    FailureMeasure,
+    FailureStep,
+    Hold,
+    TransportOrderRequest,
+    TransportOrderState,
+)
+from nena_shared.log import get_logger
+from nena_shared.plant import UnknownObjectError
+from nena_shared.vda5050.action import ActionStatus
+from nena_shared.vda5050.topics import RobotKey
+
+log = get_logger(__name__)
+
+S = TransportOrderState
+
+BEGUN_MEANWHILE = "the vehicle had begun its operation when it was stopped; look what is done"
+POLICY = "failure policy"
+"""Who holds an order at which a vehicle has failed."""
+
+OrderEvent = VdaOrderAccepted | OperationStarted | VdaOrderFinished | VdaOrderFailed | VdaOrderCancelled
+"""What a robot reports of a VDA 5050 order that it was sent."""
+
+
+class LifeCycle:
+    """Changes transport orders, and lets their vehicles drive."""
+
+    def __init__(
+        self,
+        context: Context,
+        driving: Driving,
+        dispatching: Dispatching,
+        sequences: Sequences,
+        pauses: Pauses,
+    ) -> None:
+        self._context = context
+        self._state = context.state
+        self._orders = context.state.orders
+        self._sent = context.state.sent_orders
+        self._clock = context.clock
+        self._registry = context.registry
+        self._driving = driving
+        self._dispatching = dispatching
+        self._sequences = sequences
+        self._pauses = pauses
+        self._conditions = Conditions(context, sequences)
+        self._failures = FailureAssessment(context)
+        self._deadlines = Deadlines(self._orders.is_over)
+        self._timeouts = OrderTimeouts(self._orders.is_over)
+        self._answers: dict[str, tuple[str, str]] = {}
+        """VDA 5050 orderIds and words of failures, by the ids of the instant actions sent about them."""
+        self._given_up: dict[str, OrderFailure] = {}
+        """Failures for which VDA 5050 orders are cancelled, by orderId."""
+
+    # What hosts ask for
+
+    def create(
+        self,
+        request: TransportOrderRequest,
+        name: str,
+        ended: Mapping[str, TransportOrderState] | None = None,
+        *,
+        automatic: bool = False,
+    ) -> TransportOrder:
+        """Create an order from a request that was checked, and dispatch it if possible.
+
+        ``ended`` are the final states of dependencies that are no longer in memory.
+        """
+        now, number = self._clock.now(), self._orders.next_number()
+        order = TransportOrder.created(request, number=number, name=name, now=now, automatic=automatic)
+        why = self._context.finder.why_unroutable(request.destinations, order.resources_to_avoid)
+        order = order.unroutable(why, now) if why else order.activated()
+        self._sequences.append(order)
+        order = order if why else self._conditions.begin(order, ended or {})
+        self._orders.put(order)
+        if not order.state.final:
+            self._watch(order)
+        if order.state is S.DISPATCHABLE and not order.held:
+            self._dispatch((order,))  # every free vehicle was looked at for the other orders before
+        return order
+
+    def create_automatic(self, request: TransportOrderRequest) -> bool:
+        """Create an order for an idle vehicle; return whether the vehicle has begun it.
+
+        An order that does not begin at once is withdrawn: the vehicle may need another one later.
+        """
+        order = self._orders.get(self.create(request, automatic_name(request), automatic=True).number)
+        begun = order.state is S.BEING_PROCESSED
+        if not begun and not order.state.final:
+            self.withdraw(order, "its vehicle did not begin it", immediate=True)
+        return begun
+
+    def withdraw(self, order: TransportOrder, reason: str, *, immediate: bool) -> None:
+        """Withdraw an order that has not ended; of a withdrawn one only the manner may change.
+
+        With ``immediate`` its robot gets cancelOrder; else it drives to the end of its base, and performs
+        the actions there.
+        """
+        again = order.state is S.WITHDRAWN
+        if not again:
+            order = order.withdrawn(reason, self._clock.now())
+            self._orders.put(order)
+        sent = self._sent.of_order(order)
+        if order.state.final:
+            return
+        if sent is None:
+            self._end_withdrawn_unsent(order)
+        elif immediate and not sent.cancelled:
+            self._driving.cancel(sent)
+        elif not immediate and not again:
+            self._driving.end_early(sent, partial=False)
+
+    def hold(self, order: TransportOrder, by: str, reason: str, *, immediate: bool) -> None:
+        """Hold an order until it is resumed; an order on hold keeps its holder, and may only stop sooner.
+
+        Its vehicle keeps it. With ``immediate`` the robot gets cancelOrder, else it drives to the end of its
+        base. An operation that has begun is finished in either case.
+        """
+        now = self._clock.now()
+        if not order.held:
+            order = order.on_hold(Hold(by=by, reason=reason, since=now), now)
+            self._orders.put(order)
+            log.info("order held", order=order.name, by=by, reason=reason)
+        if order.state is S.BEING_PROCESSED:
+            self._stop_for_hold(order, immediate=immediate)
+        self._state.dispatch_due = True
+
+    def _stop_for_hold(self, order: TransportOrder, *, immediate: bool) -> None:
+        vehicle, sent = self._registry.named(order.vehicle), self._sent.of_order(order)
+        assert vehicle, "the vehicle of an order is in the registry"  # noqa: S101 - for the type
+        if sent is None:
+            self._driving.abandon(vehicle)
+            self._pauses.begin(vehicle, order)
+        elif is_operating(order):
+            return
+        elif immediate and not sent.cancelled:
+            self._driving.cancel(sent)
+        elif not immediate:
+            self._driving.end_early(sent, partial=True)
+
+    def resume(self, order: TransportOrder, by: str, reason: str) -> None:
+        """Resume a held order from where its vehicle stands; an order that is not held goes on anyway."""
+        if order.held:
+            self._orders.put(self._conditions.look(order.resumed(by, reason, self._clock.now())))
+            log.info("order resumed", order=order.name, by=by, reason=reason)
+            self._state.dispatch_due = True
+
+    # Time
+
+    def check_times(self) -> None:
+        """Mark orders late whose deadlines have passed, and withdraw those that have timed out."""
+        now = self._clock.now()
+        for number in self._deadlines.passed(now):
+            if order := self._orders.find(number):
+                self._orders.put(order.overdue(now))
+        for number in self._timeouts.take_due(now):
+            order = self._orders.find(number)
+            if order and not order.state.final:
+                log.info("order timed out", order=order.name)
+                self.withdraw(order, deadlines.reason(order, now), immediate=True)
+
+    def _watch(self, order: TransportOrder) -> None:
+        self._deadlines.watch(order)
+        self._timeouts.watch(order)
+
+    # Dispatching
+
+    @property
+    def settle_due(self) -> bool:
+        """Whether orders or sequences have ended, which may mean something for others."""
+        return self._orders.any_ended or self._state.sequences.freed
+
+    def settle(self) -> None:
+        """Apply the ends of orders to those that depend on them, and to their sequences."""
+        self._state.dispatch_due |= self._conditions.settle() or self._state.sequences.freed
+        self._state.sequences.freed = False
+
+    def dispatch(self) -> None:
+        """Assign what can be assigned now, and continue orders whose pauses are over."""
+        self._state.dispatch_due = False
+        for name, order in self._pauses:
+            vehicle = self._registry.named(name)
+            if vehicle and self._pauses.is_over(vehicle):
+                self._drive_on(order, vehicle)
+            elif vehicle:
+                self.update_reason(vehicle)
+        for orders in self._dispatching.due():
+            self._dispatch(orders)
+
+    def tell_why(self) -> None:
+        """Note in some of the orders further back in the queue why they wait now."""
+        now = self._clock.now()
+        for order, reason in self._dispatching.outdated_reasons():
+            self._orders.put(order.deferred(reason, now))
+
+    def _dispatch(self, orders: Sequence[TransportOrder]) -> None:
+        """Assign what can be assigned of these orders, and note of the others why not."""
+        dispatched, reasons = self._dispatching.dispatch(orders)
+        for each in dispatched:
+            if each.assignment.gives_up:
+                reasons[each.assignment.order.name] = self._give_way(each)
+            else:
+                self._assign(each)
+        now = self._clock.now()
+        for order in orders:
+            reason = reasons.get(order.name, order.status.reason)
+            if reason != order.status.reason:
+                self._orders.put(order.deferred(reason, now))
+
+    def _give_way(self, dispatched: Dispatched) -> str:
+        """Withdraw a vehicle's dispensable order for another one; return what that one waits for.
+
+        The vehicle drives to the end of its base; one that recharges gets cancelOrder.
+        """
+        wanted, given_up = dispatched.assignment.order.name, dispatched.assignment.gives_up
+        order = self._orders.named(given_up)
+        assert order, "vehicles work on known orders"  # noqa: S101 - for the type
+        log.info("order gives way", order=given_up, vehicle=dispatched.vehicle.name, wanted=wanted)
+        self.withdraw(order, f"gives way to order {wanted}", immediate=is_operating(order))
+        return f"waits for vehicle {dispatched.vehicle.name!r}, which {GIVES_UP}"
+
+    def _assign(self, dispatched: Dispatched) -> None:
+        vehicle, way, why = dispatched.vehicle, dispatched.way, dispatched.assignment.why
+        routes = (leg.points for leg in way.legs)
+        order = dispatched.assignment.order.assigned(vehicle.name, routes, why, self._clock.now())
+        log.info("order assigned", order=order.name, vehicle=vehicle.name, why=why)
+        self._timeouts.watch(order)
+        self._sent.assign(order, vehicle.key)
+        self._sequences.bind(order, vehicle.name)
+        self._drive(order, vehicle, way)
+
+    # The drive to each destination
+
+    def _go_on(self, order: TransportOrder, *, again: bool = False) -> None:
+        """Drive to the current destination, ``again`` or for the first time, unless the order has to wait."""
+        vehicle = self._registry.employed(order.vehicle)
+        if vehicle is None:
+            self._end(order.failed(f"there is no vehicle {order.vehicle!r} any more", self._clock.now()))
+            return
+        order = order.begun_again() if again else order
+        self._orders.put(order)
+        self._pauses.begin(vehicle, order)
+        self._state.vehicle_changed(vehicle.name)
+        if self._pauses.is_over(vehicle):
+            self._drive_on(order, vehicle, first=again)
+        else:
+            self.update_reason(vehicle)
+
+    def _drive_on(self, order: TransportOrder, vehicle: FleetVehicle, *, first: bool = False) -> None:
+        """End the pause of an order whose vehicle is localised."""
+        self._pauses.end(vehicle.name)
+        order, planner = order.tried(), self._context.planner
+        try:
+            standing = planner.standing(vehicle, self._context.view(vehicle))
+            way = planner.way(order, vehicle, standing)
+        except (NotLocatedError, NoRouteError, UnknownObjectError) as error:
+            words = f"vehicle {vehicle.name} cannot go on: {error}"
+            self._fail(order, OrderFailure(FailureKind.NO_WAY, words))
+        else:
+            self._drive(order, vehicle, way, first=first)
+
+    def _drive(
+        self, order: TransportOrder, vehicle: FleetVehicle, way: RoutePlan, *, first: bool = False
+    ) -> None:
+        self._orders.put(order)
+        self._state.vehicle_changed(vehicle.name)
+        retriable = self._failures.retries_actions(order)
+        self._driving.want(order, vehicle, way, first=first, retriable=retriable)
+
+    def stuck(self, stuck: Stuck) -> None:
+        """Fail the order of a vehicle that has no route for it, or let it wait for paths to be unlocked."""
+        vehicle, order = stuck.vehicle, self._state.order_of(stuck.vehicle.key)
+        if order is None:
+            return
+        self._pauses.begin(vehicle, order)
+        if self._pauses.is_over(vehicle):
+            self._pauses.end(vehicle.name)
+            self._fail(order, OrderFailure(FailureKind.NO_WAY, stuck.reason))
+        else:
+            self.update_reason(vehicle)
+
+    def update_reason(self, vehicle: FleetVehicle) -> None:
+        """Note in a vehicle's order what keeps the vehicle from going on."""
+        order = self._state.order_of(vehicle.key)
+        if order is None:
+            return
+        changed = order.hindered(self._context.view(vehicle).wait_reason or self._driving.note(vehicle))
+        if changed is not order:
+            self._orders.put(changed)
+            self._state.vehicle_changed(order.vehicle)
+
+    # What robots report
+
+    def robot_changed(self, vehicle: FleetVehicle) -> None:
+        """Handle a new state of a robot."""
+        if vehicle.name in self._pauses or self._dispatching.has_changed(vehicle):
+            self._state.dispatch_due = True
+        self.update_reason(vehicle)
+
+    def on_order_event(self, event: OrderEvent) -> None:
+        """Handle what a robot reports of a VDA 5050 order."""
+        sent = self._sent.find(event.order_id)
+        if sent is None:
+            log.warning("event of an unknown VDA 5050 order", robot=str(event.robot), order=event.order_id)
+            return
+        ahead = self._driving.ahead_of(sent)
+        if isinstance(event, VdaOrderAccepted):
+            self._sent.put(sent.model_copy(update={"accepted": True}))
+        elif isinstance(event, VdaOrderFinished):
+            self._driving.finished(sent)
+        elif isinstance(event, VdaOrderFailed | VdaOrderCancelled):
+            self._driving.broken_off(sent, event)
+        vehicle = self._registry.discover(sent.robot)
+        self._state.vehicle_changed(vehicle.name)
+        if sent.evasion:
+            self._on_evasion(vehicle, event)
+        else:
+            self._on_drive_order(sent, event, ahead)
+
+    def _on_evasion(self, vehicle: FleetVehicle, event: OrderEvent) -> None:
+        if isinstance(event, VdaOrderFailed):
+            log.warning("vehicle did not make room", vehicle=vehicle.name, reason=event.reason)
+        if isinstance(event, VdaOrderFinished | VdaOrderFailed | VdaOrderCancelled):
+            self._state.dispatch_due = True
+
+    def _on_drive_order(self, sent: SentOrder, event: OrderEvent, ahead: tuple[str, ...]) -> None:
+        order = self._state.order_of(sent.robot)
+        assert order, "a robot with a drive order works on its transport order"  # noqa: S101 - for the type
+        assert sent.drive_order_index is not None, "evasions have none"  # noqa: S101 - for the type
+        match event:
+            case VdaOrderAccepted():
+                pass
+            case OperationStarted():
+                self._orders.put(order.operating(sent.drive_order_index, self._clock.now()))
+            case VdaOrderFinished():
+                self._drive_order_finished(order, sent)
+            case VdaOrderFailed():
+                words = with_details(event.reason, event.details)
+                self._drive_order_failed(order, OrderFailure(event.kind, words, ahead))
+            case VdaOrderCancelled():
+                self._drive_order_cancelled(order, sent)
+
+    def _drive_order_finished(self, order: TransportOrder, sent: SentOrder) -> None:
+        now, index = self._clock.now(), order.status.current_drive_order_index
+        if order.state is S.WITHDRAWN:
+            words = f"withdrawn: {why_withdrawn(order.status)}; the vehicle had done what it had been sent"
+            self._end(order.failed(words, now))
+        elif sent.partial:
+            self._go_on(order, again=True)
+        elif index + 1 == len(order.status.drive_orders):
+            self._end(order.drive_order_finished(index, now).finished(now))
+        else:
+            self._go_on(order.drive_order_finished(index, now))
+
+    def _drive_order_failed(self, order: TransportOrder, failure: OrderFailure) -> None:
+        if order.state is S.WITHDRAWN:
+            words = f"withdrawn: {why_withdrawn(order.status)}; {failure.words}"
+            self._end(order.failed(words, self._clock.now()))
+        elif order.held:
+            self._go_on(order.failed_while_held(failure.words), again=True)
+        else:
+            self._fail(order, failure)
+
+    def _drive_order_cancelled(self, order: TransportOrder, sent: SentOrder) -> None:
+        """End an order that was withdrawn; one that was held meanwhile waits, or goes on if it is resumed."""
+        given_up = self._given_up.pop(sent.vda_order.order_id, None)
+        if order.state is S.WITHDRAWN:
+            words = f"withdrawn: {why_withdrawn(order.status)}; the vehicle has let it go"
+            self._end(order.failed(words, self._clock.now()))
+        elif given_up and not order.held:
+            self._fail(order, given_up)
+        elif is_operating(order) and not given_up:
+            self._drive_order_failed(order, OrderFailure(FailureKind.UNCLEAR, BEGUN_MEANWHILE))
+        else:
+            self._go_on(order, again=True)
+
+    # Failures
+
+    def _fail(self, order: TransportOrder, failure: OrderFailure) -> None:
+        """Take the measure of the policy for an order whose vehicle has failed."""
+        if self._registry.employed(order.vehicle) is None:
+            why = f"there is no vehicle {order.vehicle!r} any more; {failure.words}"
+            self._end(order.failed(why, self._clock.now()))
+            return
+        decision = self._failures.decide(order, failure)
+        step, words, now = decision.step, failure.words, self._clock.now()
+        log.info("measure taken", order=order.name, measure=step.do, kind=failure.kind, reason=words)
+        match step.do:
+            case FailureMeasure.RETRY:
+                order = order.retried(decision.taken, words, now=now, next_try=self._next_try(step))
+                self._go_on(order, again=True)
+            case FailureMeasure.REPLAN:
+                self._replan(order, decision, failure)
+            case FailureMeasure.OTHER_VEHICLE:
+                self._release(order.reassigned(decision.taken, words, now))
+                log.info("order waits for another vehicle", order=order.name)
+            case FailureMeasure.SKIP:
+                self._skip(order.skipped(words, now))
+            case FailureMeasure.HOLD:
+                hold = Hold(by=POLICY, reason=with_others(words, decision), since=now)
+                self._go_on(order.on_hold(hold, now), again=True)
+            case FailureMeasure.FAIL:
+                self._end(order.failed(with_others(words, decision), now))
+
+    def _replan(self, order: TransportOrder, decision: Decision, failure: OrderFailure) -> None:
+        order = order.replanned(
+            decision.taken,
+            failure.words,
+            now=self._clock.now(),
+            avoided=self._failures.detour(order, failure.ahead),
+            next_try=self._next_try(decision.step),
+        )
+        self._go_on(order, again=True)
+
+    def _skip(self, order: TransportOrder) -> None:
+        if order.current.state is DriveOrderState.TRAVELLING:
+            self._go_on(order)
+        else:
+            self._end(order.finished(self._clock.now()))
+
+    def _next_try(self, step: FailureStep) -> datetime | None:
+        return self._clock.now() + timedelta(seconds=step.after) if step.after else None
+
+    # Actions that may be retried at the robot (VDA 5050 3.0 sections 6.2.3 and 6.6.9)
+
+    def on_retriable_action(self, event: ActionRetriable) -> None:
+        """Answer a robot that waits with a RETRIABLE action by ``retry`` or ``skipRetry``.
+
+        ``retry`` where the policy lets it try again at once; else ``skipRetry``: the VDA 5050 order fails by
+        that, as with robots that know no retry, and the policy goes on.
+        """
+        sent, order = self._sent.find(event.order_id), self._state.order_of(event.robot)
+        if sent is None or sent.cancelled or sent.evasion or order is None:
+            return
+        words = with_details(event.reason, event.details)
+        action = retry_or_skip(fresh_id(), event.action_id, retry=self._retries_action(order, words))
+        self._answers[action.action_id] = event.order_id, words
+        log.info("action has failed", vda_order=event.order_id, answer=action.action_type, reason=words)
+        self._driving.instruct(sent, action)
+
+    def _retries_action(self, order: TransportOrder, words: str) -> bool:
+        if order.held or order.state is not S.BEING_PROCESSED:
+            return False
+        decision = self._failures.decide(order, OrderFailure(FailureKind.ACTION, words))
+        if decision.step.do is not FailureMeasure.RETRY or decision.step.after:
+            return False
+        self._orders.put(order.retried(decision.taken, words, now=self._clock.now()))
+        return True
+
+    def on_instant_action(self, event: InstantActionEnded) -> None:
+        """Cancel the VDA 5050 order of a robot that did not take the answer about its failed action."""
+        order_id, words = self._answers.pop(event.action.action_id, ("", ""))
+        sent = self._sent.find(order_id)
+        if sent and not sent.cancelled and event.status is not ActionStatus.FINISHED:
+            log.warning("robot takes no answer to its failed action", vda_order=order_id, reason=event.reason)
+            known = event.status is ActionStatus.FAILED  # else it may be trying again right now
+            self._given_up[order_id] = OrderFailure(
+                FailureKind.ACTION if known else FailureKind.UNCLEAR, words
+            )
+            self._driving.cancel(sent)
+
+    # The end
+
+    def give_up(self, robot: RobotKey, reason: str) -> None:
+        """Fail the order of a robot, if it has one, whatever robot and policy would do about it."""
+        if order := self._state.order_of(robot):
+            self._end(order.failed(reason, self._clock.now()))
+
+    def _end_withdrawn_unsent(self, order: TransportOrder) -> None:
+        words = f"withdrawn, and the vehicle was at nothing for it: {why_withdrawn(order.status)}"
+        self._end(order.failed(words, self._clock.now()))
+
+    def _end(self, order: TransportOrder) -> None:
+        """Note the end of an order, and free its vehicle."""
+        self._release(order)
+        status = order.status
+        by, state, reason = status.processing_vehicle, status.state.value, status.reason
+        log.info("order ended", order=status.name, vehicle=by, state=state, reason=reason)
+
+    def _release(self, order: TransportOrder) -> None:
+        """Take an order from its vehicle."""
+        self._orders.put(order)
+        robot = self._sent.release(order)
+        if robot is not None:
+            vehicle = self._registry.discover(robot)
+            self._pauses.end(vehicle.name)
+            self._driving.abandon(vehicle)
+            self._state.vehicle_changed(vehicle.name)
+        self._state.dispatch_due = True
+
+    # After a restart
+
+    def take_up(
+        self, orders: Iterable[TransportOrder], documents: Mapping[int, str], recovery: Recovery
+    ) -> None:
+        """Take up orders from before a restart; what the robots report decides how they go on.
+
+        The youngest come first, so that those that wait for others are there when these fail; and last
+        come those of which a robot has nothing, for robots may have got other vehicles' names since.
+        """
+        unsent: list[TransportOrder] = []
+        for order in sorted(orders, key=lambda order: -order.number):
+            self._watch(order)
+            if order.state in (S.ACTIVE, S.DISPATCHABLE):
+                self._take_up_waiting(order)
+            elif (document := documents.get(order.number)) is not None:
+                self._take_up_sent(order, document, recovery)
+            else:
+                unsent.append(order)
+        for order in unsent:
+            self._take_up_unsent(order, recovery)
+
+    def _take_up_sent(self, order: TransportOrder, document: str, recovery: Recovery) -> None:
+        now = self._clock.now()
+        try:
+            vehicle = recovery.take_up_order(order, document)
+        except LostOrderError:
+            words = "what had been sent to the vehicle cannot be read"
+            self._end(order.adopted(now).failed(words, now))
+        else:
+            self._orders.put(order.adopted(now, vehicle.name))
+
+    def _take_up_unsent(self, order: TransportOrder, recovery: Recovery) -> None:
+        """Continue an order whose vehicle was not sent the next VDA 5050 order yet."""
+        vehicle = recovery.present_vehicle(order.vehicle or "")
+        order = order.adopted(self._clock.now(), vehicle.name if vehicle else None)
+        if order.state is S.WITHDRAWN:
+            self._end_withdrawn_unsent(order)
+        elif vehicle is None:
+            self._end(order.failed(f"there is no vehicle {order.vehicle!r} any more", self._clock.now()))
+        elif self._sent.order_number(vehicle.key) is not None:
+            words = f"vehicle {order.vehicle!r} is another robot now, which works on another order"
+            self._end(order.failed(words, self._clock.now()))
+        else:
+            self._orders.put(order)
+            self._sent.assign(order, vehicle.key)
+            self._pauses.begin(vehicle, order)
+
+    def _take_up_waiting(self, order: TransportOrder) -> None:
+        """Let an order wait on, unless the plant model has changed so that it is no longer possible."""
+        try:
+            left = order.status.drive_orders[max(order.status.current_drive_order_index, 0) :]
+            check_order(order.status.model_copy(update={"drive_orders": left}), self._context.plant)
+        except InvalidRequestError as error:
+            self._orders.put(order.failed(f"not possible in this plant any more: {error}", self._clock.now()))
+        else:
+            self._orders.put(self._conditions.take_up(order))

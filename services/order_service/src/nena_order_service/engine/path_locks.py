@@ -1,0 +1,88 @@
+"""Paths that hosts lock and unlock, over what the plant model says; kept in the store."""
+
+from __future__ import annotations
+
+import asyncio
+
+from nena_order_service.engine.engine import Engine
+from nena_order_service.errors import StoreNotReadyError, UnknownPathError
+from nena_order_service.store.changes import Changes
+from nena_shared.fleet_api.plant import PathStatus
+from nena_shared.log import get_logger
+from nena_shared.plant import Path
+
+log = get_logger(__name__)
+
+
+class PathLocks:
+    """Routes that are made from now on keep to it, and vehicles under way behind their bases."""
+
+    def __init__(self, engine: Engine) -> None:
+        """Start with the locks of the plant model."""
+        self._engine = engine
+        self._plant = engine.plant
+        self._store = engine.store
+        self._locks: dict[str, bool] = {}
+
+    async def load(self) -> None:
+        """Take up what hosts have said before a restart, of paths that there still are."""
+        stored = await self._store.path_locks()
+        self._locks = {name: locked for name, locked in stored.items() if name in self._plant.paths_by_name}
+        if self._locks:
+            self._engine.context.finder.set_locks(self._locks)
+
+    def all(self) -> tuple[PathStatus, ...]:
+        """Return all paths."""
+        return tuple(self._status(path) for path in self._plant.paths)
+
+    def get(self, name: str) -> PathStatus:
+        """Return a path; raises UnknownPathError."""
+        return self._status(self._path(name))
+
+    async def set(self, name: str, *, locked: bool) -> PathStatus:
+        """Lock or unlock a path; it is committed when this returns.
+
+        Raises:
+            UnknownPathError: there is no such path.
+            StoreNotReadyError: nothing is promised.
+
+        """
+        path = self._path(name)
+        if not self._store.ready:
+            raise StoreNotReadyError(self._store.why_not_ready)
+        if closed := self._engine.unit_of_work.closed:
+            raise StoreNotReadyError(closed)  # those locks count from now on that were committed before
+        changes = Changes()
+        changes.path_locks[name] = locked
+        done: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        self._store.commit(changes, lambda: self._committed(name, locked=locked, done=done))
+        try:
+            async with asyncio.timeout(self._engine.settings.commit_timeout):
+                await done
+        except TimeoutError:
+            raise StoreNotReadyError(self._store.why_not_answered) from None
+        return self._status(path)
+
+    def _committed(self, name: str, *, locked: bool, done: asyncio.Future[None]) -> None:
+        self._locks[name] = locked
+        log.info("path locked" if locked else "path unlocked", path=name)
+        self._engine.context.finder.set_locks(self._locks)
+        if not done.done():
+            done.set_result(None)
+        if not self._engine.unit_of_work.closed:  # else the new parts take it up from the store
+            self._engine.plant_changed()
+
+    def _path(self, name: str) -> Path:
+        path = self._plant.paths_by_name.get(name)
+        if path is None:
+            raise UnknownPathError(name)
+        return path
+
+    def _status(self, path: Path) -> PathStatus:
+        return PathStatus(
+            name=path.name,
+            source_point=path.source,
+            destination_point=path.destination,
+            locked=self._locks.get(path.name, path.locked),
+            locked_in_plant_model=path.locked,
+        )

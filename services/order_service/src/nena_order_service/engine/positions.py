@@ -1,0 +1,155 @@
+"""Where the vehicles are: what they say, what is remembered of them, and how much they count."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from nena_order_service.engine.context import Context
+from nena_order_service.fleet import LinkStatus, NotLocatedError, RobotView, Standing
+from nena_order_service.traffic.resources import Found
+from nena_order_service.vehicles.registry import FleetVehicle
+from nena_shared.fleet_api.vehicle import IntegrationLevel
+from nena_shared.log import get_logger
+from nena_shared.plant import MapPlace
+from nena_shared.plant.track import MM_PER_M, BoundingBox
+from nena_shared.vda5050.state import State
+
+log = get_logger(__name__)
+
+
+@dataclass(slots=True)
+class _Sighting:
+    """The last state of a vehicle by which it was placed, and whether that reported where it is."""
+
+    state: State
+    located: bool
+
+
+class Positions:
+    """Informs the traffic manager where vehicles without a route are, by what their robots report.
+
+    What a vehicle holds is stored, so that a restart knows it before it hears anything. A vehicle that says
+    nothing, or not where it is, keeps what it holds.
+    """
+
+    def __init__(self, context: Context) -> None:
+        self._traffic = context.traffic
+        self._records = context.state.vehicles
+        self._registry = context.registry
+        self._planner = context.planner
+        self._view = context.view
+        self._clock = context.clock
+        self._sightings: dict[str, _Sighting] = {}
+        self._doubted: dict[str, float] = {}
+        """When routes ended of which the robots reported nothing; only what they report later counts."""
+
+    def see(self, vehicle: FleetVehicle) -> bool:
+        """Handle the position of a vehicle without a route; return whether that changes what it holds."""
+        name = vehicle.name
+        if not self._counts(vehicle):
+            return self._take_out(vehicle)
+        if self._traffic.journey(name):
+            return False
+        view = self._view(vehicle)
+        if view.state is None or view.link is not LinkStatus.ONLINE or self._is_doubted(name, view):
+            return False
+        known = self._sightings.get(name)
+        if known and known.state is view.state:
+            return False
+        sighting = self._sightings[name] = _Sighting(view.state, located=False)
+        try:
+            standing = self._planner.standing(vehicle, view)
+        except NotLocatedError:
+            return False
+        sighting.located = True
+        changed = self._traffic.seen(
+            name, self._found(vehicle, standing), box_of(vehicle), moving=_is_moving(view.state)
+        )
+        if changed:
+            self.note(vehicle)
+        return changed
+
+    def note(self, vehicle: FleetVehicle) -> None:
+        """Have it stored what a vehicle holds."""
+        name = vehicle.name
+        self._records.change(vehicle.key, held=self._traffic.held(name), beside=self._traffic.beside(name))
+
+    def forget_sighting(self, vehicle: FleetVehicle, *, doubt: bool = False) -> None:
+        """Look again where a vehicle is; with ``doubt`` only at what it says from now on."""
+        self._sightings.pop(vehicle.name, None)
+        if doubt:
+            self._doubted[vehicle.name] = self._clock.monotonic()
+
+    def located(self, vehicle: FleetVehicle) -> bool:
+        """Return whether a vehicle has said where it is, and holds that."""
+        sighting = self._sightings.get(vehicle.name)
+        return sighting is not None and sighting.located and vehicle.name in self._traffic
+
+    def obstacle(self, vehicle: FleetVehicle, *, working: bool = False) -> str:
+        """Return, as a predicate, why a vehicle takes no orders because of its place; empty if it does.
+
+        ``working``: it has an order, which one that is to be respected does to the end.
+        """
+        level = self._records.of(vehicle.key).integration_level
+        goes_on = working and level is IntegrationLevel.TO_BE_RESPECTED
+        if level is not IntegrationLevel.TO_BE_UTILIZED and not goes_on:
+            return f"has the integration level {level.value}"
+        if self._traffic.broke_off(vehicle.name):
+            return "has left its route or drives on its own, and has not been seen standing since"
+        return ""
+
+    def level(self, vehicle: FleetVehicle) -> IntegrationLevel:
+        """Return how much a vehicle counts."""
+        return self._records.of(vehicle.key).integration_level
+
+    def set_level(self, vehicle: FleetVehicle, level: IntegrationLevel) -> None:
+        """Let a vehicle count so much from now on."""
+        self._records.change(vehicle.key, integration_level=level)
+        self.forget_sighting(vehicle)
+        self.see(vehicle)
+
+    def _take_out(self, vehicle: FleetVehicle) -> bool:
+        if vehicle.name not in self._traffic:
+            return False
+        self._traffic.remove(vehicle.name)
+        self.note(vehicle)
+        log.info("vehicle holds nothing any more", vehicle=vehicle.name)
+        return True
+
+    def _counts(self, vehicle: FleetVehicle) -> bool:
+        """Return whether others are kept away from a vehicle: not from one on a map that is not the plant's.
+
+        Before it is known, after a restart, which maps these are, one that holds something keeps it.
+        """
+        if not self.level(vehicle).holds_resources:
+            return False
+        map_id, plants = vehicle.profile.map_id, self._registry.map_ids
+        if not vehicle.obstacle or map_id in plants:
+            return True
+        return vehicle.name in self._traffic and not (map_id and plants)
+
+    def _is_doubted(self, name: str, view: RobotView) -> bool:
+        doubted = self._doubted.get(name)
+        if doubted is None:
+            return False
+        if view.state_at is None or view.state_at <= doubted:
+            return True
+        del self._doubted[name]
+        return False
+
+    def _found(self, vehicle: FleetVehicle, standing: Standing) -> Found:
+        pose = standing.pose
+        if pose is None:
+            return Found(standing.point, standing.on_point)
+        here = vehicle.profile.on(pose.map_id).to_plant(MapPlace(pose.x, pose.y))
+        place = (here.x_m * MM_PER_M, here.y_m * MM_PER_M)
+        return Found(standing.point, standing.on_point, place, pose.map_id)
+
+
+def box_of(vehicle: FleetVehicle) -> BoundingBox:
+    """Return the size of a vehicle; the model's default for one that the plant model does not have."""
+    return vehicle.model.bounding_box if vehicle.model else BoundingBox()
+
+
+def _is_moving(state: State) -> bool:
+    return state.driving or bool(state.node_states or state.edge_states)

@@ -1,0 +1,92 @@
+"""Recovery: takes up after a restart what is in the store; what the robots say decides how it goes on."""
+
+from __future__ import annotations
+
+from pydantic import ValidationError
+
+from nena_order_service.engine.context import Context
+from nena_order_service.engine.driving import Driving, RestartGate
+from nena_order_service.engine.positions import box_of
+from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.orders.vda_orders import SentOrder
+from nena_order_service.traffic.resources import ResourceSet
+from nena_order_service.vehicles.registry import FleetVehicle
+
+
+class LostOrderError(Exception):
+    """The VDA order of an order is in the store, but cannot be read."""
+
+
+class Recovery:
+    """Restores what robots hold: where they reported to be last, and all that they were given since."""
+
+    def __init__(self, context: Context, driving: Driving, gate: RestartGate) -> None:
+        self._context = context
+        self._plant = context.plant
+        self._traffic = context.traffic
+        self._registry = context.registry
+        self._state = context.state
+        self._vehicles = context.state.vehicles
+        self._driving = driving
+        self._gate = gate
+
+    def take_up_vehicles(self) -> None:
+        """Restore the resources that stored vehicles held, and let them go on making room."""
+        known = tuple(self._registry.discover(record.robot) for record in self._vehicles)
+        self._gate.begin(known)
+        for vehicle in known:
+            record = self._vehicles.of(vehicle.key)
+            held = [each for each in record.held if each.point in self._plant.points_by_name]
+            if held and record.integration_level.holds_resources:
+                self._traffic.restore(vehicle.name, held, box_of(vehicle).length_mm, beside=record.beside)
+            if record.evasion:
+                self._resume(record.evasion)
+            self._vehicles.change(vehicle.key)
+
+    def present_vehicle(self, name: str) -> FleetVehicle | None:
+        """Return the vehicle that is now the robot that had this name; None: it has no orders any more.
+
+        Where the store does not name that robot, it is the vehicle of this name, unless that one is known
+        to have been called otherwise.
+        """
+        robot = self._vehicles.robot_before(name)
+        if robot is not None:
+            vehicle = self._registry.discover(robot)
+            return None if vehicle.obstacle else vehicle
+        named = self._registry.employed(name)
+        return named if named and self._vehicles.name_before(named.key) in (None, name) else None
+
+    def present_name(self, name: str) -> str:
+        """Return what the vehicle is called now that had this name; the same where it is none any more."""
+        vehicle = self.present_vehicle(name)
+        return vehicle.name if vehicle else name
+
+    def take_up_order(self, order: TransportOrder, document: str) -> FleetVehicle:
+        """Take up an order's VDA order; return the vehicle that its robot is now. Raises LostOrderError."""
+        try:
+            record = SentOrder.model_validate_json(document)
+        except ValidationError as error:
+            raise LostOrderError from error
+        self._state.sent_orders.assign(order, record.robot)
+        return self._resume(record)
+
+    def _resume(self, record: SentOrder) -> FleetVehicle:
+        self._state.sent_orders.load(record)
+        vehicle = self._registry.discover(record.robot)
+        if vehicle.name not in self._traffic:
+            start = record.vda_order.nodes[0].node_id
+            under = self._traffic.resources.at(start) if start in self._plant.points_by_name else NOWHERE
+            self._traffic.restore(vehicle.name, [under], box_of(vehicle).length_mm)
+        self._driving.resume(vehicle, record)
+        self._state.after_commit(
+            lambda: self._context.fleet.adopt_vda_order(
+                record.robot, record.as_released(), accepted=record.accepted, update_id=record.update_id
+            )
+        )
+        if record.cancelled:
+            self._state.after_commit(lambda: self._context.fleet.cancel_vda_order(record.robot))
+        return vehicle
+
+
+NOWHERE = ResourceSet("", 0, {})
+"""What a robot holds of which nothing is known but what it was sent."""

@@ -1,0 +1,222 @@
+"""Rerouting: another way for vehicles under way, as hosts ask or lock paths (openTCS: rerouting)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from nena_order_service.engine.context import Context
+from nena_order_service.engine.driving import Driving
+from nena_order_service.errors import NotReroutableError, VehicleNotReachedError
+from nena_order_service.fleet import LinkStatus, Standing
+from nena_order_service.fleet.vda_order import with_other_horizon
+from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.orders.vda_orders import SentOrder
+from nena_order_service.routing import NoRouteError, Route
+from nena_order_service.routing.order_routes import Leg
+from nena_order_service.traffic.scheduler import Refusal, WaitReason
+from nena_order_service.vehicles.registry import FleetVehicle
+from nena_shared.fleet_api.transport_order import DriveOrderState, TransportOrderState
+from nena_shared.fleet_api.vehicle import ReroutingOutcome, ReroutingType
+from nena_shared.log import get_logger
+from nena_shared.plant import BACKWARD_SUFFIX
+from nena_shared.vda5050.order import Edge
+
+log = get_logger(__name__)
+
+CHOSEN_LATER = "its route is chosen when it departs"
+NOTHING_AHEAD = (
+    "it has been given its whole way, and what it was given stays; a forced rerouting begins where it stands"
+)
+NO_OTHER_WAY = "it is on the best way that there is"
+
+
+@dataclass(frozen=True, slots=True)
+class Rerouted:
+    """What has become of it: an outcome, why, and the points from the end of the base on."""
+
+    outcome: ReroutingOutcome
+    reason: str
+    route: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class _UnderWay:
+    """A vehicle on its way for an order, of which something is not released yet."""
+
+    vehicle: FleetVehicle
+    record: SentOrder
+    order: TransportOrder
+    base_end: str
+
+
+class Rerouting:
+    """Replans routes of vehicles under way, in the engine's units of work.
+
+    The robot's base, and what it holds, never changes by that. A *regular* rerouting gives back
+    the claims behind it and claims another way from there; where traffic does not grant that, the old one
+    stays. A *forced* one has the robot let its order go; it keeps all that it holds until it is seen
+    standing, and its transport order goes on from there.
+    """
+
+    def __init__(self, context: Context, driving: Driving) -> None:
+        self._plant = context.plant
+        self._traffic = context.traffic
+        self._state = context.state
+        self._orders = context.state.orders
+        self._sent = context.state.sent_orders
+        self._driving = driving
+        self._planner = context.planner
+        self._finder = context.finder
+        self._registry = context.registry
+        self._clock = context.clock
+        self._view = context.view
+
+    def request(self, vehicle: FleetVehicle, kind: ReroutingType) -> Rerouted:
+        """Replan the route of the order that a vehicle works on.
+
+        Raises:
+            NotReroutableError: it works on none, or on one whose way is not to change.
+            VehicleNotReachedError: it is to be stopped and cannot be reached.
+
+        """
+        order = self._order(vehicle)
+        record = self._sent.of_order(order)
+        if record is None:
+            return Rerouted(ReroutingOutcome.UNCHANGED, CHOSEN_LATER)
+        if record.cancelled:
+            return Rerouted(ReroutingOutcome.STOPPING, "it is already stopping")
+        if kind is ReroutingType.FORCED:
+            return self._force(vehicle, order, record)
+        return self._plan_anew(vehicle, order, record, "a host has asked for it")
+
+    def keep_off_locked_paths(self) -> None:
+        """Lead vehicles around paths that are locked now; where no other way is, they stop before them.
+
+        They still drive their bases.
+        """
+        for record in self._sent:
+            vehicle = self._registry.discover(record.robot)
+            if record.cancelled or not self._leads_over_lock(record):
+                continue
+            order = None if record.evasion else self._orders.get(self._number(vehicle))
+            if order is None or order.state is not TransportOrderState.BEING_PROCESSED:
+                self._driving.end_early(record, partial=False)
+                continue
+            done = self._plan_anew(vehicle, order, record, "a path ahead was locked")
+            if done.outcome is ReroutingOutcome.UNCHANGED:
+                log.info("vehicle stops before a locked path", vehicle=vehicle.name, reason=done.reason)
+                self._driving.end_early(record, partial=True)
+        self._driving.reconsider(lambda record: self._any_locked(record.vda_order.edges))
+
+    def _order(self, vehicle: FleetVehicle) -> TransportOrder:
+        number = self._sent.order_number(vehicle.key)
+        if number is None:
+            raise NotReroutableError(vehicle.name, "it works on no transport order")
+        order = self._orders.get(number)
+        if order.state is not TransportOrderState.BEING_PROCESSED:
+            raise NotReroutableError(vehicle.name, f"its order {order.name!r} is {order.state}")
+        return order
+
+    def _number(self, vehicle: FleetVehicle) -> int:
+        number = self._sent.order_number(vehicle.key)
+        assert number is not None, "a robot with an order's VDA order works on the order"  # noqa: S101 - for the type
+        return number
+
+    def _force(self, vehicle: FleetVehicle, order: TransportOrder, record: SentOrder) -> Rerouted:
+        if _operating(order):
+            raise NotReroutableError(vehicle.name, "it is at its destination, and does its operation there")
+        link = self._view(vehicle).link
+        if link is not LinkStatus.ONLINE:
+            raise VehicleNotReachedError(vehicle.name, f"it is {link}")
+        self._driving.cancel(record.model_copy(update={"rerouting": True}))
+        why = "forced: it stops, and goes on from where it stands"
+        self._orders.put(order.rerouted(None, why, self._clock.now()))
+        return Rerouted(ReroutingOutcome.STOPPING, why)
+
+    def _plan_anew(
+        self, vehicle: FleetVehicle, order: TransportOrder, record: SentOrder, why: str
+    ) -> Rerouted:
+        journey = self._traffic.journey(vehicle.name)
+        if journey is None or record.all_released or journey.all_allocated:
+            return Rerouted(ReroutingOutcome.UNCHANGED, NOTHING_AHEAD)
+        base_end = record.vda_order.nodes[journey.allocated].node_id
+        if base_end not in self._plant.points_by_name:
+            return Rerouted(ReroutingOutcome.UNCHANGED, "it drives to a coordinate, off the paths")
+        under_way = _UnderWay(vehicle, record.released(journey), order, base_end)
+        try:
+            route, refusal = self._claim(under_way)
+        except NoRouteError as error:
+            return Rerouted(ReroutingOutcome.UNCHANGED, str(error))
+        if route is None:
+            return Rerouted(ReroutingOutcome.UNCHANGED, f"it {refusal}" if refusal else NO_OTHER_WAY)
+        self._send(under_way, route, why)
+        return Rerouted(ReroutingOutcome.REROUTED, why, route.points)
+
+    def _claim(self, under_way: _UnderWay) -> tuple[Route | None, Refusal | None]:
+        """Claim the cheapest other way, or one around vehicles at rest; gives it, or why there is none.
+
+        Raises:
+            NoRouteError: no way leads on at all.
+
+        """
+        leg = self._leg(under_way)
+        refusal = self._claim_leg(under_way, leg)
+        if refusal and refusal.hindrance is WaitReason.RESTING:
+            try:
+                leg = self._leg(under_way, self._occupied(refusal) - {under_way.base_end})
+            except NoRouteError:
+                return None, refusal
+            refusal = self._claim_leg(under_way, leg)
+        return (None, refusal) if refusal or self._is_present_way(under_way, leg) else (leg.route, None)
+
+    def _leg(self, under_way: _UnderWay, avoid: frozenset[str] = frozenset()) -> Leg:
+        standing = Standing(under_way.base_end, on_point=True, pose=None)
+        return self._planner.way(under_way.order, under_way.vehicle, standing, avoid=avoid).legs[0]
+
+    def _claim_leg(self, under_way: _UnderWay, leg: Leg) -> Refusal | None:
+        """Claim the way along a leg, unless it is the present one; gives why not."""
+        if leg.route is None or self._is_present_way(under_way, leg):
+            return None
+        location = self._planner.route_request(under_way.order, under_way.vehicle, leg).location
+        return self._traffic.replan(under_way.vehicle.name, leg.route.steps, location)
+
+    def _is_present_way(self, under_way: _UnderWay, leg: Leg) -> bool:
+        """Return whether a leg is what the vehicle is to drive anyway, or nothing to be driven."""
+        if leg.route is None or not leg.route.steps:
+            return True
+        rest = under_way.record.vda_order.edges[under_way.record.allocated :]
+        return tuple(each.edge_id for each in rest) == tuple(each.edge_id for each in leg.route.steps)
+
+    def _occupied(self, refusal: Refusal) -> frozenset[str]:
+        """Return the points and paths that those hold who are in the way."""
+        held = (each for name in refusal.vehicles for each in self._traffic.held(name))
+        drivable = self._plant.points_by_name.keys() | self._plant.paths_by_name.keys()
+        return frozenset(use for each in held for use in each.uses if use in drivable)
+
+    def _send(self, under_way: _UnderWay, route: Route, why: str) -> None:
+        vehicle, record = under_way.vehicle, under_way.record
+        standing = Standing(under_way.base_end, on_point=True, pose=None)
+        retriable = any(each.retriable for each in record.vda_order.actions)
+        tail = self._planner.vda_order(under_way.order, vehicle, standing, route, retriable=retriable)
+        vda_order = with_other_horizon(record.vda_order, record.allocated, tail)
+        journey = self._traffic.journey(vehicle.name)
+        assert journey, "asked for by the caller"  # noqa: S101 - for the type
+        self._driving.send_on(record.updated(vda_order=vda_order, way=journey.way))
+        self._state.drive_due = True
+        points = tuple(n.node_id for n in vda_order.nodes if n.node_id in self._plant.points_by_name)
+        self._orders.put(under_way.order.rerouted(points, why, self._clock.now()))
+        log.info("vehicle goes another way", vehicle=vehicle.name, reason=why, route=route.points)
+
+    def _leads_over_lock(self, record: SentOrder) -> bool:
+        """Return whether what is not released yet of a VDA order leads over a path that is locked."""
+        return not record.all_released and self._any_locked(record.vda_order.edges[record.allocated :])
+
+    def _any_locked(self, edges: Iterable[Edge]) -> bool:
+        return any(self._finder.is_locked(each.edge_id.removesuffix(BACKWARD_SUFFIX)) for each in edges)
+
+
+def _operating(order: TransportOrder) -> bool:
+    return (
+        order.status.drive_orders[order.status.current_drive_order_index].state is DriveOrderState.OPERATING
+    )

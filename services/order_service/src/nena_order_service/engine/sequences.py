@@ -1,0 +1,107 @@
+"""Order sequences as their orders go on: which order is next, and which vehicle does them."""
+
+from __future__ import annotations
+
+from nena_order_service.engine.context import Context
+from nena_order_service.orders.order_sequence import OrderSequence
+from nena_order_service.orders.transport_order import TransportOrder
+from nena_shared.fleet_api.transport_order import OrderSequenceRequest, TransportOrderState
+
+MARKED = "marked complete by a host"
+
+
+class Sequences:
+    """Changes order sequences as their orders go on."""
+
+    def __init__(self, context: Context) -> None:
+        self._state = context.state
+        self._sequences = context.state.sequences
+        self._orders = context.state.orders
+        self._clock = context.clock
+
+    def create(self, request: OrderSequenceRequest, name: str) -> OrderSequence:
+        """Make a sequence without orders."""
+        number = self._sequences.next_number()
+        sequence = OrderSequence.created(request, number=number, name=name, now=self._clock.now())
+        self._sequences.put(sequence)
+        return sequence
+
+    def complete(self, sequence: OrderSequence, why: str = MARKED) -> OrderSequence:
+        """Let no more orders be added; without orders that are not at their end it is finished."""
+        changed = sequence.completed(why, self._clock.now())
+        self._put(changed)
+        return changed
+
+    def append(self, order: TransportOrder) -> None:
+        """Add an order to its sequence, if it has one; that it may be added was checked."""
+        if sequence := self._of(order):
+            self._put(sequence.appended(order.name, self._clock.now()))
+
+    def bind(self, order: TransportOrder, vehicle: str) -> None:
+        """Let the vehicle that gets an order do the order's sequence, if it has one, to its end."""
+        if sequence := self._of(order):
+            self._put(sequence.bound(vehicle, self._clock.now()))
+
+    def why_waiting(self, order: TransportOrder) -> str:
+        """Return what an order waits for as one of a sequence; empty for nothing."""
+        sequence = self._of(order)
+        if sequence is None or sequence.next_order in (None, order.name):
+            return ""
+        return f"waits for its turn in order sequence {sequence.name!r}, behind {sequence.next_order!r}"
+
+    def ended(self, order: TransportOrder) -> tuple[tuple[TransportOrder, ...], str | None]:
+        """Note that an order is at its end.
+
+        Return the orders that fail with it, and the name of the next one, if there is one.
+        """
+        sequence = self._of(order)
+        if sequence is None:
+            return (), None
+        failed: tuple[TransportOrder, ...] = ()
+        if _is_fatal(order, sequence):
+            behind = map(self._orders.named, sequence.behind(order.name))
+            failed = tuple(each for each in behind if each and not each.state.final)
+            sequence = sequence.completed(f"order {order.name!r} is {order.state}", self._clock.now())
+        sequence = sequence.advanced(self._is_ended, self._clock.now())
+        self._put(sequence)
+        return failed, sequence.next_order
+
+    def misfit(self, order: TransportOrder, vehicle: str) -> str:
+        """Return why a vehicle must not do an order because of a sequence; empty if it may."""
+        bound, sequence = self._sequences.of_vehicle(vehicle), self._of(order)
+        if bound and bound is not sequence:
+            return f"is bound to order sequence {bound.name!r}"
+        if sequence is None:
+            return ""
+        meant = sequence.bound_vehicle or sequence.status.intended_vehicle
+        if meant not in (None, vehicle):
+            return f"does not do order sequence {sequence.name!r}, which is for {meant!r}"
+        return ""
+
+    def meant(self, order: TransportOrder) -> str | None:
+        """Return the vehicle that does an order's sequence; None: it has none, or any vehicle may."""
+        sequence = self._of(order)
+        return sequence.bound_vehicle or sequence.status.intended_vehicle if sequence else None
+
+    def bound_to(self, vehicle: str) -> str | None:
+        """Return the name of the sequence to which a vehicle is bound; None: it is free."""
+        sequence = self._sequences.of_vehicle(vehicle)
+        return sequence.name if sequence else None
+
+    def _of(self, order: TransportOrder) -> OrderSequence | None:
+        return self._sequences.named(order.status.wrapping_sequence)
+
+    def _put(self, sequence: OrderSequence) -> None:
+        self._sequences.put(sequence)
+        self._state.vehicle_changed(sequence.status.processing_vehicle)
+        self._sequences.freed |= sequence.status.finished
+
+    def _is_ended(self, name: str) -> bool:
+        """Return whether an order is at its end; one that is not at hand any more has been so for long."""
+        order = self._orders.named(name)
+        return order is None or order.state.final
+
+
+def _is_fatal(order: TransportOrder, sequence: OrderSequence) -> bool:
+    well = order.state is TransportOrderState.FINISHED
+    return sequence.status.failure_fatal and not well and not order.status.dispensable

@@ -1,0 +1,183 @@
+"""The status of vehicles as hosts see it, with the reason why a vehicle has no order."""
+
+from __future__ import annotations
+
+from datetime import datetime, timedelta
+from typing import NamedTuple, Self
+
+from nena_order_service.engine.context import Context
+from nena_order_service.engine.dispatching import Dispatching
+from nena_order_service.engine.idle import IdleVehicles
+from nena_order_service.engine.positions import Positions
+from nena_order_service.engine.sequences import Sequences
+from nena_order_service.fleet import NotLocatedError, RobotView, locate
+from nena_order_service.vehicles.registry import FleetVehicle, robot_maps
+from nena_shared.fleet_api.vehicle import (
+    AcceptableOrderType,
+    IntegrationLevel,
+    PrecisePosition,
+    ProcessingState,
+    RobotMap,
+    VehicleState,
+    VehicleStatus,
+)
+from nena_shared.plant import MapPose, PlantModel
+from nena_shared.vda5050.error import ErrorEntry
+from nena_shared.vda5050.state import State
+
+
+class Essentials(NamedTuple):
+    """What is published of a vehicle when it changes; all else changes all the time while a robot drives."""
+
+    state: VehicleState
+    processing_state: ProcessingState
+    integration_level: IntegrationLevel
+    acceptable_order_types: tuple[AcceptableOrderType, ...]
+    reason: str
+    connection: str
+    operating_mode: str | None
+    current_position: str | None
+    maps: tuple[RobotMap, ...] | None
+    transport_order: str | None
+    order_sequence: str | None
+    errors: tuple[str, ...]
+
+    @classmethod
+    def of(cls, status: VehicleStatus) -> Self:
+        """Return those of a status."""
+        return cls(*(getattr(status, name) for name in cls._fields))
+
+
+def essentials(
+    vehicle: FleetVehicle,
+    view: RobotView,
+    *,
+    plant: PlantModel,
+    level: IntegrationLevel,
+    order_types: tuple[AcceptableOrderType, ...],
+    transport_order: str | None,
+    order_sequence: str | None,
+    reason: str,
+) -> Essentials:
+    """Return what matters of how a vehicle stands."""
+    state = view.state
+    return Essentials(
+        state=view.vehicle_state,
+        processing_state=_processing_state(transport_order, order_sequence),
+        integration_level=level,
+        acceptable_order_types=order_types,
+        reason=reason,
+        connection=view.link,
+        operating_mode=state.operating_mode if state else None,
+        current_position=_current_position(vehicle, state, plant) if state else None,
+        maps=robot_maps(state) if state else None,
+        transport_order=transport_order,
+        order_sequence=order_sequence,
+        errors=tuple(_in_words(error) for error in state.errors) if state else (),
+    )
+
+
+def vehicle_status(
+    vehicle: FleetVehicle, view: RobotView, essentials: Essentials, last_state: datetime | None
+) -> VehicleStatus:
+    """Return how a vehicle stands; positions are in m and rad of the plant's frame."""
+    state = view.state
+    return VehicleStatus(
+        name=vehicle.name,
+        manufacturer=vehicle.key.manufacturer,
+        serial_number=vehicle.key.serial_number,
+        precise_position=_precise_position(vehicle, state) if state else None,
+        energy_level=state.power_supply.state_of_charge if state else None,
+        last_state=last_state,
+        **essentials._asdict(),
+    )
+
+
+def _processing_state(transport_order: str | None, order_sequence: str | None) -> ProcessingState:
+    if transport_order:
+        return ProcessingState.PROCESSING_ORDER
+    return ProcessingState.AWAITING_ORDER if order_sequence else ProcessingState.IDLE
+
+
+def _current_position(vehicle: FleetVehicle, state: State, plant: PlantModel) -> str | None:
+    if state.last_node_id in plant.points_by_name:
+        return state.last_node_id
+    try:
+        standing = locate(plant, state, vehicle.profile)
+    except NotLocatedError:
+        return None
+    return standing.point if standing.on_point else None
+
+
+def _precise_position(vehicle: FleetVehicle, state: State) -> PrecisePosition | None:
+    position = state.mobile_robot_position
+    profile = vehicle.profile
+    if position is None or not position.localized or not profile.knows_frame(position.map_id):
+        return None
+    pose = profile.on(position.map_id).pose_to_plant(MapPose(position.x, position.y, position.theta))
+    return PrecisePosition(x=pose.x_m, y=pose.y_m, theta=pose.heading_rad, map_id=position.map_id)
+
+
+def _in_words(error: ErrorEntry) -> str:
+    text = f"{error.error_level} {error.error_type}"
+    return f"{text}: {error.error_description}" if error.error_description else text
+
+
+class StatusReporter:
+    """Reports the status of vehicles, and why those without an order have none."""
+
+    def __init__(
+        self,
+        context: Context,
+        positions: Positions,
+        dispatching: Dispatching,
+        sequences: Sequences,
+        idle: IdleVehicles,
+    ) -> None:
+        self._context = context
+        self._state = context.state
+        self._positions = positions
+        self._dispatching = dispatching
+        self._sequences = sequences
+        self._idle = idle
+
+    def status_of(self, name: str) -> VehicleStatus | None:
+        """Return how the vehicle of a name stands, None: there is none."""
+        vehicle = self._context.registry.named(name)
+        return self.status(vehicle) if vehicle else None
+
+    def status(self, vehicle: FleetVehicle) -> VehicleStatus:
+        """Return how a vehicle stands."""
+        view = self._context.view(vehicle)
+        age = (
+            None
+            if view.state_at is None
+            else timedelta(seconds=self._context.clock.monotonic() - view.state_at)
+        )
+        last_state = None if age is None else self._context.clock.now() - age
+        return vehicle_status(vehicle, view, self._essentials(vehicle, view), last_state)
+
+    def essentials(self, vehicle: FleetVehicle) -> Essentials:
+        """Return what matters of how a vehicle stands; a tenth of the work of telling all."""
+        return self._essentials(vehicle, self._context.view(vehicle))
+
+    def _essentials(self, vehicle: FleetVehicle, view: RobotView) -> Essentials:
+        order = self._state.orders.visible(self._state.sent_orders.order_number(vehicle.key))
+        order = order if order and order.vehicle == vehicle.name else None
+        return essentials(
+            vehicle,
+            view,
+            plant=self._context.plant,
+            level=self._positions.level(vehicle),
+            order_types=self._dispatching.fit.order_types(vehicle),
+            transport_order=order.name if order else None,
+            order_sequence=self._sequences.bound_to(vehicle.name),
+            reason=order.status.reason if order else self._idle_reason(vehicle),
+        )
+
+    def _idle_reason(self, vehicle: FleetVehicle) -> str:
+        reason = self._dispatching.idle_reason(vehicle, orders_wait=self._state.orders.any_waiting)
+        bound = self._sequences.bound_to(vehicle.name)
+        awaits = f"awaits the next order of order sequence {bound!r}" if bound else ""
+        more = (awaits, self._idle.note(vehicle), self._context.traffic.sharing(vehicle.name))
+        return "; ".join(filter(None, (reason, *more)))

@@ -1,0 +1,175 @@
+"""Leader election over MQTT: two order services with stores of their own must not command the same robots.
+
+The leader keeps a retained record at the broker, and its last will clears it. Another order service reads the
+record, asks whether its leader still answers, and ends if so, before it has sent anything. Services
+that share a store elect their leader by its lease (``store/lead.py``); here they count as one.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from contextlib import suppress
+from secrets import token_hex
+
+from pydantic import ValidationError
+
+from nena_shared.fleet_api.base import Resource
+from nena_shared.log import get_logger
+from nena_shared.mqtt import Inbound, LinkHooks, MqttLink, Outbound, Term
+from nena_shared.program import StartError
+from nena_shared.settings import MqttSettings
+from nena_shared.tasks import end
+
+log = get_logger(__name__)
+
+ANSWERED_WITHIN = 5.0
+"""Seconds in which an order service that leads answers; a record without an answer was left behind."""
+
+
+class FleetTakenError(StartError):
+    """Another order service leads the fleet; the text says which, and what to do."""
+
+    def __init__(self, record: LeaderRecord) -> None:
+        super().__init__(
+            f"another order service with another store leads this fleet (store {record.store}, epoch "
+            f"{record.epoch}), so this one has ended. End the other one, or have both use one PostgreSQL, or "
+            "set another interface_name and topic_prefix here"
+        )
+
+
+class LeaderRecord(Resource):
+    """Who leads a fleet."""
+
+    store: str
+    epoch: int
+    instance: str
+    """Of one run of the program."""
+
+    @property
+    def rank(self) -> tuple[int, str]:
+        """The greatest one keeps the fleet: robots refuse commands of older epochs."""
+        return self.epoch, self.instance
+
+
+class LeaderElection:
+    """Takes part in the election of one fleet's leader, over a connection of its own."""
+
+    def __init__(self, mqtt: MqttSettings, topic: str, *, store: str, epoch: int, term: Term) -> None:
+        """Prepare to take part; ``store`` identifies the store, for ``term`` see :data:`Term`."""
+        self.won = asyncio.Event()
+        """Set once this order service leads: nothing may be sent to robots before."""
+        self._own = LeaderRecord(store=store, epoch=epoch, instance=token_hex(8))
+        self._topic = topic
+        self._question = f"{self._topic}/question"
+        self._holds = False
+        """Whether the record at the broker is our own."""
+        self._left: LeaderRecord | None = None
+        """The record that was found, while its order service may still answer."""
+        self._giving_up: asyncio.TimerHandle | None = None
+        self._taken: asyncio.Future[LeaderRecord] = asyncio.get_running_loop().create_future()
+        self._link = MqttLink(
+            mqtt.model_copy(update={"client_id": None}),
+            client_id=f"nena-order-service-leader-{self._own.instance}",
+            hooks=LinkHooks(
+                will=lambda: Outbound(self._topic, b"", retain=True),
+                on_subscribed=self._ask,
+                on_lost=self._lost,
+            ),
+            term=term,
+        )
+        self._link.subscribe(self._topic, self._on_record)
+        self._link.subscribe(self._question, self._on_question)
+
+    @property
+    def epoch(self) -> int:
+        """Of the order service."""
+        return self._own.epoch
+
+    async def run(self) -> None:
+        """Lead until cancelled.
+
+        Raises:
+            FleetTakenError: another order service leads the fleet.
+
+        """
+        linking = asyncio.create_task(self._link.run(), name="link of the leader election")
+        try:
+            await asyncio.wait((linking, self._taken), return_when=asyncio.FIRST_COMPLETED)
+            if linking.done():
+                linking.result()
+            raise FleetTakenError(self._taken.result())
+        finally:
+            if self._holds:
+                self._link.publish(Outbound(self._topic, b"", retain=True))
+                with suppress(asyncio.CancelledError):
+                    await self._link.drain(1.0)
+            self._lost()
+            await end(linking)
+
+    def _ask(self) -> None:
+        """Ask who leads: retained records come before our own question does."""
+        self._link.publish(Outbound(self._question, self._own.instance.encode()))
+
+    def _on_question(self, message: Inbound) -> None:
+        if self._holds:
+            self._publish()
+        elif message.payload != self._own.instance.encode():
+            return
+        elif self._left is None:
+            self._hold()
+        elif self._giving_up is None:
+            self._giving_up = asyncio.get_running_loop().call_later(ANSWERED_WITHIN, self._hold)
+
+    def _on_record(self, message: Inbound) -> None:
+        if not message.payload:
+            self._left = None
+            if self._holds:
+                self._publish()  # the last will of another one has cleared it
+            elif self._giving_up:
+                self._hold()
+            return
+        try:
+            found = LeaderRecord.model_validate_json(message.payload)
+        except ValidationError:
+            log.warning("a record of the fleet's leader cannot be read", topic=message.topic)
+            return
+        if found.instance != self._own.instance:
+            self._meet(found, alive=not message.retained)
+
+    def _meet(self, found: LeaderRecord, *, alive: bool) -> None:
+        """Decide who keeps the fleet; of one store, the older epoch is over."""
+        if found.store == self._own.store:
+            if found.rank > self._own.rank:
+                self._yield_to(found)
+            elif self._holds:
+                self._publish()
+        elif self.won.is_set() and self._own.rank > found.rank:
+            if self._holds:
+                self._publish()
+        elif alive:
+            self._yield_to(found)
+        else:
+            self._left = found
+
+    def _yield_to(self, found: LeaderRecord) -> None:
+        self._holds = False
+        if not self._taken.done():
+            self._taken.set_result(found)
+
+    def _hold(self) -> None:
+        if self._left is not None:
+            log.warning("the order service that led this fleet does not answer", store=self._left.store)
+        self._left, self._giving_up, self._holds = None, None, True
+        self._publish()
+        self.won.set()
+
+    def _publish(self) -> None:
+        body = self._own.model_dump_json(by_alias=True).encode()
+        self._link.publish(Outbound(self._topic, body, retain=True))
+
+    def _lost(self) -> None:
+        """Forget what another connection has shown."""
+        self._holds, self._left = False, None
+        if self._giving_up:
+            self._giving_up.cancel()
+            self._giving_up = None

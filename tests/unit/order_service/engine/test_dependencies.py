@@ -1,0 +1,52 @@
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nena_order_service.engine.dependencies import Dependencies
+from support.order_service import raw_order
+
+
+def test_an_order_says_what_it_waits_for_until_it_waits_for_nothing() -> None:
+    dependencies = Dependencies()
+    order = raw_order(number=9)
+    dependencies.wait(order, ["B", "A"])
+    assert dependencies.why_waiting(order) == "waits until 'A', 'B' are FINISHED"
+    assert dependencies.settle("A") == (9,)
+    assert dependencies.why_waiting(order) == "waits until 'B' is FINISHED"
+    assert dependencies.settle("B") == (9,)
+    assert dependencies.why_waiting(order) == ""
+    assert dependencies.settle("B") == ()
+
+
+def test_many_are_counted_not_named() -> None:
+    dependencies = Dependencies()
+    dependencies.wait(raw_order(), [f"T-{number}" for number in range(2, 9)])
+    assert dependencies.why_waiting(raw_order()) == "waits until 'T-2', 'T-3', 'T-4' and 4 more are FINISHED"
+
+
+def test_an_order_that_is_forgotten_is_not_told_of_any_more() -> None:
+    dependencies = Dependencies()
+    for number in (1, 2):
+        dependencies.wait(raw_order(number=number), ["A", "B"])
+    dependencies.forget(raw_order(number=1))
+    assert dependencies.settle("A") == (2,)
+    dependencies.forget(raw_order(number=2))
+    assert dependencies.settle("B") == ()
+
+
+@given(
+    st.dictionaries(st.integers(1, 5), st.sets(st.sampled_from("ABC")), max_size=5),
+    st.permutations(list("ABC")),
+)
+def test_each_order_waits_for_just_what_is_not_settled(waits: dict[int, set[str]], ends: list[str]) -> None:
+    dependencies = Dependencies()
+    for number, names in waits.items():
+        dependencies.wait(raw_order(number=number), names)
+    left = {number: set(names) for number, names in waits.items()}
+    for name in ends:
+        told = dependencies.settle(name)
+        assert set(told) == {number for number, names in left.items() if name in names}
+        for number, names in left.items():
+            names.discard(name)
+            assert bool(dependencies.why_waiting(raw_order(number=number))) == bool(names)

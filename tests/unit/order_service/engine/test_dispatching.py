@@ -1,0 +1,208 @@
+"""What of the vehicles makes a difference to the dispatcher."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import pytest
+
+from nena_order_service.dispatching.settings import DispatchSettings
+from nena_order_service.engine.context import EngineSettings
+from nena_order_service.engine.engine import Engine
+from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.routing import graph
+from nena_shared.fleet_api.transport_order import OrderSequenceRequest, TransportOrderState
+from nena_shared.plant import PlantModel, Vehicle
+from support.order_service import request
+from support.plants import path, point
+from support.scripted_fleet import MemoryStore, ScriptedFleet, make_engine, status_of
+
+PLANT = PlantModel(
+    name="row",
+    points=tuple(point(name, 4000 * index) for index, name in enumerate("ABC")),
+    paths=tuple(path(ends, 4000) for ends in ("A B", "B A", "B C", "C B")),
+    vehicles=tuple(Vehicle(name=name) for name in ("V1", "V2")),
+)
+
+
+def power(percent: float) -> dict[str, Any]:
+    return {"power_supply": {"state_of_charge": percent, "charging": False}}
+
+
+async def make(**dispatch: Any) -> tuple[Engine, ScriptedFleet]:
+    settings = EngineSettings(
+        default_map_id="map", traffic=False, dispatch=DispatchSettings.model_validate(dispatch)
+    )
+    fleet = ScriptedFleet({"V1": "A", "V2": "C"}, fields={"V1": power(5), "V2": power(50)})
+    engine = await make_engine(PLANT, MemoryStore(), fleet, settings=settings)
+    for name, at in list(fleet.at.items()):
+        fleet.appear(name, at)
+    return engine, fleet
+
+
+async def test_energy_decides_who_may_and_not_at_all_where_it_is_not_respected() -> None:
+    engine, fleet = await make()
+    engine.create(request("A"), "T")
+    assert fleet.sent[0][0] == "V2"
+
+    engine, fleet = await make(energy={"respected": False})
+    engine.create(request("A"), "T")
+    assert fleet.sent[0][0] == "V1"
+
+
+@pytest.mark.clause("7.8/loads")
+async def test_a_vehicle_that_kept_a_load_drops_it_before_it_picks_up_another_one() -> None:
+    engine, fleet = await make(energy={"respected": False})
+    fleet.fields["V1"] = {"loads": ({"load_id": "of a failed order"},)}
+    fleet.appear("V1", "A")
+    engine.create(request("B:Load", "C:Unload", intendedVehicle="V1"), "T")
+    order = engine.state.orders.named("T")
+    assert order
+    carries = "carries a load, and has no room for another one"
+    assert order.status.reason == f"waits for vehicle 'V1', which {carries}"
+    assert [each.reason for each in engine.explain(order) if each.vehicle == "V1"] == [carries]
+
+    engine.create(request("B:Unload", intendedVehicle="V1"), "drop")
+    assert [vda_order.order_id for _, vda_order in fleet.sent] == ["drop-0"]
+    del fleet.fields["V1"]
+    fleet.finish("V1")
+    assert [vda_order.order_id for _, vda_order in fleet.sent] == ["drop-0", "T-0"]
+
+
+async def test_a_vehicle_gets_no_order_before_its_map_is_enabled() -> None:
+    engine, fleet = await make(energy={"respected": False})
+    told = {"map_id": "map", "map_version": "2"}
+    fleet.fields["V1"] = {"maps": ({**told, "map_status": "DISABLED"},)}
+    fleet.appear("V1", "A")
+    engine.create(request("B", intendedVehicle="V1"), "T")
+    vehicle = engine.registry.named("V1")
+    assert vehicle
+    assert fleet.sent == []
+    assert engine.status(vehicle).reason == "has no version of map 'map' enabled (enableMap)"
+    fleet.fields["V1"] = {"maps": ({**told, "map_status": "ENABLED"},)}
+    fleet.appear("V1", "A")
+    assert [vda_order.order_id for _, vda_order in fleet.sent] == ["T-0"]
+
+    engine, fleet = await make(energy={"respected": False}, maps_respected=False)
+    fleet.fields["V1"] = {"maps": ({**told, "map_status": "DISABLED"},)}
+    engine.create(request("B", intendedVehicle="V1"), "T")
+    assert [vda_order.order_id for _, vda_order in fleet.sent] == ["T-0"]
+
+
+@pytest.mark.parametrize("at", ["A", "C"])
+async def test_the_map_that_counts_is_that_of_the_point_where_a_vehicle_stands(at: str) -> None:
+    floors = {"A": "floor 1", "B": "floor 2", "C": "floor 2"}
+    points = tuple(
+        each.model_copy(update={"properties": {"vda5050:mapId": floors[each.name]}}) for each in PLANT.points
+    )
+    fleet = ScriptedFleet({"V1": at})
+    fleet.fields["V1"] = {
+        "maps": tuple(
+            {
+                "map_id": each,
+                "map_version": "1",
+                "map_status": "ENABLED" if each == floors[at] else "DISABLED",
+            }
+            for each in ("floor 1", "floor 2")
+        ),
+        "mobile_robot_position": {"x": 0.0, "y": 0.0, "theta": 0.0, "map_id": floors[at], "localized": True},
+    }
+    settings = EngineSettings(default_map_id="site", traffic=False)
+    plant = PlantModel(name="floors", points=points, paths=PLANT.paths, vehicles=PLANT.vehicles)
+    engine = await make_engine(plant, MemoryStore(), fleet, settings=settings)
+    fleet.appear("V1", at)
+    engine.create(request("B", intendedVehicle="V1"), "T")
+    assert [vda_order.order_id for _, vda_order in fleet.sent] == ["T-0"]
+
+
+async def test_loads_of_a_vehicle_that_does_a_sequence_are_those_that_its_host_has_planned() -> None:
+    engine, fleet = await make(energy={"respected": False})
+    with engine.change():
+        engine.sequences.create(OrderSequenceRequest(intended_vehicle="V1"), "S")
+    for name, destination in (("S-1", "B:Load"), ("S-2", "C:Load")):
+        engine.create(request(destination, wrappingSequence="S"), name)
+    fleet.accept("V1")
+    fleet.fields["V1"] = {"loads": ({"load_id": "first"},)}
+    fleet.finish("V1")
+    assert [vda_order.order_id for _, vda_order in fleet.sent] == ["S-1-0", "S-2-0"]
+
+
+async def test_the_end_of_a_load_starts_a_decision_and_the_setting_switches_all_off() -> None:
+    engine, fleet = await make(energy={"respected": False})
+    fleet.fields["V1"] = {"loads": ({"load_id": ""},)}
+    fleet.appear("V1", "A")
+    engine.create(request("B:Load", intendedVehicle="V1"), "T")
+    assert fleet.sent == []
+    fleet.fields["V1"] = {"loads": ()}
+    fleet.appear("V1", "A")
+    assert [vda_order.order_id for _, vda_order in fleet.sent] == ["T-0"]
+
+    engine, fleet = await make(energy={"respected": False}, loads_respected=False)
+    fleet.fields["V1"] = {"loads": ({"load_id": ""},)}
+    engine.create(request("B:Load", intendedVehicle="V1"), "T")
+    assert [vda_order.order_id for _, vda_order in fleet.sent] == ["T-0"]
+
+
+async def test_keys_of_the_settings_decide_who_is_taken() -> None:
+    engine, fleet = await make(energy={"critical": 0}, vehicle_candidates=["BY_ENERGY_LEVEL"])
+    fleet.fields["V1"] = power(40)
+    fleet.appear("V1", "A")
+    engine.create(request("A"), "T")
+    assert fleet.sent[0][0] == "V2"
+    order = engine.state.orders.named("T")
+    assert order
+    assert "first by BY_ENERGY_LEVEL of 2 vehicles" in str(order.status.history)
+
+
+async def test_a_state_that_changes_nothing_starts_no_decision(monkeypatch: pytest.MonkeyPatch) -> None:
+    engine, fleet = await make()
+    fleet.out_of_order.update(("V1", "V2"))
+    engine.create(request("B", intendedVehicle="V2"), "T")
+    decisions: list[int] = []
+    decide = engine._life_cycle._dispatch
+
+    def counted(orders: Sequence[TransportOrder]) -> None:
+        decisions.append(len(orders))
+        decide(orders)
+
+    monkeypatch.setattr(engine._life_cycle, "_dispatch", counted)
+    fleet.appear("V2", "C")
+    fleet.appear("V2", "C")
+    assert decisions == []
+    fleet.out_of_order.clear()
+    fleet.appear("V2", "C")
+    assert decisions == [1]
+    assert fleet.sent[0][0] == "V2"
+
+
+async def test_another_decision_needs_no_other_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    engine, fleet = await make(energy={"respected": False})
+    fleet.out_of_order.update(("V1", "V2"))
+    engine.create(request("B"), "T")
+    order = engine.state.orders.named("T")
+    assert order
+    assert order.state is TransportOrderState.DISPATCHABLE
+    fleet.out_of_order.clear()
+    assert [each.cost for each in engine.explain(order)] == [4000, 4000]
+
+    def no_search(*_: object) -> None:
+        pytest.fail("the costs were known")
+
+    monkeypatch.setattr(graph.RoutingGraph, "costs_to", no_search)
+    assert [each.fits for each in engine.explain(order)] == [True, True]
+
+
+async def test_an_order_that_avoids_what_the_plant_has_lost_waits_and_says_so() -> None:
+    engine, fleet = await make()
+    engine.create(request("B", intendedVehicle="V1"), "T")
+    order = engine.state.orders.named("T")
+    assert order
+    lost = order.current.model_copy(update={"avoided": ("Gone",)})
+    engine.state.orders.put(order.changed(drive_orders=order.with_current(lost)))
+
+    fleet.fields["V1"] = power(50)
+    fleet.appear("V1", "A")
+
+    assert fleet.sent == []
+    assert "Gone" in status_of(engine).reason

@@ -1,0 +1,238 @@
+"""How much of its way a robot is given at a time, and what others leave to it."""
+
+from __future__ import annotations
+
+import pytest
+
+from nena_order_service.engine.driving import EVASION_PAUSE
+from nena_order_service.engine.engine import Engine
+from nena_order_service.fleet import VdaOrder
+from nena_shared.plant import PlantModel, Vehicle
+from support.order_service import request
+from support.plants import path, point
+from support.scripted_fleet import MemoryStore, ScriptedFleet, key, make_engine, status_of
+
+pytestmark = pytest.mark.clause("6.1.2/fleet", "6.6.3/fleet")
+
+PLANT = PlantModel(
+    name="row",
+    points=tuple(point(name, 2000 * index) for index, name in enumerate("ABCDE")),
+    paths=(path("A B"), path("B C"), path("C D"), path("D E")),
+    vehicles=(Vehicle(name="V1"),),
+)
+
+
+def base(vda_order: VdaOrder) -> list[str]:
+    return [node.node_id for node in vda_order.nodes if node.released]
+
+
+async def under_way(store: MemoryStore, fleet: ScriptedFleet, ahead: int) -> Engine:
+    engine = await make_engine(PLANT, store, fleet, release_ahead=ahead)
+    fleet.appear("V1", "A")
+    engine.create(request("E", name="T-1"), "T-1")
+    return engine
+
+
+async def test_without_a_policy_the_whole_way_is_the_base() -> None:
+    store, fleet = MemoryStore(), ScriptedFleet({})
+    await under_way(store, fleet, 0)
+    fleet.pass_node("V1", 0)
+    fleet.want_base("V1")
+
+    assert [base(vda_order) for _, vda_order in fleet.sent] == [["A", "B", "C", "D", "E"]]
+    assert fleet.extended == []
+
+
+async def test_so_many_nodes_are_released_ahead_of_the_robot() -> None:
+    store, fleet = MemoryStore(), ScriptedFleet({})
+    await under_way(store, fleet, 2)
+    assert [base(vda_order) for _, vda_order in fleet.sent] == [["A", "B", "C"]]
+    assert len(fleet.sent[0][1].nodes) == 5
+
+    for index in range(4):
+        fleet.pass_node("V1", index)
+
+    assert [base(vda_order) for _, vda_order in fleet.extended] == [
+        ["A", "B", "C", "D"],
+        ["A", "B", "C", "D", "E"],
+    ]
+
+
+async def test_a_robot_that_wants_more_before_gets_more() -> None:
+    store, fleet = MemoryStore(), ScriptedFleet({})
+    await under_way(store, fleet, 1)
+
+    fleet.want_base("V1")
+
+    assert [base(vda_order) for _, vda_order in fleet.extended] == [["A", "B", "C"]]
+
+
+async def test_a_withdrawn_order_is_given_no_more() -> None:
+    store, fleet = MemoryStore(), ScriptedFleet({})
+    engine = await under_way(store, fleet, 1)
+    (number,) = [order.number for order in store.found.orders]
+    engine.withdraw(number, "no longer wanted")
+
+    fleet.pass_node("V1", 1)
+    fleet.want_base("V1")
+
+    assert fleet.extended == []
+
+
+async def test_after_a_restart_the_robot_goes_on_with_what_it_was_given() -> None:
+    store, fleet = MemoryStore(), ScriptedFleet({})
+    await under_way(store, fleet, 1)
+    fleet.pass_node("V1", 1)
+    fleet.pass_node("V1", 2)
+    again = ScriptedFleet({"V1": "C"})
+
+    await make_engine(PLANT, store, again, release_ahead=1)
+    assert base(again.missions[key("V1")]) == ["A", "B", "C", "D"]
+    assert again.updates == {"V1": 2}
+    again.pass_node("V1", 3)
+
+    assert [base(vda_order) for _, vda_order in again.extended] == [["A", "B", "C", "D", "E"]]
+
+
+TRACK = PlantModel(
+    name="single track",
+    points=tuple(point(name, 2000 * index) for index, name in enumerate("ABCDP")),
+    paths=tuple(path(ends, 2000, max_reverse_velocity_mm_s=1000) for ends in ("A B", "B C", "C D", "B P")),
+    vehicles=(Vehicle(name="V1"), Vehicle(name="V2")),
+)
+
+
+async def two(store: MemoryStore, fleet: ScriptedFleet, ahead: int = 0) -> Engine:
+    engine = await make_engine(TRACK, store, fleet, release_ahead=ahead)
+    for name, at in tuple(fleet.at.items()):
+        fleet.appear(name, at)
+    return engine
+
+
+def reason(engine: Engine, name: str) -> str:
+    return status_of(engine, name).reason
+
+
+async def test_what_one_robot_holds_another_one_waits_for_and_says_so() -> None:
+    fleet = ScriptedFleet({"V1": "A", "V2": "C"})
+    engine = await two(MemoryStore(), fleet)
+    engine.create(request("D", intendedVehicle="V2"), "T-2")
+    engine.create(request("C", intendedVehicle="V1"), "T-1")
+
+    assert [base(vda_order) for _, vda_order in fleet.sent] == [["C", "D"], ["A", "B"]]
+    assert len(fleet.missions[key("V1")].nodes) == 3
+    assert reason(engine, "T-1").endswith("but it waits for 'C', which V2 holds")
+
+    fleet.finish("V2")
+    assert [base(vda_order) for _, vda_order in fleet.extended] == [["A", "B", "C"]]
+    assert reason(engine, "T-1") == "vehicle V1 travels to destination 1 of 1"
+
+
+async def test_a_robot_that_rests_in_the_way_makes_room_without_an_order() -> None:
+    store, fleet = MemoryStore(), ScriptedFleet({"V1": "A", "V2": "B"})
+    engine = await two(store, fleet)
+    engine.create(request("C", intendedVehicle="V1"), "T-1")
+
+    ((robot, evasion),) = fleet.sent
+    assert (robot, base(evasion)) == ("V2", ["B", "P"])
+    assert evasion.order_id.startswith("evasion-")
+    assert reason(engine, "T-1").endswith("but it waits for 'B', where V2 rests")
+    assert engine.status(engine.registry.discover(key("V2"))).reason == "makes room for others"
+
+    again = ScriptedFleet({"V1": "A", "V2": "B"})
+    restarted = await make_engine(TRACK, store, again)
+    assert again.adopted == [("V2", evasion.order_id, False)]
+    for name in ("V1", "V2"):
+        again.appear(name, again.at[name])
+    again.accept("V2")
+    assert again.finish("V2")
+    assert again.finish("V1")
+    assert status_of(restarted, "T-1").state.final
+
+
+async def test_an_evasion_that_fails_is_tried_again_later() -> None:
+    fleet = ScriptedFleet({"V1": "A", "V2": "B"})
+    engine = await two(MemoryStore(), fleet)
+    engine.create(request("C", intendedVehicle="V1"), "T-1")
+    fleet.fail("V2")
+    assert len(fleet.sent) == 1
+
+    engine.clock.advance(EVASION_PAUSE)  # type: ignore[attr-defined] # the clock of make_engine
+    engine.look()
+
+    assert [robot for robot, _ in fleet.sent] == ["V2", "V2"]
+
+
+async def test_a_regular_withdrawal_lets_the_robot_drive_to_the_end_of_its_base() -> None:
+    store, fleet = MemoryStore(), ScriptedFleet({})
+    engine = await under_way(store, fleet, 2)
+    (order,) = store.found.orders
+    engine.withdraw(order.number, "no longer wanted", immediate=False)
+
+    ((_, update),) = fleet.extended
+    assert [node.node_id for node in update.nodes] == base(update) == ["A", "B", "C"]
+    assert fleet.cancelled == []
+    assert engine.traffic.journey("V1").all_allocated  # type: ignore[union-attr] # it is there
+
+    assert fleet.finish("V1")
+    assert reason(engine, "T-1").startswith("withdrawn")
+
+
+async def test_what_was_not_sent_is_withdrawn_at_once() -> None:
+    fleet = ScriptedFleet({"V1": "A", "V2": "B"})
+    engine = await two(MemoryStore(), fleet)
+    order = engine.create(request("C", intendedVehicle="V1"), "T-1")
+    assert [robot for robot, _ in fleet.sent] == ["V2"]
+
+    engine.withdraw(order.number, "no longer wanted")
+
+    assert reason(engine, "T-1") == "withdrawn, and the vehicle was at nothing for it: no longer wanted"
+    assert engine.status(engine.registry.discover(key("V1"))).reason == "has nothing to do: no order waits"
+
+
+async def test_a_cancelled_robot_keeps_what_it_held_until_it_is_seen_standing() -> None:
+    fleet = ScriptedFleet({"V1": "A", "V2": "D"})
+    engine = await two(MemoryStore(), fleet)
+    order = engine.create(request("C", intendedVehicle="V1"), "T-1")
+    engine.create(request("B", intendedVehicle="V2"), "T-2")
+    fleet.fields["V1"] = {"driving": True}
+    engine.withdraw(order.number, "not wanted")
+    fleet.confirm_cancel("V1")
+
+    assert {each.point for each in engine.traffic.held("V1")} >= {"A", "B", "C"}
+    assert "not been seen standing" in engine.status(engine.registry.discover(key("V1"))).reason
+    assert not any(robot == "V2" for robot, _ in fleet.sent)
+
+    fleet.fields.clear()
+    fleet.appear("V1", "A")
+    assert [each.point for each in engine.traffic.held("V1")] == ["A"]
+    assert fleet.finish("V2")
+
+
+async def test_a_robot_that_is_lost_is_driven_around_by_who_was_on_its_way_already() -> None:
+    ring = PlantModel(
+        name="ring",
+        points=tuple(point(name, 2000 * index) for index, name in enumerate("ABCDEFG")),
+        paths=tuple(
+            path(ends, 2000, max_reverse_velocity_mm_s=1000)
+            for ends in ("A B", "B C", "C D", "B E", "E F", "F D", "D G")
+        ),
+        vehicles=TRACK.vehicles,
+    )
+    fleet = ScriptedFleet({"V1": "A", "V2": "B"})
+    engine = await make_engine(ring, MemoryStore(), fleet, release_ahead=1)
+    for name, at in tuple(fleet.at.items()):
+        fleet.appear(name, at)
+    engine.create(request("G", intendedVehicle="V2"), "T-2")
+    engine.create(request("D", intendedVehicle="V1"), "T-1")
+    fleet.at["V2"] = "C"
+    fleet.pass_node("V2", 1)
+    assert base(fleet.missions[key("V1")]) == ["A", "B"]
+    fleet.fields["V2"] = {"operating_mode": "MANUAL"}
+    fleet.out_of_order.add("V2")
+    fleet.fail("V2")
+
+    assert fleet.finish("V1")
+    assert fleet.sent[-1][1].order_id == "T-1-0~1"
+    assert base(fleet.missions[key("V1")]) == ["B", "E"]
+    assert reason(engine, "T-2").startswith("wheel lost")

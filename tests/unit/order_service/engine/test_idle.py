@@ -1,0 +1,259 @@
+"""Vehicles that have nothing to do, under the engine."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from nena_order_service.dispatching.settings import DispatchSettings
+from nena_order_service.engine.context import EngineSettings
+from nena_order_service.engine.engine import Engine
+from nena_order_service.engine.idle import DISPLACES_AT_MOST
+from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.vehicles.parking import BARRED
+from nena_shared.clock import ManualClock
+from nena_shared.fleet_api.transport_order import TransportOrderState as S
+from nena_shared.plant import Link, Location, LocationType, PlantModel, Vehicle
+from nena_shared.plant.track import PointType
+from support.fleet_examples import power
+from support.order_service import request
+from support.plants import path, point
+from support.scripted_fleet import MemoryStore, ScriptedFleet, engine_at, later, reason_of
+
+PARK = PointType.PARK_POSITION
+PLANT = PlantModel(
+    name="row",
+    points=(
+        *(point(name, 4000 * index) for index, name in enumerate("ABCD")),
+        point("P", 0, 9000, type=PARK),
+        point("Q", 4000, 9000, type=PARK),
+    ),
+    paths=tuple(
+        path(ends, 4000, max_reverse_velocity_mm_s=1000) for ends in ("A B", "B C", "C D", "A P", "B Q")
+    ),
+    location_types=(LocationType(name="Dock", allowed_operations=("Charge",)),),
+    locations=(Location(name="Dock", type="Dock", links=(Link(point="D"),)),),
+    vehicles=tuple(Vehicle(name=name) for name in ("V1", "V2", "V3")),
+)
+BOTH: dict[str, Any] = {"recharging": {"enabled": True}, "parking": {"enabled": True, "delay": 0}}
+
+
+async def make(
+    places: dict[str, str], store: MemoryStore | None = None, *, charge: float = 95, **dispatch: Any
+) -> tuple[Engine, ScriptedFleet]:
+    settings = EngineSettings(
+        default_map_id="map", dispatch=DispatchSettings.model_validate(dispatch or BOTH)
+    )
+    fields = {name: power(charge) for name in places}
+    return await engine_at(PLANT, places, store, fields=fields, settings=settings, clock=ManualClock())
+
+
+def made(engine: Engine, kind: str) -> list[TransportOrder]:
+    return [each for each in engine.state.orders.unfinished() if each.status.type == kind]
+
+
+async def test_nobody_is_sent_anywhere_unless_that_is_switched_on() -> None:
+    engine, fleet = await make({"V1": "A"}, charge=10, energy={"respected": True})
+    later(engine, 60)
+    assert fleet.sent == []
+    assert reason_of(engine) == "has to recharge first: its energy is not above 30 %, which is critical"
+
+
+async def test_idle_vehicles_park_at_places_of_their_own() -> None:
+    engine, fleet = await make({"V1": "A", "V2": "B"})
+    later(engine, 1)
+    assert {each.name.partition("-")[0] for each in made(engine, "Park")} == {"Park"}
+    assert all(each.status.dispensable for each in made(engine, "Park"))
+    fleet.finish("V1")
+    fleet.finish("V2")
+    assert fleet.at == {"V1": "P", "V2": "Q"}
+    later(engine, 60)
+    assert (len(fleet.sent), made(engine, "Park")) == (2, [])
+
+
+async def test_a_vehicle_parks_only_after_it_was_idle_for_the_delay() -> None:
+    engine, fleet = await make({"V1": "A"}, parking={"enabled": True, "delay": 20})
+    later(engine, 1)
+    later(engine, 19)
+    assert fleet.sent == []
+    later(engine, 1)
+    assert len(fleet.sent) == 1
+
+
+async def test_who_cannot_park_says_so() -> None:
+    engine, fleet = await make({"V1": "P", "V2": "Q", "V3": "A"})
+    later(engine, 1)
+    assert fleet.sent == []
+    assert reason_of(engine, "V1").endswith("no order waits")
+    assert reason_of(engine, "V3").endswith(
+        "it should park, but no parking position is free that it can reach"
+    )
+
+
+async def test_parking_gives_way_to_an_order_that_waits() -> None:
+    engine, fleet = await make({"V1": "A"})
+    later(engine, 1)
+    park = made(engine, "Park")[0]
+    engine.create(request("C"), "T")
+
+    waiting = engine.state.orders.named("T")
+    assert waiting
+    assert waiting.status.reason == "waits for vehicle 'V1', which gives up a dispensable order first"
+    assert engine.state.orders.get(park.number).state is S.WITHDRAWN
+    assert "gives way to order T" in engine.state.orders.get(park.number).status.reason
+    assert fleet.cancelled == []
+
+    fleet.finish("V1")
+    assert engine.state.orders.get(park.number).state is S.FAILED
+    assert [vda_order.order_id for _, vda_order in fleet.sent][-1] == "T-0"
+
+
+async def test_a_vehicle_that_gives_up_an_order_is_kept_for_the_one_that_wanted_it() -> None:
+    engine, fleet = await make({"V1": "A"})
+    later(engine, 1)
+    engine.create(request("C"), "T")
+    engine.create(request("B", priority=9), "U")
+    fleet.finish("V1")
+    assert [vda_order.order_id for _, vda_order in fleet.sent][-1] == "T-0"
+
+
+async def test_a_vehicle_that_was_kept_parks_again_when_nothing_waits_any_more() -> None:
+    engine, fleet = await make({"V1": "A"})
+    later(engine, 1)
+    engine.create(request("C"), "T")
+    fleet.finish("V1")
+    fleet.finish("V1")
+    later(engine, 60)
+    assert fleet.sent[-1][1].order_id.startswith("Park-")
+
+
+async def test_a_vehicle_is_kept_for_no_order_that_is_held() -> None:
+    engine, fleet = await make({"V1": "A"})
+    later(engine, 1)
+    engine.create(request("C"), "T")
+    engine.create(request("B"), "U")
+    order = engine.state.orders.named("T")
+    assert order
+    engine.hold(order.number, "Ann", "tea")
+    fleet.finish("V1")
+    assert fleet.sent[-1][1].order_id == "U-0"
+
+
+async def test_an_order_does_not_wait_for_a_vehicle_that_is_lost_meanwhile() -> None:
+    engine, fleet = await make({"V1": "A"})
+    later(engine, 1)
+    engine.create(request("C"), "T")
+    del fleet.at["V1"]
+    fleet.appear("V2", "B")
+    assert [(name, vda_order.order_id) for name, vda_order in fleet.sent][-1] == ("V2", "T-0")
+
+
+async def test_low_energy_is_recharged_and_nothing_else_is_done() -> None:
+    engine, fleet = await make({"V1": "A"}, charge=20)
+    engine.create(request("C"), "T")
+    later(engine, 1)
+    recharge = made(engine, "Charge")[0]
+    assert recharge.name.startswith("Recharge-")
+    assert not recharge.status.dispensable
+    fleet.finish("V1")
+    assert fleet.at["V1"] == "D"
+
+    fleet.fields["V1"] = power(60, charging=True)
+    later(engine, 60)
+    waiting = engine.state.orders.named("T")
+    assert waiting
+    assert waiting.status.reason.endswith("recharges, and goes on until it has 90 % of its energy")
+    fleet.fields["V1"] = power(90, charging=True)
+    fleet.appear("V1", "D")
+    assert fleet.sent[-1][1].order_id == "T-0"
+
+
+async def test_a_vehicle_that_recharges_inside_of_its_order_is_told_to_cancel() -> None:
+    engine, fleet = await make({"V1": "D"}, charge=80)
+    later(engine, 1)
+    recharge = made(engine, "Charge")[0]
+    assert recharge.status.dispensable
+    fleet.operate("V1")
+    engine.create(request("C"), "T")
+    assert fleet.cancelled == ["V1"]
+    fleet.confirm_cancel("V1")
+    assert engine.state.orders.get(recharge.number).state is S.FAILED
+    assert fleet.sent[-1][1].order_id == "T-0"
+
+
+async def test_an_order_of_a_host_is_never_called_away_whatever_its_name_and_type() -> None:
+    engine, fleet = await make({"V1": "D"}, charge=95)
+    asked = request("D:Charge", type="Charge", intended_vehicle="V1")
+    order = engine.create(asked, "Recharge-1")
+    fleet.operate("V1")
+    engine.create(request("C"), "T")
+    assert fleet.cancelled == []
+    assert engine.state.orders.get(order.number).state is S.BEING_PROCESSED
+
+
+async def test_a_charger_that_is_held_in_vain_is_asked_for_where_energy_is_critical() -> None:
+    engine, fleet = await make({"V1": "A", "V2": "D"})
+    fleet.fields["V2"] = power(99, charging=True)
+    fleet.fields["V1"] = power(60)
+    later(engine, 1)
+    assert made(engine, "Charge") == []
+    fleet.fields["V1"] = power(10)
+    fleet.finish("V1")
+    later(engine, 60)
+    assert [each.status.intended_vehicle for each in made(engine, "Charge")] == ["V1"]
+
+
+async def test_orders_of_one_kind_are_not_made_all_the_time() -> None:
+    engine, fleet = await make({"V1": "A"})
+    later(engine, 1)
+    fleet.fail("V1")
+    later(engine, 1)
+    assert made(engine, "Park") == []
+    later(engine, 10)
+    assert len(made(engine, "Park")) == 1
+
+
+async def test_others_make_room_for_who_parks_some_times_and_then_not_until_a_host_has_work_for_it() -> None:
+    places = {"V1": "B", "V2": "A", "V3": "Q"}
+    engine, fleet = await make(places, parking=BOTH["parking"], energy={"respected": True})
+    fleet.fields["V2"] = power(10)  # it may not even park, and is in the way of who does
+    fleet.appear("V2", "A")
+    for _ in range(DISPLACES_AT_MOST):
+        later(engine, 60)
+        (parking,) = made(engine, "Park")
+        assert parking.vehicle == "V1"
+        engine.withdraw(parking.number, "to see whether it tries again")
+        fleet.finish("V1")  # it has let V2 out
+        fleet.appear("V1", "B")
+    later(engine, 60)
+    assert made(engine, "Park") == []
+    assert reason_of(engine).endswith(f"it should park, but each free parking position near it {BARRED}")
+
+    asked: list[str] = []
+
+    def displaces(_vehicle: str, point: str) -> bool:
+        asked.append(point)
+        return True
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(engine.traffic, "displaces", displaces)
+        later(engine, 1)
+        assert asked == [], "what was found out holds for a while"
+        assert BARRED in reason_of(engine)
+        later(engine, 10)
+        assert asked == ["P"]
+
+    engine.create(request("C"), "of a host")
+    later(engine, 1)
+    fleet.finish("V1")
+    later(engine, 60)
+    assert [each.vehicle for each in made(engine, "Park")] == ["V1"]
+
+
+async def test_each_vehicle_has_a_reason_for_an_order() -> None:
+    engine, _ = await make({"V1": "A"}, charge=20, parking={"enabled": False})
+    order = engine.create(request("C"), "T")
+    found = {each.vehicle: each.reason for each in engine.explain(order)}
+    assert "critical" in found["V1"]
+    assert found["V2"] == "is offline"

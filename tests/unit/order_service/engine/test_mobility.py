@@ -1,0 +1,57 @@
+"""Whom traffic may send away, and of whom nobody knows when it goes on."""
+
+from __future__ import annotations
+
+from nena_order_service.engine.driving import EVASION_PAUSE, Mobility
+from nena_order_service.engine.engine import Engine
+from nena_shared.plant import PlantModel, Vehicle
+from support.order_service import request
+from support.plants import path, point
+from support.scripted_fleet import MemoryStore, ScriptedFleet, make_engine
+
+PLANT = PlantModel(
+    name="row",
+    points=tuple(point(name, 2000 * index) for index, name in enumerate("AB")),
+    paths=(path("A B"),),
+    vehicles=(Vehicle(name="V1"),),
+)
+
+
+async def make() -> tuple[Engine, ScriptedFleet, Mobility]:
+    fleet = ScriptedFleet({"V1": "A"})
+    engine = await make_engine(PLANT, MemoryStore(), fleet)
+    fleet.appear("V1", "A")
+    return engine, fleet, engine._driving.mobility
+
+
+async def test_a_vehicle_that_is_free_may_be_sent_away() -> None:
+    _, _, mobility = await make()
+    assert (mobility.movable("V1"), mobility.lost("V1")) == (True, False)
+    assert (mobility.movable("nobody"), mobility.lost("nobody")) == (False, True)
+
+
+async def test_a_vehicle_whose_order_is_held_stays_and_nobody_waits_for_it() -> None:
+    engine, fleet, mobility = await make()
+    order = engine.create(request("B"), "T")
+    engine.hold(order.number, "Ann", "tea")
+    fleet.confirm_cancel("V1")
+    assert (mobility.movable("V1"), mobility.lost("V1")) == (False, True)
+
+
+async def test_a_vehicle_that_did_not_make_room_is_left_alone_for_a_while() -> None:
+    engine, _, mobility = await make()
+    vehicle = engine.registry.named("V1")
+    assert vehicle
+    mobility.evasion_failed(vehicle)
+    assert (mobility.movable("V1"), mobility.movable("V1", wants=True)) == (False, True)
+    engine.clock.advance(EVASION_PAUSE)  # type: ignore[attr-defined] # the clock of make_engine
+    assert mobility.movable("V1")
+
+
+async def test_it_is_said_why_a_vehicle_stays() -> None:
+    engine, fleet, mobility = await make()
+    vehicle = engine.registry.named("V1")
+    assert vehicle
+    assert mobility.why_it_stays(vehicle) == ""
+    fleet.out_of_order.add("V1")
+    assert mobility.why_it_stays(vehicle).startswith("the robot is ")

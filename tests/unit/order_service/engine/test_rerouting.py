@@ -1,0 +1,323 @@
+"""Vehicles under way go another way where a host asks for it or locks a path; their bases never change."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from nena_order_service.engine.engine import Engine
+from nena_order_service.errors import NotReroutableError, VehicleNotReachedError
+from nena_order_service.fleet import OperationStarted, VdaOrder
+from nena_order_service.orders.transport_order import TransportOrder
+from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.fleet_api.vehicle import ReroutingOutcome, ReroutingType
+from nena_shared.plant import Link, Location, LocationType, PlantModel, Vehicle
+from support.order_service import request
+from support.plants import path, point
+from support.scripted_fleet import MemoryStore, ScriptedFleet, key, make_engine
+
+PLANT = PlantModel(
+    name="two ways",
+    points=(
+        *(point(name, 2000 * index) for index, name in enumerate("ABCDEF")),
+        *(point(name, 2000 * index + 3000, 3000) for index, name in enumerate("XY")),
+    ),
+    paths=tuple(
+        path(ends, 2000 if set(ends) < set("ABCDEF ") else 3000)
+        for ends in ("A B", "B C", "C D", "D E", "E F", "B X", "X Y", "Y D", "C Y")
+    ),
+    location_types=(LocationType(name="Station", allowed_operations=("Load",)),),
+    locations=(Location(name="Shelf", type="Station", links=(Link(point="E"),)),),
+    vehicles=(Vehicle(name="V1"), Vehicle(name="V2")),
+)
+REGULAR, FORCED = ReroutingType
+
+
+def base(vda_order: VdaOrder) -> str:
+    return "".join(node.node_id for node in vda_order.nodes if node.released)
+
+
+def whole(vda_order: VdaOrder) -> str:
+    return "".join(node.node_id for node in vda_order.nodes)
+
+
+async def under_way(
+    fleet: ScriptedFleet, *, ahead: int = 1, goal: str = "E", store: MemoryStore | None = None
+) -> Engine:
+    engine = await make_engine(PLANT, store or MemoryStore(), fleet, release_ahead=ahead)
+    fleet.appear("V1", "A")
+    engine.create(request(goal, intendedVehicle="V1"), "T-1")
+    return engine
+
+
+def locked(*paths: str) -> dict[str, bool]:
+    return {each.replace(" ", " --- "): True for each in paths}
+
+
+def lock(engine: Engine, *paths: str) -> None:
+    engine.context.finder.set_locks(locked(*paths))
+    engine.plant_changed()
+
+
+def order(engine: Engine) -> TransportOrder:
+    found = engine.state.orders.visible_named("T-1")
+    assert found
+    return found
+
+
+def reroute(engine: Engine, kind: ReroutingType = REGULAR) -> tuple[ReroutingOutcome, str]:
+    vehicle = engine.registry.named("V1")
+    assert vehicle
+    done = engine.reroute(vehicle, kind)
+    return done.outcome, "".join(done.route)
+
+
+def held(engine: Engine, name: str = "V1") -> str:
+    return "".join(each.point for each in engine.traffic.held(name))
+
+
+async def test_vehicle_goes_around_a_path_that_is_locked_ahead_of_it() -> None:
+    fleet = ScriptedFleet({})
+    engine = await under_way(fleet)
+    assert whole(fleet.sent[0][1]) == "ABCDE"
+
+    lock(engine, "C D")
+
+    ((_, update),) = fleet.extended
+    assert (base(update), whole(update)) == ("AB", "ABCYDE")
+    assert held(engine) == "AB"
+    assert order(engine).status.drive_orders[0].route == tuple("ABCYDE")
+    assert order(engine).status.history[-1].event_code == "nena:rerouted"
+    for index in range(6):
+        fleet.pass_node("V1", index)
+    assert base(fleet.missions[key("V1")]) == "ABCYDE"
+    assert fleet.finish("V1", at="E")
+    assert order(engine).state is TransportOrderState.FINISHED
+
+
+async def test_actions_behind_another_way_have_new_ids() -> None:
+    fleet = ScriptedFleet({})
+    engine = await under_way(fleet, goal="Shelf:Load")
+    lock(engine, "B C")
+    old, new = fleet.sent[0][1].actions[0], fleet.extended[0][1].actions[0]
+    assert (old.action_type, old.action_parameters) == (new.action_type, new.action_parameters)
+    assert old.action_id != new.action_id
+
+
+async def test_what_the_robot_was_told_to_drive_it_drives() -> None:
+    fleet = ScriptedFleet({})
+    engine = await under_way(fleet, ahead=0)
+    lock(engine, "C D")
+    assert (fleet.extended, fleet.cancelled) == ([], [])
+    assert reroute(engine) == (ReroutingOutcome.UNCHANGED, "")
+
+
+async def test_order_waits_before_a_locked_path_and_goes_on_when_it_is_unlocked() -> None:
+    fleet, store = ScriptedFleet({}), MemoryStore()
+    engine = await under_way(fleet, goal="F", store=store)
+
+    lock(engine, "D E")
+    assert whole(fleet.extended[-1][1]) == "AB"
+    assert fleet.finish("V1", at="B")
+    assert "waits until a path is unlocked" in order(engine).status.reason
+    assert order(engine).state is TransportOrderState.BEING_PROCESSED
+    engine.look()
+    assert len(fleet.sent) == 1
+    lock(engine)
+
+    assert whole(fleet.sent[1][1]) == "BCDEF"
+    assert fleet.sent[1][1].order_id == "T-1-0~1"
+
+
+async def test_order_that_waits_for_an_unlocking_waits_on_after_a_restart() -> None:
+    fleet, store = ScriptedFleet({}), MemoryStore()
+    engine = await under_way(fleet, goal="F", store=store)
+    lock(engine, "D E")
+    assert fleet.finish("V1", at="B")
+
+    again = ScriptedFleet({"V1": "B"})
+    engine = await make_engine(PLANT, store, again, release_ahead=1, locks=locked("D E"))
+    again.appear("V1", "B")
+    assert "waits until a path is unlocked" in order(engine).status.reason
+    lock(engine)
+
+    assert [vda_order.order_id for _, vda_order in again.sent] == ["T-1-0~1"]
+
+
+async def test_lock_that_was_stored_before_a_kill_is_kept_to_after_it() -> None:
+    fleet, store = ScriptedFleet({}), MemoryStore()
+    await under_way(fleet, store=store)
+    again = ScriptedFleet({"V1": "A"})
+    await make_engine(PLANT, store, again, release_ahead=1, locks=locked("C D"))
+    assert whole(again.missions[key("V1")]) == "ABCYDE"
+
+
+async def test_order_whose_next_drive_order_is_locked_waits() -> None:
+    fleet = ScriptedFleet({})
+    engine = await make_engine(PLANT, MemoryStore(), fleet)
+    fleet.appear("V1", "A")
+    engine.create(request("D", "F"), "T-1")
+    lock(engine, "E F")
+    assert fleet.finish("V1")
+    assert "waits until a path is unlocked" in order(engine).status.reason
+    lock(engine)
+    assert fleet.finish("V1")
+    assert order(engine).state is TransportOrderState.FINISHED
+
+
+async def test_wish_that_no_way_leads_to_any_more_waits_for_the_unlocking() -> None:
+    fleet = ScriptedFleet({})
+    engine = await make_engine(PLANT, MemoryStore(), fleet)
+    fleet.out_of_order.add("V2")
+    fleet.appear("V2", "F")
+    fleet.appear("V1", "A")
+    engine.create(request("F", intendedVehicle="V1"), "T-1")
+    assert fleet.sent == []
+    lock(engine, "E F")
+    assert "waits until a path is unlocked" in order(engine).status.reason
+    lock(engine)
+    assert "where V2 rests" in order(engine).status.reason
+
+
+async def test_host_asks_for_the_way_that_is_best_now() -> None:
+    fleet = ScriptedFleet({})
+    engine = await under_way(fleet)
+    assert reroute(engine) == (ReroutingOutcome.UNCHANGED, "")
+    lock(engine, "B C")
+    assert whole(fleet.extended[0][1]) == "ABXYDE"
+    lock(engine)
+
+    assert reroute(engine) == (ReroutingOutcome.REROUTED, "BCDE")
+
+    assert whole(fleet.extended[1][1]) == "ABCDE"
+
+
+async def test_host_asks_for_a_way_around_a_vehicle_that_rests() -> None:
+    fleet = ScriptedFleet({})
+    engine = await under_way(fleet)
+    fleet.out_of_order.add("V2")
+    fleet.appear("V2", "C")
+    assert reroute(engine) == (ReroutingOutcome.UNCHANGED, "")
+    lock(engine, "B X")  # there is no way around, and the one that there is goes on
+    assert reroute(engine) == (ReroutingOutcome.UNCHANGED, "")
+    assert fleet.extended == []
+
+
+async def test_forced_rerouting_goes_on_from_where_the_robot_stands() -> None:
+    fleet = ScriptedFleet({})
+    engine = await under_way(fleet, ahead=0)
+    fleet.accept("V1")
+    fleet.pass_node("V1", 1)
+
+    outcome, _ = reroute(engine, FORCED)
+
+    assert (outcome, fleet.cancelled) == (ReroutingOutcome.STOPPING, ["V1"])
+    assert held(engine) == "BCDE"  # nothing is freed under a robot that may still drive
+    assert reroute(engine, FORCED)[0] is ReroutingOutcome.STOPPING
+    assert fleet.cancelled == ["V1"]
+    fleet.at["V1"] = "B"
+    fleet.confirm_cancel("V1")
+    assert [(m.order_id, whole(m)) for _, m in fleet.sent] == [("T-1-0", "ABCDE"), ("T-1-0~1", "BCDE")]
+    assert fleet.finish("V1")
+    assert order(engine).state is TransportOrderState.FINISHED
+
+
+async def test_forced_rerouting_survives_a_restart() -> None:
+    fleet, store = ScriptedFleet({}), MemoryStore()
+    engine = await under_way(fleet, ahead=0, store=store)
+    reroute(engine, FORCED)
+    again = ScriptedFleet({"V1": "A"})
+    engine = await make_engine(PLANT, store, again)
+    assert again.cancelled == ["V1"]
+    again.confirm_cancel("V1")
+    assert [vda_order.order_id for _, vda_order in again.sent] == ["T-1-0~1"]
+
+
+async def test_withdrawal_counts_more_than_a_rerouting() -> None:
+    fleet = ScriptedFleet({})
+    engine = await under_way(fleet)
+    reroute(engine, FORCED)
+    engine.withdraw(order(engine).number, "no longer wanted")
+    with pytest.raises(NotReroutableError, match="WITHDRAWN"):
+        reroute(engine)
+    fleet.confirm_cancel("V1")
+    assert order(engine).state is TransportOrderState.FAILED
+
+
+async def test_operation_that_has_begun_is_not_done_a_second_time() -> None:
+    fleet = ScriptedFleet({})
+    engine = await under_way(fleet, ahead=0, goal="Shelf:Load")
+    reroute(engine, FORCED)
+    engine.on_events(OperationStarted(key("V1"), fleet.missions[key("V1")].order_id))
+    fleet.confirm_cancel("V1")
+    assert order(engine).state is TransportOrderState.FAILED
+    assert "look what is done" in order(engine).status.reason
+
+
+async def test_vehicle_at_work_is_not_stopped() -> None:
+    fleet = ScriptedFleet({})
+    engine = await under_way(fleet, ahead=0, goal="Shelf:Load")
+    engine.on_events(OperationStarted(key("V1"), fleet.missions[key("V1")].order_id))
+    with pytest.raises(NotReroutableError, match="does its operation"):
+        reroute(engine, FORCED)
+
+
+async def test_who_has_no_order_or_is_away_is_not_rerouted() -> None:
+    fleet = ScriptedFleet({})
+    engine = await under_way(fleet)
+    idle = engine.registry.named("V2")
+    assert idle
+    with pytest.raises(NotReroutableError, match="no transport order"):
+        engine.reroute(idle, REGULAR)
+    del fleet.at["V1"]
+    with pytest.raises(VehicleNotReachedError, match="OFFLINE"):
+        reroute(engine, FORCED)
+    assert fleet.cancelled == []
+
+
+async def test_way_of_an_order_that_nothing_was_sent_of_is_chosen_when_it_departs() -> None:
+    fleet = ScriptedFleet({})
+    engine = await make_engine(PLANT, MemoryStore(), fleet)
+    fleet.out_of_order.add("V2")
+    fleet.appear("V2", "E")
+    fleet.appear("V1", "A")
+    engine.create(request("E", intendedVehicle="V1"), "T-1")
+    assert reroute(engine, FORCED) == (ReroutingOutcome.UNCHANGED, "")
+
+
+PATHS = [f"{each.source} {each.destination}" for each in PLANT.paths]
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    ahead=st.integers(1, 3),
+    events=st.lists(
+        st.one_of(st.just("drive"), st.just("reroute"), st.sets(st.sampled_from(PATHS), max_size=3)),
+        max_size=15,
+    ),
+)
+async def test_base_never_changes_and_nothing_is_freed_before_the_robot(
+    ahead: int, events: list[str | set[str]]
+) -> None:
+    fleet = ScriptedFleet({})
+    engine = await under_way(fleet, ahead=ahead, goal="F")
+    passed, known = 0, base(fleet.missions[key("V1")])
+    for event in events:
+        if isinstance(event, set):
+            lock(engine, *event)
+        elif event == "reroute":
+            reroute(engine)
+        elif passed + 1 < len(known):
+            passed += 1
+            fleet.pass_node("V1", passed)
+        now = base(fleet.missions[key("V1")])
+        assert now.startswith(known)
+        assert _in_a_row(known[passed:], held(engine))
+        known = now
+
+
+def _in_a_row(wanted: str, there: Iterable[str]) -> bool:
+    return wanted in "".join(there)

@@ -1,0 +1,70 @@
+"""Whose turn it is in a sequence, and what its orders' ends mean for it."""
+
+from __future__ import annotations
+
+from nena_order_service.engine.sequences import Sequences
+from nena_order_service.orders.transport_order import TransportOrder
+from nena_shared.fleet_api.transport_order import OrderSequenceRequest
+from nena_shared.plant import PlantModel
+from support.order_service import NOW, raw_order
+from support.scripted_fleet import make_context
+
+
+class Bench:
+    def __init__(self, **fields: bool | str) -> None:
+        context = make_context(PlantModel(name="empty"))
+        self.orders = context.state.orders
+        self.states = context.state.sequences
+        self.sequences = Sequences(context)
+        self.sequences.create(OrderSequenceRequest.model_validate(fields), "S")
+
+    def add(self, number: int, *, dispensable: bool = False) -> TransportOrder:
+        order = raw_order(number=number, wrappingSequence="S", dispensable=dispensable).activated()
+        self.orders.put(order)
+        self.sequences.append(order)
+        return order
+
+    def fail(self, order: TransportOrder) -> tuple[list[str], str | None]:
+        ended = order.failed("broken", NOW)
+        self.orders.put(ended)
+        failed, following = self.sequences.ended(ended)
+        return [each.name for each in failed], following
+
+
+def test_one_order_at_a_time_has_its_turn() -> None:
+    bench = Bench()
+    first, second, third = (bench.add(number) for number in (1, 2, 3))
+    assert bench.sequences.why_waiting(first) == ""
+    assert bench.sequences.why_waiting(third).endswith("behind 'T-1'")
+    assert bench.fail(second) == ([], "T-1")
+    assert bench.fail(first) == ([], "T-3")
+    assert bench.sequences.why_waiting(third) == ""
+    assert bench.fail(third) == ([], None)
+
+
+def test_a_fatal_failure_takes_all_behind_it_with_it() -> None:
+    bench = Bench(failureFatal=True)
+    first, light, last = bench.add(1), bench.add(2, dispensable=True), bench.add(3)
+    assert bench.fail(light) == ([], "T-1")
+    assert bench.fail(first) == (["T-3"], "T-3")
+    assert bench.fail(last) == ([], None)
+    assert bench.states.freed
+
+
+def test_an_order_without_a_sequence_is_not_its_affair() -> None:
+    bench = Bench(intendedVehicle="V-2")
+    alone = raw_order()
+    assert bench.sequences.ended(alone) == ((), None)
+    assert bench.sequences.why_waiting(alone) == ""
+    assert bench.sequences.misfit(alone, "V-1") == ""
+
+
+def test_vehicles_are_bound_to_one_sequence_and_the_sequence_to_one_vehicle() -> None:
+    bench = Bench(intendedVehicle="V-2")
+    member, alone = bench.add(1), raw_order(number=9)
+    assert "which is for 'V-2'" in bench.sequences.misfit(member, "V-1")
+    assert bench.sequences.misfit(member, "V-2") == ""
+    bench.sequences.bind(member, "V-2")
+    assert bench.sequences.bound_to("V-2") == "S"
+    assert bench.sequences.misfit(alone, "V-2") == "is bound to order sequence 'S'"
+    assert bench.sequences.misfit(alone, "V-1") == ""

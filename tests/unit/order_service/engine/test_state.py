@@ -1,0 +1,268 @@
+"""The state: what is shown to hosts only once it is committed, and what is stored."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nena_order_service.engine import state as state_module
+from nena_order_service.engine.engine import UnitOfWork
+from nena_order_service.engine.state import FleetState
+from nena_order_service.orders.order_sequence import OrderSequence
+from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.orders.vda_orders import SentOrder
+from nena_order_service.store.changes import Changes
+from nena_order_service.traffic.resources import ResourceSet
+from nena_shared.fleet_api.transport_order import (
+    OrderSequenceRequest,
+    OrderSequenceStatus,
+    TransportOrderStatus,
+)
+from nena_shared.fleet_api.vehicle import IntegrationLevel, VehicleStatus
+from nena_shared.plant import Vehicle
+from support.fleet import make_vda_order
+from support.order_service import NOW, assigned_order, dispatchable_order
+from support.scripted_fleet import MemoryStore, key, make_state
+
+
+def take(state: FleetState) -> tuple[Changes, list[TransportOrder]]:
+    """Return what is to be stored, and the orders to be published."""
+    taken = state.pending.take()
+    return taken.stored, taken.orders
+
+
+def test_order_is_visible_only_when_it_is_committed() -> None:
+    state = make_state()
+    book = state.orders
+    order = dispatchable_order(idempotency_key="k")
+    book.put(order)
+    assert (book.named("T-1"), book.keyed("k")) == (order, order)
+    assert book.visible_named("T-1") is None
+    changes, told = take(state)
+    assert list(changes.orders) == [1]
+    book.committed(told)
+    assert book.visible_named("T-1") == order
+
+
+def test_same_version_again_is_no_change() -> None:
+    state = make_state()
+    book = state.orders
+    order = dispatchable_order()
+    book.load(order)
+    book.put(order)
+    assert take(state)[1] == []
+
+
+def test_versions_in_a_row_of_the_same_state_are_told_by_the_last() -> None:
+    state = make_state()
+    book = state.orders
+    order = dispatchable_order()
+    deferred = order.deferred("nobody is free", NOW)
+    assigned = deferred.assigned("V", [("A",)], "near", NOW)
+    for version in (order, deferred, assigned):
+        book.put(version)
+    assert take(state)[1] == [deferred, assigned]
+
+
+def test_old_ended_orders_are_forgotten_and_living_ones_never(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(state_module, "RECENT_LIMIT", 2)
+    state = make_state()
+    book = state.orders
+    book.put(dispatchable_order(number=1))
+    for number in range(2, 6):
+        book.put(assigned_order(number=number, idempotency_key=f"k{number}").finished(NOW))
+        book.committed(take(state)[1])
+    assert [number for number in range(1, 6) if book.named(f"T-{number}")] == [1, 4, 5]
+    assert book.keyed("k2") is None
+
+
+@given(st.permutations(range(1, 7)), st.lists(st.integers(-2, 2), min_size=6, max_size=6))
+def test_queue_is_in_the_order_of_urgency_and_holds_what_waits(
+    numbers: list[int], priorities: list[int]
+) -> None:
+    state = make_state()
+    book = state.orders
+    orders = {
+        number: dispatchable_order(number=number, priority=priorities[number - 1]) for number in numbers
+    }
+    for number in numbers:
+        book.put(orders[number])
+    for number in numbers[:2]:
+        book.put(orders[number].failed("x", NOW))
+    for number in numbers[2:]:
+        orders[number] = orders[number].deferred("nobody is free", NOW)
+        book.put(orders[number])
+    waiting = [orders[number] for number in numbers[2:]]
+    assert list(book.dispatchable()) == sorted(waiting, key=lambda order: order.urgency)
+    assert book.any_waiting
+
+
+ROBOT = key("V-1")
+
+
+def test_a_robot_works_for_its_order_before_between_and_after_vda_orders() -> None:
+    state = make_state()
+    book = state.sent_orders
+    order = assigned_order("A", "B")
+    record = SentOrder.of(ROBOT, make_vda_order("m", "A", "B"), 0)
+    book.assign(order, ROBOT)
+    assert (book.order_number(ROBOT), book.of_order(order)) == (1, None)
+
+    book.put(record)
+    assert (book.find("m"), book.of_order(order), book.of_robot(ROBOT)) == (record, record, record)
+    assert take(state)[0].missions == {1: record.document}
+
+    book.end(record)
+    assert (book.find("m"), book.order_number(ROBOT)) == (None, 1)
+    assert take(state)[0].missions == {1: None}
+
+    assert book.release(order) == ROBOT
+    assert book.order_number(ROBOT) is None
+    assert book.release(order) is None
+
+
+def test_an_order_that_ends_takes_its_vda_order_with_it() -> None:
+    state = make_state()
+    book = state.sent_orders
+    order = assigned_order("A")
+    book.assign(order, ROBOT)
+    book.put(SentOrder.of(ROBOT, make_vda_order("m", "A", "B"), 0))
+    take(state)
+
+    book.release(order)
+
+    assert list(book) == []
+    assert take(state)[0].missions == {1: None}
+
+
+def test_making_room_is_no_vda_order_of_the_order() -> None:
+    state = make_state()
+    vehicles, book = state.vehicles, state.sent_orders
+    order = assigned_order("A")
+    evasion = SentOrder.of(ROBOT, make_vda_order("e", "A", "B"), None)
+    book.assign(order, ROBOT)
+    book.put(evasion)
+
+    assert (book.of_order(order), book.of_robot(ROBOT)) == (None, evasion)
+    assert vehicles.of(ROBOT).evasion == evasion
+    book.release(order)
+    assert book.find("e") == evasion
+    book.end(evasion)
+    assert vehicles.of(ROBOT).evasion is None
+    assert take(state)[0].missions == {}
+
+
+class Ear:
+    def __init__(self) -> None:
+        self.heard: list[tuple[str, int]] = []
+
+    def order_changed(self, status: TransportOrderStatus) -> None:
+        raise AssertionError(status)
+
+    def sequence_changed(self, status: OrderSequenceStatus) -> None:
+        self.heard.append((status.name, status.version))
+
+    def vehicle_changed(self, status: VehicleStatus) -> None:
+        raise AssertionError(status)
+
+
+def made(number: int, key: str | None = None) -> OrderSequence:
+    asked = OrderSequenceRequest(idempotency_key=key)
+    return OrderSequence.created(asked, number=number, name=f"S-{number}", now=NOW)
+
+
+def test_nothing_is_shown_or_told_before_it_is_committed() -> None:
+    store, state, ear = MemoryStore(), make_state(), Ear()
+    work = UnitOfWork(state, store, lambda _: None, lambda _: None)
+    work.listeners.append(ear)
+    book = state.sequences
+    store.held = True
+    first = made(book.next_number(), "k")
+    with work.begin():
+        book.put(first)
+        book.put(first)
+    assert (book.named("S-1"), book.keyed("k"), book.visible("S-1")) == (first, first, None)
+    store.release()
+    assert (book.visible("S-1"), ear.heard) == (first, [("S-1", 1)])
+    assert tuple(book.unfinished()) == (first,)
+
+    with work.begin():
+        bound = first.bound("V-1", NOW)
+        book.put(bound)
+    assert book.of_vehicle("V-1") is bound
+    with work.begin():
+        book.put(bound.completed("by a host", NOW))
+    assert ear.heard == [("S-1", 1), ("S-1", 2), ("S-1", 3)]
+    assert (book.named("S-1"), book.keyed("k"), book.visible("S-1")) == (None, None, None)
+    assert book.of_vehicle("V-1") is None
+    assert (book.next_number(), store.found.sequences) == (2, ())
+
+
+def test_what_is_in_the_store_is_taken_in() -> None:
+    book = make_state().sequences
+    one = made(4).appended("T-1", NOW).bound("V-2", NOW)
+    book.load([one], 7)
+    assert (book.of_vehicle("V-2"), book.visible("S-4"), book.next_number()) == (one, one, 8)
+    assert book.named(None) is None
+    assert book.keyed(None) is None
+
+
+HELD = (ResourceSet("B", 1200, {"A --- B": None, "B": None, "aisle": "north"}),)
+
+
+def test_each_change_is_noted_once_and_read_again() -> None:
+    state = make_state(Vehicle(name="called V1", properties={"vda5050:serialNumber": "V1"}))
+    book = state.vehicles
+    book.change(key("V1"), held=HELD, integration_level=IntegrationLevel.TO_BE_RESPECTED)
+    changes, _ = take(state)
+    book.change(key("V1"), held=HELD)
+    again, _ = take(state)
+
+    assert list(changes.vehicles) == ["NeNa/V1"]
+    assert not again
+    read = make_state().vehicles
+    read.load({robot: document() for robot, document in changes.vehicles.items()})
+    assert read.of(key("V1")) == book.of(key("V1"))
+    assert read.of(key("V1")).held == HELD
+    assert [record.robot for record in read] == [key("V1")]
+    assert read.name_before(key("V1")) == "called V1"
+    assert read.robot_before("called V1") == key("V1")
+    assert read.robot_before("V1") is None
+
+
+def test_a_document_that_cannot_be_read_is_passed_over() -> None:
+    book = make_state().vehicles
+
+    book.load({"NeNa/V1": "{}"})
+
+    assert list(book) == []
+    assert book.of(key("V1")).integration_level is IntegrationLevel.TO_BE_UTILIZED
+
+
+def test_the_evasion_that_an_earlier_release_stored_is_read() -> None:
+    nodes: list[dict[str, object]] = [
+        {"node_id": name, "sequence_id": 2 * index, "released": True, "node_position": None, "actions": []}
+        for index, name in enumerate("AB")
+    ]
+    edges = [{"edge_id": "A-B", "sequence_id": 1, "released": True, "actions": []}]
+    evasion = {
+        "manufacturer": "NeNa",
+        "serial_number": "V1",
+        "drive_order_index": None,
+        "accepted": False,
+        "mission": {"mission_id": "evasion-1", "nodes": nodes, "edges": edges},
+    }
+    document = json.dumps({"manufacturer": "NeNa", "serial_number": "V1", "evasion": evasion})
+    state = make_state()
+    state.vehicles.load({"NeNa/V1": document})
+    found = state.vehicles.of(key("V1")).evasion
+    assert found
+    assert found.vda_order.order_id == "evasion-1"
+
+    state.vehicles.change(key("V1"), integration_level=IntegrationLevel.TO_BE_RESPECTED)
+    again = make_state()
+    again.vehicles.load({"NeNa/V1": take(state)[0].vehicles["NeNa/V1"]()})
+    assert again.vehicles.of(key("V1")).evasion == found

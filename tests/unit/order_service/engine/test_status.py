@@ -1,0 +1,83 @@
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from nena_order_service.engine.engine import Engine
+from nena_order_service.engine.status import Essentials
+from nena_order_service.fleet import LinkStatus
+from nena_shared.fleet_api.vehicle import ProcessingState, VehicleState, VehicleStatus
+from nena_shared.plant import PlantModel, Vehicle
+from nena_shared.vda5050.error import ErrorEntry, ErrorLevel
+from nena_shared.vda5050.state import PowerSupply
+from support.order_service import request
+from support.plants import path, point
+from support.scripted_fleet import MemoryStore, ScriptedFleet, make_engine
+
+PLANT = PlantModel(
+    name="line",
+    points=(point("A"), point("B", 2000)),
+    paths=(path("A B"), path("B A")),
+    vehicles=(Vehicle(name="V1"), Vehicle(name="V2")),
+)
+BROKEN = ErrorEntry(error_type="wheel", error_level=ErrorLevel.FATAL, error_description="lost")
+
+
+class Ear:
+    """Notes what is told of vehicles."""
+
+    def __init__(self) -> None:
+        self.vehicles: list[VehicleStatus] = []
+
+    def order_changed(self, status: object) -> None:
+        """Pass over it."""
+
+    def sequence_changed(self, status: object) -> None:
+        """Pass over it."""
+
+    def vehicle_changed(self, status: VehicleStatus) -> None:
+        self.vehicles.append(status)
+
+
+async def looked_at() -> tuple[Engine, ScriptedFleet, Ear]:
+    """Give a engine that has told how its two vehicles stand; one works, of the other nothing is heard."""
+    fleet, ear = ScriptedFleet({"V1": "A"}), Ear()
+    engine = await make_engine(PLANT, MemoryStore(), fleet)
+    engine.create(request("B", intendedVehicle="V1"), "T")
+    engine.unit_of_work.listeners.append(ear)
+    engine.look()
+    return engine, fleet, ear
+
+
+async def test_status_says_how_a_vehicle_stands() -> None:
+    engine, _, _ = await looked_at()
+    working, unheard = (engine.status(vehicle) for vehicle in engine.registry)
+    assert (working.processing_state, working.transport_order) == (ProcessingState.PROCESSING_ORDER, "T")
+    assert (working.current_position, working.last_state is None) == ("A", False)
+    assert (unheard.state, unheard.connection) == (VehicleState.UNKNOWN, LinkStatus.OFFLINE)
+    assert (unheard.current_position, unheard.last_state) == (None, None)
+
+
+@pytest.mark.parametrize(
+    ("at", "fields", "told"),
+    [
+        ("A", {}, []),
+        ("A", {"power_supply": PowerSupply(state_of_charge=41.5, charging=False)}, []),
+        ("A", {"errors": (BROKEN,)}, ["V1"]),
+        ("B", {}, ["V1"]),
+    ],
+)
+async def test_a_look_tells_of_what_matters_alone(at: str, fields: dict[str, Any], told: list[str]) -> None:
+    engine, fleet, ear = await looked_at()
+    ear.vehicles.clear()
+    fleet.at["V1"], fleet.fields["V1"] = at, fields
+    engine.look()
+    assert [status.name for status in ear.vehicles] == told
+
+
+async def test_essentials_of_a_status_are_its_own() -> None:
+    engine, _, _ = await looked_at()
+    for vehicle in engine.registry:
+        status = engine.status(vehicle)
+        assert status.model_copy(update=Essentials.of(status)._asdict()) == status

@@ -1,0 +1,145 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import pytest
+from structlog.testing import capture_logs
+
+from nena_order_service.engine.engine import UNPUBLISHED_AT_MOST, UnitOfWork
+from nena_order_service.engine.state import FleetState
+from nena_order_service.engine.status import Essentials
+from nena_order_service.fleet import FleetOutput, RobotChanged
+from nena_shared.fleet_api.vehicle import VehicleStatus
+from support.order_service import dispatchable_order
+from support.scripted_fleet import MemoryStore, key, make_state
+
+
+@dataclass
+class Work:
+    """A state, its units of work, and what comes of them."""
+
+    state: FleetState
+    unit: UnitOfWork
+    events: list[FleetOutput]
+
+
+def make(store: MemoryStore, published: Callable[[str], VehicleStatus | None] = lambda _: None) -> Work:
+    state = make_state()
+    events: list[FleetOutput] = []
+    return Work(state, UnitOfWork(state, store, published, events.append), events)
+
+
+@pytest.fixture
+def work(store: MemoryStore) -> Work:
+    return make(store)
+
+
+def test_effects_wait_for_the_commit_and_keep_their_order(work: Work, store: MemoryStore) -> None:
+    done: list[str] = []
+    store.held = True
+    for name in ("first", "second"):
+        with work.unit.begin():
+            work.state.after_commit(lambda name=name: done.append(name))  # type: ignore[misc] # bound at once
+    assert done == []
+    store.release()
+    assert done == ["first", "second"]
+
+
+def test_effect_that_fails_keeps_no_other_from_being_done(work: Work) -> None:
+    done: list[str] = []
+
+    def fail() -> None:
+        raise RuntimeError
+
+    with capture_logs() as logged, work.unit.begin():
+        work.state.after_commit(fail)
+        work.state.after_commit(lambda: done.append("other"))
+    assert done == ["other"]
+    assert [line["log_level"] for line in logged] == ["error"]
+
+
+def test_the_event_that_an_effect_returns_is_handled(work: Work) -> None:
+    with work.unit.begin():
+        work.state.after_commit(lambda: RobotChanged(key("V1")))
+    assert work.events == [RobotChanged(key("V1"))]
+
+
+def test_changes_of_a_unit_that_fails_half_way_are_kept(work: Work, store: MemoryStore) -> None:
+    def fail_half_way() -> None:
+        with work.unit.begin():
+            work.state.orders.put(dispatchable_order())
+            raise KeyError
+
+    with pytest.raises(KeyError):
+        fail_half_way()
+    assert [order.name for order in store.found.orders] == ["T-1"]
+
+
+def test_of_units_that_wait_together_the_last_publishes_a_vehicle(store: MemoryStore) -> None:
+    asked: list[str] = []
+    work = make(store, asked.append)
+    store.held = True
+    for names in (("V1", "V2"), ("V1",)):
+        with work.unit.begin():
+            for name in names:
+                work.state.vehicle_changed(name)
+    store.release_one()
+    assert asked == ["V2"]
+    store.release()
+    assert asked == ["V2", "V1"]
+
+    with work.unit.begin():
+        work.state.vehicle_changed("V1")
+    assert asked == ["V2", "V1", "V1"]
+
+
+def test_what_waits_to_be_published_needs_no_look(work: Work, store: MemoryStore) -> None:
+    store.held = True
+    now = Essentials(*(None,) * len(Essentials._fields))  # type: ignore[arg-type] # any will do
+    assert not work.unit.is_published("V1", now)
+    with work.unit.begin():
+        work.state.vehicle_changed("V1")
+    assert work.unit.is_published("V1", now)
+    store.release()
+    assert not work.unit.is_published("V1", now)
+
+
+def test_a_vehicle_that_changes_without_end_is_published_now_and_then(store: MemoryStore) -> None:
+    asked: list[str] = []
+    work = make(store, asked.append)
+    store.held = True
+    for number in range(3 * UNPUBLISHED_AT_MOST):
+        with work.unit.begin():
+            work.state.vehicle_changed("V1")
+        if number:
+            store.release_one()
+    assert asked == ["V1", "V1"]
+    store.release()
+    assert asked == ["V1", "V1", "V1"]
+
+
+def test_a_unit_that_an_effect_begins_publishes_instead_of_the_one_before(store: MemoryStore) -> None:
+    asked: list[str] = []
+    work = make(store, asked.append)
+
+    def change_again() -> None:
+        with work.unit.begin():
+            work.state.vehicle_changed("V1")
+
+    store.held = True
+    with work.unit.begin():
+        work.state.vehicle_changed("V1")
+        work.state.after_commit(change_again)
+    store.release_one()
+    assert asked == []
+    store.release()
+    assert asked == ["V1"]
+
+
+async def test_committed_is_done_after_all_that_came_before(work: Work, store: MemoryStore) -> None:
+    store.held = True
+    future = work.unit.committed()
+    assert not future.done()
+    store.release()
+    assert future.done()

@@ -1,0 +1,56 @@
+from __future__ import annotations
+
+from itertools import pairwise
+
+import pytest
+
+from nena_order_service.engine.zone_sets import (
+    FIRST_PAUSE,
+    LONGEST_PAUSE,
+    Wanted,
+    ZoneDistribution,
+    ZoneStep,
+)
+from nena_shared.vda5050.state import RobotZoneSetStatus, ZoneSetState
+from support.scripted_fleet import key
+from support.zones import zone, zone_set
+
+pytestmark = pytest.mark.clause("6.4")
+
+SET = zone_set(zone("z", "BLOCKED", 0, 1))
+ROBOT = key("V1")
+
+
+def at_robot(status: str) -> list[ZoneSetState]:
+    return [ZoneSetState(zone_set_id="s1", map_id=SET.map_id, zone_set_status=RobotZoneSetStatus(status))]
+
+
+@pytest.mark.parametrize(
+    ("status", "wanted", "steps"),
+    [
+        ("", Wanted(zone_set=SET), [ZoneStep.SEND]),
+        ("DISABLED", Wanted(zone_set=SET), []),
+        ("DISABLED", Wanted(zone_set=SET, enabled=True), [ZoneStep.ENABLE]),
+        ("ENABLED", Wanted(zone_set=SET, enabled=True), []),
+        ("ENABLED", Wanted(zone_set=SET), []),
+        ("DISABLED", Wanted(zone_set=SET, deleted=True), [ZoneStep.DELETE]),
+        ("", Wanted(zone_set=SET, deleted=True), []),
+    ],
+)
+def test_what_a_robot_lacks_is_due(status: str, wanted: Wanted, steps: list[ZoneStep]) -> None:
+    states = at_robot(status) if status else []
+    due = ZoneDistribution().due(ROBOT, states, {"s1": wanted}, 0.0)
+    assert [each.step for each in due] == steps
+
+
+def test_it_is_tried_again_with_growing_pauses_until_the_robot_has_it() -> None:
+    distribution, wanted = ZoneDistribution(), {"s1": Wanted(zone_set=SET)}
+    times = [now for now in range(5000) if list(distribution.due(ROBOT, [], wanted, float(now)))]
+    pauses = [later - earlier for earlier, later in pairwise(times)]
+    assert pauses[:3] == [FIRST_PAUSE, 2 * FIRST_PAUSE, 4 * FIRST_PAUSE]
+    assert max(pauses) == LONGEST_PAUSE
+    distribution.note(ROBOT, "s1", "too many zones")
+    assert distribution.noted(ROBOT, "s1") == "too many zones"
+    assert list(distribution.due(ROBOT, at_robot("DISABLED"), wanted, 5000.0)) == []
+    assert distribution.noted(ROBOT, "s1") == ""
+    assert [each.step for each in distribution.due(ROBOT, [], wanted, 5001.0)] == [ZoneStep.SEND]
