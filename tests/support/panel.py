@@ -30,6 +30,21 @@ PICTURES = os.environ.get("NENA_SCREENSHOTS")
 """Folder for pictures of the panel; without one none are kept."""
 
 
+COLOUR_NEAR = """([x, y, colour]) => {
+  const map = document.querySelector("nena-fleet-map");
+  const [px, py] = map.view.toScreen(x, y).map((each) => Math.round(each * devicePixelRatio));
+  const pixels = map.canvas.getContext("2d").getImageData(px - 4, py - 4, 9, 9).data;
+  const wanted = map.colours[colour].match(/\\d+/g).map(Number);
+  let count = 0;
+  for (let at = 0; at < pixels.length; at += 4) {
+    const off = wanted.reduce((sum, each, channel) => sum + Math.abs(each - pixels[at + channel]), 0);
+    if (pixels[at + 3] > 60 && off < 40) count += 1;
+  }
+  return count;
+}"""
+"""How many pixels about a place of the plane have a colour of the style sheet."""
+
+
 WITHIN = PATIENCE
 """Seconds that something in the page may take to come true."""
 

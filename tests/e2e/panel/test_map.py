@@ -15,7 +15,7 @@ from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.topics import RobotKey, Topic
 from support.fleet_examples import ROBOT, connection, factsheet, position, state, way
 from support.frames import busy_clock, busy_seconds, frames_per_second, seconds_for_a_frame
-from support.panel import Hall, becomes, opened, picture, seconds_now
+from support.panel import COLOUR_NEAR, Hall, becomes, opened, picture, seconds_now
 from support.pausing import time_passes
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
@@ -24,20 +24,6 @@ MAP = "document.querySelector('nena-fleet-map')"
 ROBOTS = 200
 FRAMES_WANTED = 30
 SECONDS = 2.0
-
-COLOUR_NEAR = """([x, y, colour]) => {
-  const map = document.querySelector("nena-fleet-map");
-  const [px, py] = map.view.toScreen(x, y).map((each) => Math.round(each * devicePixelRatio));
-  const pixels = map.canvas.getContext("2d").getImageData(px - 4, py - 4, 9, 9).data;
-  const wanted = map.colours[colour].match(/\\d+/g).map(Number);
-  let count = 0;
-  for (let at = 0; at < pixels.length; at += 4) {
-    const off = wanted.reduce((sum, each, channel) => sum + Math.abs(each - pixels[at + channel]), 0);
-    if (pixels[at + 3] > 60 && off < 40) count += 1;
-  }
-  return count;
-}"""
-"""How many pixels about a place of the plane have a colour of the style sheet."""
 
 
 def busy_robot(hall: Hall) -> None:

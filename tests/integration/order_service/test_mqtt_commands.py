@@ -110,6 +110,8 @@ async def paths_are_locked_and_vehicles_told(client: httpx.AsyncClient, host: Ho
     )
     assert types["vehicle"]["acceptableOrderTypes"] == [{"name": "Park", "priority": 0}]
     assert (await host.ask("summary"))["summary"] == (await client.get("/v1/summary")).json()
+    planned = (await host.ask("trafficPlan"))["trafficPlan"]["vehicles"]
+    assert [each["vehicle"] for each in planned] == ["Robot-01"]
 
 
 async def sequences_are_made_and_completed(host: Host) -> None:

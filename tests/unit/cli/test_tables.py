@@ -10,6 +10,7 @@ from nena_cli.client import Event
 from nena_cli.orders import ENDED_SHOWN, Board
 from nena_cli.tables import sequence_details, sequence_history, sequences_table
 from nena_order_service.orders.order_sequence import OrderSequence
+from nena_shared.fleet_api.traffic import PlannedPoint, TrafficPlan, TrafficWait, VehiclePlan, WaitCause
 from nena_shared.fleet_api.transport_order import (
     DeliveryPhase,
     DeliveryStatus,
@@ -78,6 +79,18 @@ def test_vehicles_say_where_they_stand_and_why() -> None:
     maps = tuple(RobotMap(map_id="hall", map_version=each, enabled=each == "2") for each in ("1", "2"))
     shown = text_of(tables.vehicles_table([VEHICLE, VEHICLE.model_copy(update={"maps": maps})]))
     assert "hall 1, hall 2" in shown
+
+
+def test_the_traffic_plan_says_where_vehicles_will_be_and_for_whom_they_wait() -> None:
+    wait = TrafficWait(vehicles=("V-2",), at="[B]", cause=WaitCause.PASSES, reason="it waits for V-2")
+    ahead = (PlannedPoint(point="[B]", held=True, seconds=2.4), PlannedPoint(point="C", held=False))
+    one = VehiclePlan(
+        vehicle="V-1", transport_order="T-1", at="A", holds=("A",), ahead=ahead, goal="C", wait=wait
+    )
+    rests = VehiclePlan(vehicle="V-2", at="D", holds=("D",))
+    shown = text_of(tables.traffic_table(TrafficPlan(time=NOW, horizon=60, vehicles=(one, rests))))
+    for part in ("V-1", "[B] 2 s > C", "T-1", "it waits for V-2", "V-2", "D"):
+        assert part in shown
 
 
 def test_rerouting_says_what_became_of_it() -> None:

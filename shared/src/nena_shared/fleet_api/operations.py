@@ -38,6 +38,7 @@ from nena_shared.fleet_api.requests import (
     WithdrawalRequest,
     ZoneSetRequest,
 )
+from nena_shared.fleet_api.traffic import TrafficPlan
 from nena_shared.fleet_api.transport_order import (
     AssignmentStatus,
     DeliveryStatus,
@@ -58,6 +59,7 @@ PATHS: Final = "/v1/paths"
 ZONE_SETS: Final = "/v1/zoneSets"
 PLANT_MODEL: Final = "/v1/plantModel"
 SUMMARY: Final = "/v1/summary"
+TRAFFIC_PLAN: Final = "/v1/traffic/plan"
 
 MADE_BEFORE: Final = {HTTPStatus.OK: "Made before by the key."}
 
@@ -168,6 +170,7 @@ TAGS: Final = {
     ZONE_SETS: "zone sets",
     PLANT_MODEL: "plant model",
     SUMMARY: "summary",
+    TRAFFIC_PLAN: "traffic",
 }
 
 CREATE_ORDER = Operation(
@@ -517,6 +520,16 @@ SUMMARISE = Operation(
     result="summary",
 )
 
+SHOW_TRAFFIC_PLAN = Operation(
+    "trafficPlan",
+    "Return where vehicles will be in the next minute, what they hold, and for whom they wait and why.",
+    "GET",
+    TRAFFIC_PLAN,
+    TrafficPlan,
+    Role.VIEWER,
+    result="traffic_plan",
+)
+
 CHANGE_PLANT = Operation(
     "changePlantModel",
     "Put another plant model in use: openTCS's XML, LIF as in its standard, or NeNa's own JSON.",
@@ -558,6 +571,7 @@ OPERATIONS: Final[tuple[Operation[Any], ...]] = (
     ENABLE_ZONE_SET,
     DELETE_ZONE_SET,
     SUMMARISE,
+    SHOW_TRAFFIC_PLAN,
 )
 """Those that are served alike; a route that could take another one's place stands behind it."""
 

@@ -16,3 +16,10 @@ async def test_orders_and_vehicles_are_counted_by_state(client: httpx.AsyncClien
     found = (await client.get("/v1/summary")).json()
     assert sum(found["transportOrders"].values()) == 2
     assert found["oldestOrder"] == "TO-2"
+
+
+async def test_the_traffic_plan_is_empty_where_no_robot_has_told_where_it_is(
+    client: httpx.AsyncClient,
+) -> None:
+    plan = (await client.get("/v1/traffic/plan")).json()
+    assert (plan["horizon"], plan["vehicles"]) == (60, [])

@@ -121,7 +121,7 @@ async def test_what_one_robot_holds_another_one_waits_for_and_says_so() -> None:
 
     assert [base(vda_order) for _, vda_order in fleet.sent] == [["C", "D"], ["A", "B"]]
     assert len(fleet.missions[key("V1")].nodes) == 3
-    assert reason(engine, "T-1").endswith("but it waits for 'C', which V2 holds")
+    assert reason(engine, "T-1").endswith("but it waits for V2, which passes 'C' first")
 
     fleet.finish("V2")
     assert [base(vda_order) for _, vda_order in fleet.extended] == [["A", "B", "C"]]
@@ -136,7 +136,7 @@ async def test_a_robot_that_rests_in_the_way_makes_room_without_an_order() -> No
     ((robot, evasion),) = fleet.sent
     assert (robot, base(evasion)) == ("V2", ["B", "P"])
     assert evasion.order_id.startswith("evasion-")
-    assert reason(engine, "T-1").endswith("but it waits for 'B', where V2 rests")
+    assert reason(engine, "T-1").endswith("but it waits for V2, which stands on 'B'")
     assert engine.status(engine.registry.discover(key("V2"))).reason == "makes room for others"
 
     again = ScriptedFleet({"V1": "A", "V2": "B"})

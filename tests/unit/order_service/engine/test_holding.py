@@ -148,7 +148,7 @@ async def test_a_held_robot_keeps_its_place_and_others_say_why_they_wait() -> No
     engine.look()
 
     assert [robot for robot, _ in fleet.sent] == ["V1"]
-    assert status_of(engine, "T2").reason.endswith("but it waits for 'B', where V1 rests")
+    assert status_of(engine, "T2").reason.endswith("but it waits for V1, which stands on 'B'")
     assert not engine.traffic.journey("V1")
 
     engine.resume(order.number, "Ann", "go")

@@ -27,7 +27,7 @@ async def test_the_next_drive_order_waits_for_traffic_and_says_so() -> None:
     assert fleet.finish("V1")
 
     assert status_of(engine, "T").current_drive_order_index == 1
-    assert status_of(engine, "T").reason.endswith("but it waits for 'C', where V2 rests")
+    assert status_of(engine, "T").reason.endswith("but it waits for V2, which stands on 'C'")
     fleet.out_of_order.clear()
     fleet.appear("V2", "P")
     assert [vda_order.order_id for _, vda_order in fleet.sent] == ["T-0", "T-1"]

@@ -179,7 +179,7 @@ async def test_wish_that_no_way_leads_to_any_more_waits_for_the_unlocking() -> N
     lock(engine, "E F")
     assert "waits until a path is unlocked" in order(engine).status.reason
     lock(engine)
-    assert "where V2 rests" in order(engine).status.reason
+    assert "V2, which stands on" in order(engine).status.reason
 
 
 async def test_host_asks_for_the_way_that_is_best_now() -> None:

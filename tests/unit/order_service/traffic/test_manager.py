@@ -157,7 +157,7 @@ def test_who_stands_beside_its_point_claims_that_first() -> None:
     bench = Bench(w="B")
     bench.desk.seen("v", Found("B", on_point=False, place_mm=(2000.0, 900.0)), BOX)
 
-    assert bench.go("v", "C") == "waits for 'B', where w rests"
+    assert bench.go("v", "C") == "waits for w, which stands on 'B'"
     assert bench.held("v") == set()
 
 

@@ -112,7 +112,7 @@ def test_nobody_drives_up_to_a_vehicle_of_which_nobody_knows_when_it_goes_on() -
     bench.want("v", "F")
 
     assert list(bench.manager.decide(lambda name: name == "v", lambda name: name == "w")) == []
-    assert bench.manager.why_waiting("v").endswith("where w rests")
+    assert bench.manager.why_waiting("v").startswith("waits for w, which stands on")
 
 
 @pytest.mark.parametrize(("others", "way"), [(0, "BC"), (2, "XYC")])

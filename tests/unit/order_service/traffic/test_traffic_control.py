@@ -53,7 +53,7 @@ def test_who_rests_in_the_way_goes_to_a_parking_place_though_others_are_nearer()
     scene.control.request_route(RouteRequest("v", "C"))
 
     assert list(scene.decide()) == ["Evasion w B Y P"]
-    assert str(scene.control.why_waiting("v")) == "waits for 'B', where w rests"
+    assert str(scene.control.why_waiting("v")) == "waits for w, which stands on 'B'"
     scene.drive_to_end("w")
     assert list(scene.decide()) == ["RouteGrant v A B C"]
     assert scene.control.why_waiting("v") is None
@@ -64,7 +64,7 @@ def test_who_works_where_it_stands_is_waited_for() -> None:
     scene.control.request_route(RouteRequest("v", "C"))
 
     assert list(scene.decide("w")) == []
-    assert str(scene.control.why_waiting("v")) == "waits for 'B', where w rests"
+    assert str(scene.control.why_waiting("v")) == "waits for w, which stands on 'B'"
 
 
 def test_a_short_detour_around_somebody_who_rests_is_taken_and_a_long_one_is_not() -> None:
@@ -142,7 +142,9 @@ def test_nobody_comes_to_rest_on_the_way_of_the_one_who_has_waited_longest() -> 
     scene.control.request_route(RouteRequest("w", "D"))
 
     assert list(scene.decide("u")) == []
-    assert str(scene.control.why_waiting("w")) == "lets v go first at 'D'"
+    assert (
+        str(scene.control.why_waiting("w")) == "waits for v, which goes first at 'D' (it has waited longer)"
+    )
 
 
 def test_a_wish_that_is_dropped_is_not_granted() -> None:
@@ -189,7 +191,7 @@ def test_a_straight_way_needs_the_point_at_its_end() -> None:
     scene = Scene(tracks("A B"), v="A", w="B")
     scene.control.request_route(RouteRequest("v", "B", straight_mm=1500))
     assert list(scene.decide("w")) == []
-    assert str(scene.control.why_waiting("v")) == "waits for 'B', where w rests"
+    assert str(scene.control.why_waiting("v")) == "waits for w, which stands on 'B'"
 
     scene.scheduler.remove("w")
     assert list(scene.decide()) == ["RouteGrant v "]
@@ -202,7 +204,10 @@ def test_a_location_is_one_vehicles_also_where_that_stands_there_already() -> No
     scene.control.request_route(RouteRequest("w", "B", location="Shelf"))
 
     assert list(scene.decide()) == ["RouteGrant v A"]
-    assert str(scene.control.why_waiting("w")) == "lets v go first at 'Shelf'"
+    assert (
+        str(scene.control.why_waiting("w"))
+        == "waits for v, which goes first at 'Shelf' (they would block each other otherwise)"
+    )
     assert scene.allocate("v") == ""
     assert list(scene.decide("v")) == []
 
@@ -219,7 +224,10 @@ def test_what_one_vehicle_holds_nobody_else_gets() -> None:
     assert scene.claim("v", "B") == ""
     assert scene.allocate("v") == ""
 
-    assert scene.claim("w", "B") == "lets v go first at 'B'"
+    assert (
+        scene.claim("w", "B")
+        == "waits for v, which goes first at 'B' (they would block each other otherwise)"
+    )
     assert not scene.scheduler.occupant("w").claimed
 
 
@@ -236,7 +244,7 @@ def test_what_is_left_behind_is_free() -> None:
 def test_a_way_over_somebody_who_rests_is_refused_with_who_it_is() -> None:
     scene = track("A B C D", v="A", w="C")
 
-    assert scene.claim("v", "D") == "waits for 'C', where w rests"
+    assert scene.claim("v", "D") == "waits for w, which stands on 'C'"
     assert scene.scheduler.resting_on("v", scene.way("v", "D")) == ("w",)
 
 
@@ -255,7 +263,9 @@ def test_two_who_want_to_pass_each_other_on_a_single_track_are_not_both_let_in()
     assert scene.claim("w", "X") == ""
     assert scene.allocate("v") == ""  # to B: w must wait until v has left it
 
-    assert scene.allocate("w") == "lets v go first at 'C'"
+    assert (
+        scene.allocate("w") == "waits for v, which goes first at 'C' (they would block each other otherwise)"
+    )
     scene.drive("v")
     scene.drive_to_end("v")
     scene.drive_to_end("w")
@@ -269,7 +279,9 @@ def test_nobody_comes_to_rest_where_somebody_else_has_still_to_pass() -> None:
     assert scene.claim("v", "C") == ""
     assert scene.claim("w", "B") == ""
 
-    assert scene.allocate("w") == "lets v go first at 'B'"
+    assert (
+        scene.allocate("w") == "waits for v, which goes first at 'B' (they would block each other otherwise)"
+    )
     scene.drive_to_end("v")
     assert scene.allocate("w") == ""
 
@@ -277,9 +289,9 @@ def test_nobody_comes_to_rest_where_somebody_else_has_still_to_pass() -> None:
 def test_a_ring_of_vehicles_in_which_each_wants_the_next_ones_place_is_not_begun() -> None:
     scene = Scene(plant(path("A B"), path("B C"), path("C A")), u="A", v="B", w="C")
 
-    assert scene.claim("u", "B") == "waits for 'B', where v rests"
-    assert scene.claim("v", "C") == "waits for 'C', where w rests"
-    assert scene.claim("w", "A") == "waits for 'A', where u rests"
+    assert scene.claim("u", "B") == "waits for v, which stands on 'B'"
+    assert scene.claim("v", "C") == "waits for w, which stands on 'C'"
+    assert scene.claim("w", "A") == "waits for u, which stands on 'A'"
 
 
 def test_one_behind_the_other_they_drive_at_the_same_time() -> None:
@@ -287,7 +299,7 @@ def test_one_behind_the_other_they_drive_at_the_same_time() -> None:
     assert scene.claim("w", "E") == ""
     assert scene.claim("v", "D") == ""
 
-    assert scene.allocate("v") == "waits for 'B', which w holds"
+    assert scene.allocate("v") == "waits for w, which passes 'B' first"
     assert scene.allocate("w") == ""
     scene.drive("w")
     assert scene.allocate("v") == ""
@@ -301,7 +313,7 @@ def test_a_block_holds_one_vehicle() -> None:
     scene.claim("w", "Z")
     assert scene.allocate("v") == ""
 
-    assert scene.allocate("w") == "waits for 'Crossing', which v holds"
+    assert scene.allocate("w") == "waits for v, which passes 'Crossing' first"
     scene.drive("v")
     assert scene.allocate("v") == ""
     scene.drive("v")
@@ -369,7 +381,7 @@ def test_a_refused_claim_leaves_the_one_before() -> None:
     scene = track("A B C D", v="A", w="D")
     scene.claim("v", "B")
 
-    assert scene.claim("v", "D") == "waits for 'D', where w rests"
+    assert scene.claim("v", "D") == "waits for w, which stands on 'D'"
 
     assert [each.point for each in scene.scheduler.occupant("v").claimed] == ["B"]
     assert scene.scheduler.users("C") == frozenset()
@@ -399,7 +411,7 @@ def test_who_finds_somebody_resting_farther_on_its_way_does_not_come_nearer() ->
     scene.claim("v", "C")
     scene.scheduler.give_up_claim("w")
 
-    assert scene.allocate("v") == "waits for 'C', where w rests"
+    assert scene.allocate("v") == "waits for w, which stands on 'C'"
     assert scene.claim("w", "D") == ""
     assert scene.allocate("v") == ""
 

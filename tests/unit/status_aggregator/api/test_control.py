@@ -118,7 +118,16 @@ async def test_problems_of_the_order_service_are_told_as_they_are(client: httpx.
 
 
 @pytest.mark.parametrize(
-    "path", ["/readyz", "/plantModel", "/transportOrders/a/b/c", "/vehicles/%2e%2e/x", "/vehicles/../readyz"]
+    "path",
+    [
+        "/readyz",
+        "/plantModel",
+        "/transportOrders/a/b/c",
+        "/traffic",
+        "/traffic/plan/x",
+        "/vehicles/%2e%2e/x",
+        "/vehicles/../readyz",
+    ],
 )
 async def test_nothing_else_of_the_order_service_is_reachable(
     client: httpx.AsyncClient, far: Far, path: str

@@ -12,7 +12,7 @@ from nena_cli.orders import app as orders
 from nena_cli.plants import app as plant
 from nena_cli.sequences import app as sequences
 from nena_cli.vehicles import app as vehicles
-from nena_cli.vehicles import dispatch
+from nena_cli.vehicles import dispatch, traffic
 from nena_cli.zones import app as zones
 from nena_shared import log
 from nena_shared.settings import LogSettings
@@ -25,6 +25,7 @@ app.add_typer(orders, name="orders")
 app.add_typer(sequences, name="sequences")
 app.add_typer(vehicles, name="vehicles")
 app.command()(dispatch)
+app.command()(traffic)
 app.add_typer(zones, name="zones")
 app.add_typer(plant, name="plant")
 app.add_typer(vda5050, name="vda5050")

@@ -9,6 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from nena_shared.fleet_api.plant import ZoneSetStatus
+from nena_shared.fleet_api.traffic import TrafficPlan, VehiclePlan
 from nena_shared.fleet_api.transport_order import (
     DeliveryStatus,
     DriveOrderStatus,
@@ -114,6 +115,31 @@ def vehicles_table(vehicles: Iterable[VehicleStatus]) -> Table:
             *([_maps(vehicle)] if vehicle.maps else []),
         )
     return table
+
+
+def traffic_table(plan: TrafficPlan) -> Table:
+    """Return a table with a row for each vehicle: its next points with seconds, bold where it may drive."""
+    table = Table("vehicle", "at", "next", "goal", "order", "waits")
+    for each in plan.vehicles:
+        table.add_row(
+            Text(each.vehicle),
+            Text(each.at),
+            _next_points(each),
+            Text(each.goal or ""),
+            Text(each.transport_order or ""),
+            Text(each.wait.reason if each.wait else ""),
+        )
+    return table
+
+
+def _next_points(plan: VehiclePlan) -> Text:
+    text = Text()
+    for index, each in enumerate(plan.ahead):
+        when = "" if each.seconds is None else f" {each.seconds:.0f} s"
+        text.append(" > " if index else "").append(
+            f"{each.point}{when}", style="bold" if each.held else "dim"
+        )
+    return text
 
 
 def _maps(vehicle: VehicleStatus) -> Text:

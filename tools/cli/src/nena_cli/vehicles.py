@@ -1,4 +1,4 @@
-"""``nena vehicles``: list, show, watch; and ``nena dispatch``."""
+"""``nena vehicles``: list, show, watch; ``nena dispatch``; and ``nena traffic``."""
 
 from __future__ import annotations
 
@@ -12,7 +12,14 @@ from nena_cli import tables
 from nena_cli.arguments import COORDINATE, parse_coordinate
 from nena_cli.orders import Board, print_or_watch, watch
 from nena_cli.service import Service, of_service
-from nena_shared.fleet_api.operations import DISPATCH, LIST_VEHICLES, ORDER_TYPES, REROUTE, SHOW_VEHICLE
+from nena_shared.fleet_api.operations import (
+    DISPATCH,
+    LIST_VEHICLES,
+    ORDER_TYPES,
+    REROUTE,
+    SHOW_TRAFFIC_PLAN,
+    SHOW_VEHICLE,
+)
 from nena_shared.fleet_api.vehicle import ReroutingType, VehicleState, VehicleStatus
 
 app = typer.Typer(help="Vehicles.", no_args_is_help=True)
@@ -129,6 +136,14 @@ def dispatch(
     with service.connected() as connection:
         order = connection.call(DISPATCH, name, body=body)
         print_or_watch(service, connection, order, wait=wait)
+
+
+@of_service
+def traffic(service: Service) -> None:
+    """Show where vehicles will be in the next minute, what they hold, and for whom they wait and why."""
+    with service.connected() as connection:
+        plan = connection.call(SHOW_TRAFFIC_PLAN)
+    service.print_one(plan, tables.traffic_table(plan))
 
 
 def _print(service: Service, *vehicles: VehicleStatus) -> None:

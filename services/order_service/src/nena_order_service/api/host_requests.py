@@ -36,6 +36,7 @@ from nena_order_service.store.database import OrderFilter, SequenceFilter
 from nena_order_service.store.store import Store
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.requests import FleetSummary
+from nena_shared.fleet_api.traffic import TrafficPlan
 from nena_shared.fleet_api.transport_order import (
     AssignmentStatus,
     DeliveryPhase,
@@ -280,6 +281,10 @@ class HostRequests:
             vehicles=Counter([vehicle.state async for vehicle in self.vehicles()]),
             oldest_order=oldest.name if oldest else None,
         )
+
+    def traffic_plan(self) -> TrafficPlan:
+        """Return where vehicles will be in the next minute, and for whom they wait."""
+        return self._engine.traffic_plan()
 
     async def set_integration_level(self, name: str, level: IntegrationLevel) -> VehicleStatus:
         """Set the integration level of a vehicle; it lasts over restarts."""

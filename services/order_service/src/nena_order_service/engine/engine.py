@@ -25,6 +25,7 @@ from nena_order_service.engine.rerouting import Rerouted, Rerouting
 from nena_order_service.engine.sequences import Sequences
 from nena_order_service.engine.state import Effect, FleetState, PendingChanges
 from nena_order_service.engine.status import Essentials, StatusReporter
+from nena_order_service.engine.traffic_plan import TrafficPlans
 from nena_order_service.errors import StoreNotReadyError
 from nena_order_service.fleet import (
     ActionRetriable,
@@ -45,6 +46,7 @@ from nena_order_service.fleet.vda_order import state_request
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.store.store import Store
 from nena_order_service.vehicles.registry import FleetVehicle
+from nena_shared.fleet_api.traffic import TrafficPlan
 from nena_shared.fleet_api.transport_order import (
     OrderSequenceStatus,
     TransportOrderRequest,
@@ -206,6 +208,7 @@ class Engine:
         self._life_cycle = LifeCycle(context, self._driving, self._dispatching, self.sequences, pauses)
         self._idle = IdleVehicles(context, self._dispatching, self._life_cycle)
         self._rerouting = Rerouting(context, self._driving)
+        self._plans = TrafficPlans(context, self._driving)
         self._reporter = StatusReporter(
             context, self._positions, self._dispatching, self.sequences, self._idle
         )
@@ -395,6 +398,10 @@ class Engine:
     def status(self, vehicle: FleetVehicle) -> VehicleStatus:
         """Return the status of a vehicle."""
         return self._reporter.status(vehicle)
+
+    def traffic_plan(self) -> TrafficPlan:
+        """Return where vehicles will be in the next minute, and for whom they wait."""
+        return self._plans.plan()
 
     def explain(self, order: TransportOrder) -> list[VehicleFit]:
         """Return for each vehicle why it does not get an order, or that it could."""

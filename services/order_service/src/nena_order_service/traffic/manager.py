@@ -60,6 +60,10 @@ class TrafficManager:
         """Return what a vehicle holds, oldest first; nothing of one that is not here."""
         return tuple(self._scheduler.occupant(vehicle).held) if vehicle in self._scheduler else ()
 
+    def point(self, vehicle: str) -> str:
+        """Return the point that a vehicle has reached last; raises UnknownOccupantError."""
+        return self._scheduler.occupant(vehicle).point
+
     def users(self, resource: str) -> frozenset[str]:
         """Return who holds, claims or will rest on a point, path, block or location."""
         return self._scheduler.users(resource)
@@ -310,9 +314,18 @@ class TrafficManager:
 
     def why_waiting(self, vehicle: str) -> str:
         """Return why a vehicle does not depart or go on; empty where traffic does not keep it."""
+        refusal = self.refusal(vehicle)
+        return refusal.in_words(self.turn_back_mm(refusal)) if refusal else ""
+
+    def refusal(self, vehicle: str) -> Refusal | None:
+        """Return what was refused to a vehicle that does not depart or go on; None: traffic keeps it not."""
         journey = self._journeys.get(vehicle)
-        refusal = (journey and journey.refusal) or self._control.why_waiting(vehicle)
-        return str(refusal or "")
+        return (journey and journey.refusal) or self._control.why_waiting(vehicle)
+
+    def turn_back_mm(self, refusal: Refusal) -> int:
+        """Return how far who goes first would have to turn back otherwise; see :class:`Scheduler`."""
+        known = bool(refusal.way) and refusal.vehicles[0] in self._scheduler
+        return self._scheduler.turn_back_mm(refusal) if known else 0
 
     def sharing(self, vehicle: str) -> str:
         """Say with whom a vehicle stands on one place, which nobody was ever given; empty for nobody."""

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict, deque
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum, auto
 
 from nena_order_service.traffic.resources import Occupant, ResourceSet, UseIndex, Uses
+from nena_shared.plant.track import MM_PER_M
 
 
 class WaitReason(Enum):
@@ -30,16 +31,31 @@ class Refusal:
     resource: str
     between: tuple[str, ...] = ()
     """Others by whom those ``vehicles`` and the one that waits would wait for each other."""
+    way: tuple[ResourceSet, ...] = field(default=(), compare=False, repr=False)
+    """What was asked for, where others must go first so that the vehicles do not block each other."""
 
     def __str__(self) -> str:
-        names = ", ".join(self.vehicles)
+        return self.in_words()
+
+    def in_words(self, turn_back_mm: int = 0) -> str:
+        """Return for whom the vehicle waits, where and why.
+
+        ``turn_back_mm`` is how far the other one would have to turn back if this one went first.
+        """
+        names, one = ", ".join(self.vehicles), len(self.vehicles) == 1
         match self.hindrance:
             case WaitReason.HELD:
-                return f"waits for {self.resource!r}, which {names} holds"
+                return f"waits for {names}, which {'passes' if one else 'pass'} {self.resource!r} first"
             case WaitReason.RESTING:
-                return f"waits for {self.resource!r}, where {names} rests"
+                return f"waits for {names}, which {'stands' if one else 'stand'} on {self.resource!r}"
             case WaitReason.ORDER:
-                return f"lets {names} go first at {self.resource!r}"
+                first = f"waits for {names}, which {'goes' if one else 'go'} first at {self.resource!r}"
+                return f"{first} ({self._why_first(turn_back_mm)})"
+
+    def _why_first(self, turn_back_mm: int) -> str:
+        if turn_back_mm:
+            return f"it would have to turn back {max(1, round(turn_back_mm / MM_PER_M))} m otherwise"
+        return "they would block each other otherwise" if self.between else "it has waited longer"
 
 
 class UnknownOccupantError(LookupError):
@@ -181,6 +197,19 @@ class Scheduler:
         """Return another vehicle that holds what this one holds exclusively, and the resource, or None."""
         return next(self._others(self._holds, name, self.occupant(name).held), None)
 
+    def turn_back_mm(self, refusal: Refusal) -> int:
+        """Return how far the vehicle that goes first would have to turn back if the refused one went first.
+
+        That is from the point where it is to the end of the way that was refused, if it comes towards it.
+        """
+        first, way = self._occupants[refusal.vehicles[0]], refusal.way
+        index = next((index for index, each in enumerate(way) if each.point == first.point), None)
+        following = next(iter((*tuple(first.held)[first.reached + 1 :], *first.claimed)), None)
+        if index is None or following is None:
+            return 0
+        before = {use for each in way[: index + 1] for use in each.uses} - {first.point}
+        return 0 if before.isdisjoint(following.uses) else sum(each.length_mm for each in way[index + 1 :])
+
     def users(self, resource: str) -> frozenset[str]:
         """Return who holds, claims or will rest on ``resource``."""
         return self._holds.users(resource) | self._claims.users(resource) | self._ends.users(resource)
@@ -252,7 +281,8 @@ class Scheduler:
         """Return who claims ``wanted`` and must go before this vehicle, directly or by others in between."""
         for other, resource in self._claims.others(name, wanted.uses):
             if between := self._chain(other, name):
-                return Refusal(WaitReason.ORDER, (other,), resource, between)
+                claimed = tuple(self._occupants[name].claimed)
+                return Refusal(WaitReason.ORDER, (other,), resource, between, claimed)
         return None
 
     def _cycle(self, name: str) -> Refusal | None:
@@ -262,7 +292,7 @@ class Scheduler:
             return None
         first = ring[1] if len(ring) > 1 else name
         resource = next((resource for other, resource in self._reasons(name) if other == first), "")
-        return Refusal(WaitReason.ORDER, (first,), resource, ring)
+        return Refusal(WaitReason.ORDER, (first,), resource, ring, tuple(self._occupants[name].claimed))
 
     def _chain(self, first: str, later: str) -> tuple[str, ...]:
         """Return by whom ``first`` must come to its end before ``later`` can, itself first; empty if not."""

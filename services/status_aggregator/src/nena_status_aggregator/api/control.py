@@ -76,7 +76,7 @@ class OrderServiceClient:
 
 
 PREFIX = "/api/v1/control"
-RESOURCES = re.compile(r"(transportOrders|vehicles)(/[^/]+(/[A-Za-z]+)?)?")
+RESOURCES = re.compile(r"(transportOrders|vehicles)(/[^/]+(/[A-Za-z]+)?)?|traffic/plan")
 """Forwarded paths: the resources that the panel uses."""
 BODY_LIMIT = 256 * 1024
 """Maximum size of a command, bytes."""

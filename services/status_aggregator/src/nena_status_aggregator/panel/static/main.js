@@ -28,7 +28,7 @@ const views = { robots: part("robot-page"), orders: part("order-page"), newOrder
 for (const name of ["fleet-summary", "message-health", "order-table", "robot-table"]) part(name).show(store);
 part("link-banner").show(store, link);
 part("user-menu").show(session);
-map.show(store, plant);
+map.show(store, plant, enabled);
 for (const view of Object.values(views)) view.show(fleet);
 
 map.addEventListener("select", (event) => event.detail && (location.hash = address("robots", event.detail)));

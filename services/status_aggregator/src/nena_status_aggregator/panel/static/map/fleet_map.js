@@ -5,16 +5,18 @@ import { number, t } from "../i18n.js";
 import { Grids } from "./grids.js";
 import { Painter, readColours } from "./painter.js";
 import { drawPlan, extent } from "./plan_painter.js";
+import { TrafficPlan } from "./traffic.js";
 import { Gestures, Viewport } from "./viewport.js";
 
 const KEY = "nena-layers";
 
 /** The layers from bottom to top; named by the texts under `layer.`. */
-export const LAYERS = ["grids", "blocks", "paths", "points", "locations", "names", "routes", "goals", "plans", "robots", "robotNames"];
+export const LAYERS = ["grids", "blocks", "paths", "points", "locations", "names", "routes", "goals", "plans", "traffic", "robots", "robotNames"];
+const HIDDEN = "traffic"; // it asks the order service again and again
 
-/** Return the stored choice; layers are visible by default. */
+/** Return the stored choice; layers are visible by default, but for the traffic plan. */
 export function readLayers() {
-  const hidden = (localStorage.getItem(KEY) ?? "").split(" ");
+  const hidden = (localStorage.getItem(KEY) ?? HIDDEN).split(" ");
   return Object.fromEntries(LAYERS.map((name) => [name, !hidden.includes(name)]));
 }
 
@@ -58,10 +60,14 @@ class FleetMap extends HTMLElement {
   #pending = false;
   #places = [];
   #grids = new Grids();
+  #traffic = new TrafficPlan();
 
-  show(store, plant) {
+  /** `enabled`: whether the order service can be asked. */
+  show(store, plant, enabled) {
     this.store = store;
     this.#build();
+    this.#traffic.addEventListener("change", () => this.#draw());
+    this.#traffic.follow(() => enabled && this.layers.chosen.traffic && !this.replayed);
     plant.addEventListener("change", () => this.#showPlant(plant.model));
     store.addEventListener("change", (event) => this.#change(event.detail));
     this.#grids.addEventListener("change", () => this.#draw());
@@ -237,7 +243,8 @@ class FleetMap extends HTMLElement {
     const followed = this.following && this.#robots().find((robot) => robot.id === selected)?.position;
     if (followed) this.view.centre(followed.x, followed.y);
     const grids = this.#grids.of(this.store.robots.values(), selected);
-    const scene = { plan: this.#plan, grids, robots: this.#robots(), selected, colours, layers: this.layers.chosen, pose };
+    const traffic = this.#traffic.vehicles;
+    const scene = { plan: this.#plan, grids, robots: this.#robots(), selected, colours, layers: this.layers.chosen, pose, traffic };
     this.#places = this.painter.paint(this.view, scene);
     this.#drawScale();
   }

@@ -2,6 +2,7 @@
 
 import { paintPlan } from "./plan_painter.js";
 import { paintRobots } from "./robot_painter.js";
+import { paintTraffic } from "./traffic.js";
 
 const LENGTH = 44;
 const HEAD = 11;
@@ -61,7 +62,7 @@ export class Painter {
   }
 
   /**
-   * Paint everything. `scene`: {plan, grids, robots, selected, colours, layers, pose}. Returns the screen positions of the
+   * Paint everything. `scene`: {plan, grids, robots, selected, colours, layers, pose, traffic}. Returns the screen positions of the
    * robots, `[{robot, at}]`.
    */
   paint(view, scene) {
@@ -72,6 +73,7 @@ export class Painter {
     context.scale(devicePixelRatio, devicePixelRatio);
     const places = scene.robots.map((robot) => ({ robot, at: view.toScreen(robot.position.x, robot.position.y) }));
     const seen = places.filter(({ robot, at }) => robot.order?.active || inSight(view, at));
+    if (scene.layers.traffic && scene.plan) paintTraffic(context, view, scene, this.#texts);
     paintRobots(context, view, seen, { ...scene, texts: this.#texts });
     if (scene.pose) paintPose(context, view.toScreen(scene.pose.x, scene.pose.y), scene.pose.theta, scene.colours.accent);
     return places;

@@ -4,7 +4,10 @@ import { paintGrids } from "./grids.js";
 
 const MM = 1000;
 
-/** Convert a published plant model (mm) to a drawing (m): points, lines (one for both directions), locations, blocks. */
+/**
+ * Convert a published plant model (mm) to a drawing (m): points, lines (one for both directions), locations, blocks;
+ * `between` and `named`: shapes of paths by their ends and by name.
+ */
 export function drawPlan(plant) {
   const points = new Map(
     plant.points.map((each) => [
@@ -20,6 +23,7 @@ export function drawPlan(plant) {
     locations: plant.locations.map((each) => location(each, points)),
     blocks: plant.blocks.map((each) => block(each, points, shapes)),
     between: between(plant.paths, shapes),
+    named: shapes,
   };
 }
 

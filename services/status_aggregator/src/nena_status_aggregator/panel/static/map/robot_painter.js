@@ -22,7 +22,8 @@ export function paintRobots(context, view, places, scene) {
   for (const { robot, at } of places) labels.put(robot.name, at, radiusOf(view, robot) + 10, true);
 }
 
-function colourOf(robot, colours) {
+/** Return the colour of a robot: that of its condition. */
+export function colourOf(robot, colours) {
   return colours[robot.condition.toLowerCase()];
 }
 

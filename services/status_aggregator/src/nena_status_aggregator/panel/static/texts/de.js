@@ -75,6 +75,7 @@ export const TEXTS = {
   "layer.routes": "Geplante Routen",
   "layer.goals": "Ziele",
   "layer.plans": "Nav2-Pläne",
+  "layer.traffic": "Verkehrsplan",
   "layer.robots": "Roboter",
   "layer.robotNames": "Roboternamen",
 

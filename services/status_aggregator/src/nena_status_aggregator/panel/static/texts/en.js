@@ -75,6 +75,7 @@ export const TEXTS = {
   "layer.routes": "Planned routes",
   "layer.goals": "Goals",
   "layer.plans": "Nav2 plans",
+  "layer.traffic": "Traffic plan",
   "layer.robots": "Robots",
   "layer.robotNames": "Robot names",
 

@@ -75,6 +75,7 @@ export const TEXTS = {
   "layer.routes": "Geplande routes",
   "layer.goals": "Doelen",
   "layer.plans": "Nav2-plannen",
+  "layer.traffic": "Verkeersplan",
   "layer.robots": "Robots",
   "layer.robotNames": "Robotnamen",
 

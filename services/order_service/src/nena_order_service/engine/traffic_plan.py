@@ -1,0 +1,123 @@
+"""The plan of the next minute: where vehicles will be when, and for whom they wait, where and why."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import hypot
+from typing import Final
+
+from nena_order_service.engine.context import Context
+from nena_order_service.engine.driving import Driving
+from nena_order_service.engine.positions import box_of
+from nena_order_service.fleet import NotLocatedError
+from nena_order_service.traffic.forecast import HORIZON, Drive, Forecast, Pace
+from nena_order_service.traffic.resources import ResourceSet
+from nena_order_service.traffic.scheduler import Refusal, WaitReason
+from nena_order_service.vehicles.registry import FleetVehicle
+from nena_shared.fleet_api.traffic import PlannedPoint, TrafficPlan, TrafficWait, VehiclePlan, WaitCause
+from nena_shared.plant import MapPlace
+from nena_shared.plant.track import MM_PER_M
+
+CAUSES: Final = {
+    WaitReason.HELD: WaitCause.PASSES,
+    WaitReason.RESTING: WaitCause.STANDS,
+    WaitReason.ORDER: WaitCause.GOES_FIRST,
+}
+
+
+class TrafficPlans:
+    """Tells hosts the plan of the next minute."""
+
+    def __init__(self, context: Context, driving: Driving) -> None:
+        self._context = context
+        self._traffic = context.traffic
+        self._registry = context.registry
+        self._driving = driving
+        self._pace = Pace(context.plant)
+
+    def plan(self, horizon: float = HORIZON) -> TrafficPlan:
+        """Return what each vehicle stands on, holds, is to drive and waits for."""
+        vehicles = [each for each in self._registry if each.name in self._traffic]
+        drives = {each.name: self._drive(each, horizon) for each in vehicles}
+        forecast = Forecast(drives, horizon)
+        return TrafficPlan(
+            time=self._context.clock.now(),
+            horizon=horizon,
+            vehicles=tuple(
+                self._plan(each, drives[each.name], forecast.arrivals(each.name)) for each in vehicles
+            ),
+        )
+
+    def _plan(self, vehicle: FleetVehicle, drive: Drive, arrivals: Sequence[float]) -> VehiclePlan:
+        name, journey = vehicle.name, self._traffic.journey(vehicle.name)
+        at = self._traffic.point(name)
+        starts = (at, *(each.point for each in drive.ahead))
+        return VehiclePlan(
+            vehicle=name,
+            transport_order=self._order(vehicle),
+            at=at,
+            holds=tuple(dict.fromkeys(use for each in drive.held for use in each.uses)),
+            ahead=tuple(
+                PlannedPoint(
+                    point=each.point,
+                    path=edge.path.name if (edge := self._pace.edge(start, each)) else None,
+                    held=index < drive.allocated,
+                    seconds=round(arrivals[index], 1) if index < len(arrivals) else None,
+                )
+                for index, (start, each) in enumerate(zip(starts, drive.ahead, strict=False))
+            ),
+            goal=journey.way[-1].point if journey and journey.way else None,
+            wait=self._wait(vehicle, drive.refusal),
+        )
+
+    def _wait(self, vehicle: FleetVehicle, refusal: Refusal | None) -> TrafficWait | None:
+        reason = self._driving.note(vehicle)
+        if refusal is None:
+            return TrafficWait(reason=reason) if reason else None
+        turn_back_mm = self._traffic.turn_back_mm(refusal)
+        return TrafficWait(
+            vehicles=refusal.vehicles,
+            at=refusal.resource,
+            cause=CAUSES[refusal.hindrance],
+            turn_back=turn_back_mm / MM_PER_M if turn_back_mm else None,
+            reason=reason or f"it {refusal.in_words(turn_back_mm)}",
+        )
+
+    def _order(self, vehicle: FleetVehicle) -> str | None:
+        number = self._context.state.sent_orders.order_number(vehicle.key)
+        return None if number is None else self._context.state.orders.get(number).name
+
+    def _drive(self, vehicle: FleetVehicle, horizon: float) -> Drive:
+        """Return what a vehicle is about to do, as far as it could drive within the horizon."""
+        name = vehicle.name
+        journey, held = self._traffic.journey(name), self._traffic.held(name)
+        refusal = self._traffic.refusal(name)
+        if journey is None:
+            return Drive(held, refusal=refusal)
+        at, seconds = self._traffic.point(name), list[float]()
+        robot = self._context.view(vehicle).factsheet
+        allocated = journey.allocated - journey.reached
+        for index, each in enumerate(journey.way[journey.reached :]):
+            if index >= allocated and sum(seconds) > horizon:
+                break
+            edge = self._pace.edge(at, each)
+            length_mm = each.length_mm if index else self._left_mm(vehicle, each)
+            seconds.append(self._pace.seconds(vehicle.model, edge, length_mm, robot))
+            at = each.point
+        ahead = journey.way[journey.reached : journey.reached + len(seconds)]
+        return Drive(held, ahead, allocated, tuple(seconds), box_of(vehicle).length_mm, refusal)
+
+    def _left_mm(self, vehicle: FleetVehicle, step: ResourceSet) -> float:
+        """Return how much of the path to the next point is left, by where the robot reports to be."""
+        try:
+            pose = self._context.planner.standing(vehicle, self._context.view(vehicle)).pose
+        except NotLocatedError:
+            pose = None
+        if pose is None:
+            return step.length_mm
+        here, goal = (
+            vehicle.profile.on(pose.map_id).to_plant(MapPlace(pose.x, pose.y)),
+            self._context.plant.point(step.point),
+        )
+        straight_mm = hypot(goal.x_mm - here.x_m * MM_PER_M, goal.y_mm - here.y_m * MM_PER_M)
+        return min(float(step.length_mm), straight_mm) if step.length_mm else straight_mm

@@ -1,0 +1,156 @@
+"""Forecast when vehicles under way come where.
+
+It goes on from what traffic control knows, and changes nothing of it: each vehicle drives its way at the
+speeds of its paths, and enters what another one holds once that has left it.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict, deque
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from heapq import heappop, heappush
+from typing import Final
+
+from nena_order_service.routing.graph import RoutingProfile
+from nena_order_service.traffic.resources import ResourceSet, UseIndex, covered_from
+from nena_order_service.traffic.scheduler import Refusal, WaitReason
+from nena_shared.plant import DirectedEdge, PlantModel, Vehicle
+from nena_shared.plant.track import MM_PER_M
+from nena_shared.vda5050.factsheet import Factsheet
+
+HORIZON: Final = 60.0
+"""Seconds that the plan looks ahead."""
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """What a vehicle is about to do: the sets that it holds, and those that are ahead of it.
+
+    The first ``allocated`` of those ``ahead`` are among the held ones. ``seconds`` says how long it takes
+    along each of those ahead.
+    """
+
+    held: tuple[ResourceSet, ...]
+    ahead: tuple[ResourceSet, ...] = ()
+    allocated: int = 0
+    seconds: tuple[float, ...] = ()
+    length_mm: int = 1
+    refusal: Refusal | None = None
+
+
+@dataclass(slots=True)
+class _Course:
+    """One vehicle in the forecast."""
+
+    drive: Drive
+    held: deque[ResourceSet]
+    reached: int = 0
+    """How many of the sets ahead it has come to."""
+    arrivals: list[float] = field(default_factory=list)
+
+
+class Forecast:
+    """Drives vehicles along their ways, in the time of the forecast alone."""
+
+    def __init__(self, drives: Mapping[str, Drive], horizon: float = HORIZON) -> None:
+        self._holds = UseIndex()
+        self._arrivals: list[tuple[float, str]] = []
+        self._standing: set[str] = set()
+        self._waiting: defaultdict[str, list[str]] = defaultdict(list)
+        """Vehicles that may be able to go on once a resource is free, and others that could not before."""
+        self._courses: dict[str, _Course] = {}
+        for name, drive in drives.items():
+            self._courses[name] = _Course(drive, deque(drive.held))
+            for each in drive.held:
+                self._holds.add(name, each.uses)
+        for name in drives:
+            self._go_on(name, 0.0)
+        while self._arrivals and self._arrivals[0][0] <= horizon:
+            now, name = heappop(self._arrivals)
+            freed = self._arrive(name, now)
+            self._go_on(name, now)
+            for other in dict.fromkeys(other for use in freed for other in self._waiting.pop(use, ())):
+                if other in self._standing:
+                    self._go_on(other, now)
+
+    def arrivals(self, vehicle: str) -> tuple[float, ...]:
+        """Return in how many seconds a vehicle comes to each set ahead, as far as that is known."""
+        return tuple(self._courses[vehicle].arrivals)
+
+    def _arrive(self, name: str, now: float) -> list[str]:
+        """Let a vehicle come to the next set; return the resources that it has left."""
+        course = self._courses[name]
+        course.arrivals.append(now)
+        course.reached += 1
+        at = len(course.held) - 1 - max(course.drive.allocated - course.reached, 0)
+        gone = [course.held.popleft() for _ in range(covered_from(course.held, at, course.drive.length_mm))]
+        return [use for each in gone for use in self._holds.remove(name, each.uses)]
+
+    def _go_on(self, name: str, now: float) -> None:
+        """Let a vehicle drive to the next set of its way, or wait until what keeps it has changed."""
+        course = self._courses[name]
+        drive, index = course.drive, course.reached
+        self._standing.discard(name)
+        if index == len(drive.ahead):
+            return
+        following = drive.ahead[index]
+        if index >= drive.allocated:
+            if self._is_kept(course, name, following):
+                self._standing.add(name)
+                for use in (*following.uses, *((drive.refusal.resource,) if drive.refusal else ())):
+                    self._waiting[use].append(name)
+                return
+            self._holds.add(name, following.uses)
+            course.held.append(following)
+        heappush(self._arrivals, (now + drive.seconds[index], name))
+
+    def _is_kept(self, course: _Course, name: str, following: ResourceSet) -> bool:
+        if any(self._holds.others(name, following.uses)):
+            return True
+        refusal = course.drive.refusal
+        if (
+            not refusal
+            or refusal.hindrance is not WaitReason.ORDER
+            or course.reached > course.drive.allocated
+        ):
+            return False
+        return any(self._is_to_pass(other, refusal.resource) for other in refusal.vehicles)
+
+    def _is_to_pass(self, name: str, resource: str) -> bool:
+        """Return whether a vehicle is still on or before a resource."""
+        course = self._courses.get(name)
+        if course is None:
+            return False
+        sets = (*course.held, *course.drive.ahead[course.reached :])
+        return any(resource in each.uses for each in sets)
+
+
+UNKNOWN_SPEED_MM_S: Final = 1000
+"""Speed of vehicles that do not say one."""
+
+
+class Pace:
+    """How long vehicles take along the paths of one plant, at the highest speeds that both allow."""
+
+    def __init__(self, plant: PlantModel) -> None:
+        self._known_types = plant.vehicle_types
+        self._edges: defaultdict[tuple[str, str], list[DirectedEdge]] = defaultdict(list)
+        for path in plant.paths:
+            for edge in path.edges():
+                self._edges[edge.source, edge.destination].append(edge)
+
+    def edge(self, start: str, step: ResourceSet) -> DirectedEdge | None:
+        """Return the edge by which a set is reached; None: there is none, the vehicle drives straight."""
+        edges = self._edges.get((start, step.point), ())
+        return next((each for each in edges if each.path.name in step.uses), edges[0] if edges else None)
+
+    def seconds(
+        self, vehicle: Vehicle | None, edge: DirectedEdge | None, length_mm: float, robot: Factsheet | None
+    ) -> float:
+        """Return how long a vehicle takes for so much of an edge; ``robot`` is its robot's factsheet."""
+        own = vehicle.max_velocity_mm_s if vehicle else 0
+        by_plant = RoutingProfile.of(vehicle, self._known_types).speed_mm_s(edge) if edge else own
+        by_robot = robot.physical_parameters.maximum_speed * MM_PER_M if robot else 0.0
+        known = [each for each in (by_plant, by_robot) if each > 0]
+        return length_mm / min(known, default=UNKNOWN_SPEED_MM_S)

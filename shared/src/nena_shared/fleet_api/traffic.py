@@ -1,0 +1,70 @@
+"""The plan of traffic control as hosts see it: who drives where, when, and who waits for whom and why."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+from nena_shared.fleet_api.base import Moment, Resource
+
+
+class WaitCause(StrEnum):
+    """Why a vehicle waits for others."""
+
+    PASSES = "PASSES"
+    """The other one holds the place, and drives on."""
+    STANDS = "STANDS"
+    """The other one stands there."""
+    GOES_FIRST = "GOES_FIRST"
+    """The other one has to go first."""
+
+
+class TrafficWait(Resource):
+    """For whom a vehicle waits, where and why."""
+
+    vehicles: tuple[str, ...] = ()
+    """Empty: it does not wait for another vehicle."""
+    at: str | None = None
+    """The point, path, location or block that they need; None: it waits for something else."""
+    cause: WaitCause | None = None
+    turn_back: float | None = None
+    """Metres that the other one would have to turn back if this vehicle went first."""
+    reason: str
+    """All of it in words, as in the reason of its order."""
+
+
+class PlannedPoint(Resource):
+    """A point that a vehicle is to come to."""
+
+    point: str
+    path: str | None = None
+    """The path to it; None: straight."""
+    held: bool
+    """Whether it may drive there; false: it is only planned."""
+    seconds: float | None = None
+    """From now until it is expected there; None: later than the horizon, or not known."""
+
+
+class VehiclePlan(Resource):
+    """What one vehicle stands on, holds, is to drive and waits for."""
+
+    vehicle: str
+    transport_order: str | None = None
+    at: str
+    """The point that it has reached last."""
+    holds: tuple[str, ...]
+    """Points, paths, locations and blocks that nobody else may use meanwhile."""
+    ahead: tuple[PlannedPoint, ...] = ()
+    """The points of its way, as far as it could drive within the horizon."""
+    goal: str | None = None
+    """Where its way ends; None: it is not under way."""
+    wait: TrafficWait | None = None
+    """None: nothing keeps it."""
+
+
+class TrafficPlan(Resource):
+    """The plan of the next minute, of all vehicles for which places are kept."""
+
+    time: Moment
+    horizon: float
+    """Seconds that the plan looks ahead."""
+    vehicles: tuple[VehiclePlan, ...]

@@ -1,0 +1,41 @@
+"""When vehicles under way come where, as far as that is known."""
+
+from __future__ import annotations
+
+import pytest
+
+from nena_order_service.traffic.forecast import Drive, Forecast
+from nena_order_service.traffic.resources import ResourceSet
+
+
+def sets(*names: str) -> tuple[ResourceSet, ...]:
+    return tuple(ResourceSet(name, 1000, {name: None}) for name in names)
+
+
+def test_each_vehicle_enters_what_is_free_in_the_order_in_which_they_wait() -> None:
+    drives = {
+        "first": Drive(sets("A"), sets("X", "B"), 0, (1.0, 1.0)),
+        "second": Drive(sets("C"), sets("X", "D"), 0, (1.0, 1.0)),
+        "third": Drive(sets("E"), sets("X", "F"), 0, (1.0, 1.0)),
+    }
+
+    found = Forecast(drives)
+
+    assert found.arrivals("first") == (1.0, 2.0)
+    assert found.arrivals("second") == (3.0, 4.0)
+    assert found.arrivals("third") == (5.0, 6.0)
+
+
+def test_two_that_block_each_other_are_expected_nowhere() -> None:
+    found = Forecast(
+        {"v": Drive(sets("A"), sets("B"), 0, (1.0,)), "w": Drive(sets("B"), sets("A"), 0, (1.0,))}
+    )
+
+    assert (found.arrivals("v"), found.arrivals("w")) == ((), ())
+
+
+@pytest.mark.parametrize(("horizon", "known"), [(2.5, 2), (60.0, 4)])
+def test_nothing_is_told_behind_the_horizon(horizon: float, known: int) -> None:
+    found = Forecast({"v": Drive(sets("A"), sets("B", "C", "D", "E"), 1, (1.0,) * 4)}, horizon)
+
+    assert len(found.arrivals("v")) == known
