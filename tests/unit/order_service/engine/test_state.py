@@ -176,7 +176,7 @@ def made(number: int, key: str | None = None) -> OrderSequence:
 
 def test_nothing_is_shown_or_told_before_it_is_committed() -> None:
     store, state, ear = MemoryStore(), make_state(), Ear()
-    work = UnitOfWork(state, store, lambda _: None, lambda _: None)
+    work = UnitOfWork(state, store, lambda _: None, lambda _: None, timeout=10.0)
     work.listeners.append(ear)
     book = state.sequences
     store.held = True

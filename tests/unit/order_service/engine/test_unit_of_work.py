@@ -27,7 +27,7 @@ class Work:
 def make(store: MemoryStore, published: Callable[[str], VehicleStatus | None] = lambda _: None) -> Work:
     state = make_state()
     events: list[FleetOutput] = []
-    return Work(state, UnitOfWork(state, store, published, events.append), events)
+    return Work(state, UnitOfWork(state, store, published, events.append, timeout=10.0), events)
 
 
 @pytest.fixture

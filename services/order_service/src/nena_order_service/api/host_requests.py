@@ -8,7 +8,7 @@ from collections.abc import AsyncIterator
 from dataclasses import dataclass
 from math import hypot
 
-from nena_order_service.engine.engine import Engine, UnitOfWork
+from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.path_locks import PathLocks
 from nena_order_service.engine.zone_sets import ZoneSets
 from nena_order_service.errors import (
@@ -18,7 +18,6 @@ from nena_order_service.errors import (
     OrderWithdrawnError,
     SequenceNameTakenError,
     SequenceRefusesError,
-    StoreNotReadyError,
     UnknownDependencyError,
     UnknownOrderError,
     UnknownSequenceError,
@@ -33,7 +32,6 @@ from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder, sortable_id
 from nena_order_service.orders.validation import check_request
 from nena_order_service.store.database import OrderFilter, SequenceFilter
-from nena_order_service.store.store import Store
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.requests import FleetSummary
 from nena_shared.fleet_api.traffic import TrafficPlan
@@ -83,23 +81,6 @@ class ETag:
 
     def __str__(self) -> str:
         return self.value
-
-
-def require_store(store: Store) -> None:
-    """Raise StoreNotReadyError while the store cannot be written."""
-    if not store.ready:
-        raise StoreNotReadyError(store.why_not_ready)
-
-
-async def committed(unit_of_work: UnitOfWork, store: Store, seconds: float) -> None:
-    """Wait until all that has been changed so far is committed; raises StoreNotReadyError."""
-    try:
-        async with asyncio.timeout(seconds):
-            answer = unit_of_work.committed()
-            store.fail_on_loss(answer)
-            await answer
-    except TimeoutError:
-        raise StoreNotReadyError(store.why_not_answered) from None
 
 
 PHASES = {
@@ -153,7 +134,6 @@ class HostRequests:
 
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
-        self._settings = engine.settings
 
     async def create(self, request: TransportOrderRequest) -> tuple[TransportOrderStatus, bool]:
         """Create an order; False: the same request has created it before.
@@ -174,10 +154,10 @@ class HostRequests:
             await self._check_sequence(request)
             known = self._at_hand(None if complete else name, request.idempotency_key)  # it came in between
         if known is None:
-            self._require_store()
+            self._engine.unit_of_work.require_store()
             known = self._engine.create(request, name, ended)
             try:
-                await self._committed()
+                await self._engine.unit_of_work.wait_committed()
             finally:  # so that no robot waits for its order while a line is written
                 log.info("order created", order=name, state=known.state.value)
             return self._visible(known), True
@@ -187,7 +167,7 @@ class HostRequests:
         if not (named and known.asked_for_by(request)):
             key = request.idempotency_key
             raise NameTakenError(name) if key is None else KeyReusedError(key, known.name)
-        await self._committed()
+        await self._engine.unit_of_work.wait_committed()
         return self._visible(known), False
 
     async def withdraw(
@@ -200,7 +180,7 @@ class HostRequests:
         """
         order = await self._living(name, seen)
         self._engine.withdraw(order.number, reason, immediate=immediate)
-        await self._committed()
+        await self._engine.unit_of_work.wait_committed()
         return self._visible(order)
 
     async def hold(
@@ -214,7 +194,7 @@ class HostRequests:
         if order.state is TransportOrderState.WITHDRAWN:
             raise OrderWithdrawnError(name)
         self._engine.hold(order.number, by, reason, immediate=immediate)
-        await self._committed()
+        await self._engine.unit_of_work.wait_committed()
         return self._visible(order)
 
     async def resume(
@@ -223,7 +203,7 @@ class HostRequests:
         """Resume a held order; one that is not held is unchanged. ``seen`` as in :meth:`withdraw`."""
         order = await self._living(name, seen)
         self._engine.resume(order.number, by, reason)
-        await self._committed()
+        await self._engine.unit_of_work.wait_committed()
         return self._visible(order)
 
     async def order(self, name: str) -> TransportOrderStatus:
@@ -289,26 +269,26 @@ class HostRequests:
     async def set_integration_level(self, name: str, level: IntegrationLevel) -> VehicleStatus:
         """Set the integration level of a vehicle; it lasts over restarts."""
         vehicle = self._vehicle(name)
-        self._require_store()
+        self._engine.unit_of_work.require_store()
         self._engine.set_integration_level(vehicle, level)
-        await self._committed()
+        await self._engine.unit_of_work.wait_committed()
         return self._engine.status(vehicle)
 
     async def accept_order_types(self, name: str, types: tuple[AcceptableOrderType, ...]) -> VehicleStatus:
         """Set the order types that a vehicle accepts; they last over restarts."""
         vehicle = self._vehicle(name)
-        self._require_store()
+        self._engine.unit_of_work.require_store()
         self._engine.accept_order_types(vehicle, types)
-        await self._committed()
+        await self._engine.unit_of_work.wait_committed()
         return self._engine.status(vehicle)
 
     async def reroute(self, name: str, kind: ReroutingType) -> ReroutingAnswer:
         """Replan the route of the order that a vehicle works on; see :meth:`Rerouting.request`."""
         vehicle = self._vehicle(name)
-        self._require_store()
+        self._engine.unit_of_work.require_store()
         done = self._engine.reroute(vehicle, kind)
         order = self._engine.status(vehicle).transport_order
-        await self._committed()
+        await self._engine.unit_of_work.wait_committed()
         return ReroutingAnswer(
             vehicle=name,
             transport_order=order or "",
@@ -336,7 +316,7 @@ class HostRequests:
             action_parameters=parameters,
         )
         end = self._engine.send_instant_action(vehicle, action)
-        seconds = self._settings.instant_action_timeout
+        seconds = self._engine.settings.instant_action_timeout
         return action, await self._engine.state.instant_actions.wait(action.action_id, end, seconds)
 
     def robot_pose(self, name: str, pose: PlantPose, map_id: str | None = None) -> RobotPose:
@@ -385,7 +365,7 @@ class HostRequests:
             raise OrderEndedError(name, order.state)
         if seen is not None and not seen.fits(order.status.version):
             raise VersionChangedError(name, str(seen), order.status.version)
-        self._require_store()
+        self._engine.unit_of_work.require_store()
         return order
 
     async def _find(self, name: str | None, key: str | None) -> TransportOrder | None:
@@ -411,12 +391,6 @@ class HostRequests:
     def _visible(self, order: TransportOrder) -> TransportOrderStatus:
         return (self._engine.state.orders.visible(order.number) or order).status
 
-    def _require_store(self) -> None:
-        require_store(self._engine.store)
-
-    async def _committed(self) -> None:
-        await committed(self._engine.unit_of_work, self._engine.store, self._settings.commit_timeout)
-
 
 def _distance(point: Point, pose: PlantPose) -> float:
     """Return the distance, m."""
@@ -435,7 +409,6 @@ class SequenceRequests:
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
         self._sequences = engine.state.sequences
-        self._settings = engine.settings
 
     async def create(self, request: OrderSequenceRequest) -> tuple[OrderSequenceStatus, bool]:
         """Create a sequence; False: the same request has created it before."""
@@ -449,7 +422,7 @@ class SequenceRequests:
         if known is None:
             return await self._make(request, name), True
         _check_same(known, request, f"{prefix}-" if complete else name, complete=complete)
-        await self._committed()
+        await self._engine.unit_of_work.wait_committed()
         return self._visible(known), False
 
     async def complete(self, name: str, *, seen: ETag | None = None) -> OrderSequenceStatus:
@@ -461,11 +434,11 @@ class SequenceRequests:
         if seen is not None and not seen.fits(sequence.status.version):
             raise VersionChangedError(name, str(seen), sequence.status.version)
         if not sequence.status.complete:
-            require_store(self._engine.store)
+            self._engine.unit_of_work.require_store()
             with self._engine.change():
                 sequence = self._engine.sequences.complete(sequence)
             log.info("order sequence complete", sequence=name)
-        await self._committed()
+        await self._engine.unit_of_work.wait_committed()
         return self._visible(sequence)
 
     async def sequence(self, name: str) -> OrderSequenceStatus:
@@ -480,11 +453,11 @@ class SequenceRequests:
         return await self._engine.store.sequences(wanted)
 
     async def _make(self, request: OrderSequenceRequest, name: str) -> OrderSequenceStatus:
-        require_store(self._engine.store)
+        self._engine.unit_of_work.require_store()
         with self._engine.change():
             made = self._engine.sequences.create(request, name)
         log.info("order sequence created", sequence=name)
-        await self._committed()
+        await self._engine.unit_of_work.wait_committed()
         return self._visible(made)
 
     async def _find(self, name: str | None, key: str | None) -> OrderSequence | None:
@@ -509,9 +482,6 @@ class SequenceRequests:
         return (
             self._sequences.visible(sequence.name) or self._sequences.named(sequence.name) or sequence
         ).status
-
-    async def _committed(self) -> None:
-        await committed(self._engine.unit_of_work, self._engine.store, self._settings.commit_timeout)
 
 
 def _check_same(known: OrderSequence, request: OrderSequenceRequest, name: str, *, complete: bool) -> None:

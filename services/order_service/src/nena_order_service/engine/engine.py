@@ -44,6 +44,7 @@ from nena_order_service.fleet import (
 )
 from nena_order_service.fleet.vda_order import state_request
 from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.store.changes import Changes
 from nena_order_service.store.store import Store
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.traffic import TrafficPlan
@@ -103,8 +104,10 @@ class UnitOfWork:
         store: Store,
         vehicle_status: Callable[[str], VehicleStatus | None],
         on_event: Callable[[FleetOutput], None],
+        *,
+        timeout: float,
     ) -> None:
-        """``on_event`` receives the events that effects return."""
+        """``on_event`` receives the events that effects return; hosts wait ``timeout`` s for a commit."""
         self.listeners: list[Listener] = []
         self.closed = ""
         """Why nothing is changed any more; empty while changes are made."""
@@ -112,6 +115,7 @@ class UnitOfWork:
         self._store = store
         self._vehicle_status = vehicle_status
         self._on_event = on_event
+        self._timeout = timeout
         self._unpublished: Counter[str] = Counter()
         """How many units that wait for their commit change each vehicle."""
         self._passed_over: Counter[str] = Counter()
@@ -142,6 +146,43 @@ class UnitOfWork:
         with self.begin():
             self._state.after_commit(lambda: None if future.done() else future.set_result(None))
         return future
+
+    def require_store(self) -> None:
+        """Raise StoreNotReadyError while no change can be committed."""
+        if not self._store.ready:
+            raise StoreNotReadyError(self._store.why_not_ready)
+        if self.closed:
+            raise StoreNotReadyError(self.closed)
+
+    async def wait_committed(self) -> None:
+        """Wait until all changes so far are committed; raises StoreNotReadyError."""
+        await self._answered(self.committed())
+
+    async def commit(self, changes: Changes, then: Callable[[], None]) -> None:
+        """Commit what hosts keep beside the state; ``then`` is called once it is committed.
+
+        Raises:
+            StoreNotReadyError: the changes may be lost.
+
+        """
+        self.require_store()
+        future: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+
+        def committed() -> None:
+            if not future.done():
+                future.set_result(None)
+            then()
+
+        self._store.commit(changes, committed)
+        await self._answered(future)
+
+    async def _answered(self, answer: asyncio.Future[None]) -> None:
+        self._store.fail_on_loss(answer)
+        try:
+            async with asyncio.timeout(self._timeout):
+                await answer
+        except TimeoutError:
+            raise StoreNotReadyError(self._store.why_not_answered) from None
 
     def is_published(self, name: str, now: Essentials) -> bool:
         """Return whether this is what was published of a vehicle last, or what is about to be."""
@@ -212,7 +253,13 @@ class Engine:
         self._reporter = StatusReporter(
             context, self._positions, self._dispatching, self.sequences, self._idle
         )
-        self.unit_of_work = UnitOfWork(self.state, store, self._reporter.status_of, self.on_events)
+        self.unit_of_work = UnitOfWork(
+            self.state,
+            store,
+            self._reporter.status_of,
+            self.on_events,
+            timeout=self.settings.commit_timeout,
+        )
         self._asked_for_state: set[RobotKey] = set()
 
     def prepare(self) -> None:

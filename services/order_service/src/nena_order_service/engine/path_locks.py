@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import asyncio
-
 from nena_order_service.engine.engine import Engine
-from nena_order_service.errors import StoreNotReadyError, UnknownPathError
+from nena_order_service.errors import UnknownPathError
 from nena_order_service.store.changes import Changes
 from nena_shared.fleet_api.plant import PathStatus
 from nena_shared.log import get_logger
@@ -21,12 +19,11 @@ class PathLocks:
         """Start with the locks of the plant model."""
         self._engine = engine
         self._plant = engine.plant
-        self._store = engine.store
         self._locks: dict[str, bool] = {}
 
     async def load(self) -> None:
         """Take up what hosts have said before a restart, of paths that there still are."""
-        stored = await self._store.path_locks()
+        stored = await self._engine.store.path_locks()
         self._locks = {name: locked for name, locked in stored.items() if name in self._plant.paths_by_name}
         if self._locks:
             self._engine.context.finder.set_locks(self._locks)
@@ -44,31 +41,19 @@ class PathLocks:
 
         Raises:
             UnknownPathError: there is no such path.
-            StoreNotReadyError: nothing is promised.
+            StoreNotReadyError: the change may be lost.
 
         """
         path = self._path(name)
-        if not self._store.ready:
-            raise StoreNotReadyError(self._store.why_not_ready)
-        if closed := self._engine.unit_of_work.closed:
-            raise StoreNotReadyError(closed)  # those locks count from now on that were committed before
         changes = Changes()
         changes.path_locks[name] = locked
-        done: asyncio.Future[None] = asyncio.get_running_loop().create_future()
-        self._store.commit(changes, lambda: self._committed(name, locked=locked, done=done))
-        try:
-            async with asyncio.timeout(self._engine.settings.commit_timeout):
-                await done
-        except TimeoutError:
-            raise StoreNotReadyError(self._store.why_not_answered) from None
+        await self._engine.unit_of_work.commit(changes, lambda: self._committed(name, locked=locked))
         return self._status(path)
 
-    def _committed(self, name: str, *, locked: bool, done: asyncio.Future[None]) -> None:
+    def _committed(self, name: str, *, locked: bool) -> None:
         self._locks[name] = locked
         log.info("path locked" if locked else "path unlocked", path=name)
         self._engine.context.finder.set_locks(self._locks)
-        if not done.done():
-            done.set_result(None)
         if not self._engine.unit_of_work.closed:  # else the new parts take it up from the store
             self._engine.plant_changed()
 

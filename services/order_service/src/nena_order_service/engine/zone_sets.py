@@ -11,7 +11,7 @@ from functools import partial
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from nena_order_service.engine.engine import Engine
-from nena_order_service.errors import StoreNotReadyError, UnknownZoneSetError, ZoneSetChangedError
+from nena_order_service.errors import UnknownZoneSetError, ZoneSetChangedError
 from nena_order_service.fleet import InstantActionEnded, LinkStatus
 from nena_order_service.fleet.vda_order import fresh_id
 from nena_order_service.store.changes import Changes
@@ -160,7 +160,7 @@ class ZoneSets:
 
         Raises:
             ZoneSetChangedError: another one was put here under its id.
-            StoreNotReadyError: nothing is promised.
+            StoreNotReadyError: the change may be lost.
 
         """
         known = self._asked.get(zone_set.zone_set_id)
@@ -186,28 +186,17 @@ class ZoneSets:
         )
 
     async def _change(self, wanted: Wanted, *others: Wanted) -> ZoneSetStatus:
-        store = self._engine.store
-        if not store.ready:
-            raise StoreNotReadyError(store.why_not_ready)
-        if self._engine.unit_of_work.closed:
-            raise StoreNotReadyError(self._engine.unit_of_work.closed)
-        changes, done = Changes(), asyncio.Event()
-        for each in (wanted, *others):
-            changes.documents[KIND, each.zone_set.zone_set_id] = each.model_dump_json(
-                by_alias=True, exclude_none=True
-            )
-        self._asked.update({each.zone_set.zone_set_id: each for each in (wanted, *others)})
-        store.commit(changes, lambda: self._committed((wanted, *others), done))
-        try:
-            async with asyncio.timeout(self._engine.settings.commit_timeout):
-                await done.wait()
-        except TimeoutError:
-            raise StoreNotReadyError("it has not answered in time") from None
+        changed = {each.zone_set.zone_set_id: each for each in (wanted, *others)}
+        changes = Changes()
+        for name, each in changed.items():
+            changes.documents[KIND, name] = each.model_dump_json(by_alias=True, exclude_none=True)
+        self._engine.unit_of_work.require_store()
+        self._asked.update(changed)
+        await self._engine.unit_of_work.commit(changes, lambda: self._committed(changed))
         return self._status(wanted)
 
-    def _committed(self, changed: tuple[Wanted, ...], done: asyncio.Event) -> None:
-        self._wanted.update({each.zone_set.zone_set_id: each for each in changed})
-        done.set()
+    def _committed(self, changed: dict[str, Wanted]) -> None:
+        self._wanted.update(changed)
         self.look()
 
     def _known(self, name: str) -> Wanted:

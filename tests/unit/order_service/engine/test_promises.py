@@ -2,9 +2,9 @@ from __future__ import annotations
 
 import pytest
 
-from nena_order_service.api.host_requests import committed, require_store
 from nena_order_service.engine.engine import UnitOfWork
 from nena_order_service.errors import StoreNotReadyError
+from nena_order_service.store.changes import Changes
 from nena_order_service.store.store import Store
 from support.scripted_fleet import make_state
 
@@ -24,9 +24,12 @@ class SilentStore(Store):
 
 async def test_nothing_is_promised_that_the_store_has_not_taken() -> None:
     store = SilentStore()
-    require_store(store)
+    unit_of_work = UnitOfWork(make_state(), store, lambda _: None, lambda _: None, timeout=0.01)
+    unit_of_work.require_store()
     with pytest.raises(StoreNotReadyError):
-        await committed(UnitOfWork(make_state(), store, lambda _: None, lambda _: None), store, 0.01)
+        await unit_of_work.wait_committed()
+    with pytest.raises(StoreNotReadyError):
+        await unit_of_work.commit(Changes(), lambda: None)
     store.problem = "disk full"
     with pytest.raises(StoreNotReadyError, match="disk full"):
-        require_store(store)
+        unit_of_work.require_store()
