@@ -13,10 +13,12 @@ import httpx
 import pytest
 from playwright.async_api import Browser, Locator, Page, expect
 
+from nena_shared.vda5050.topics import Topic
 from support.aggregator_process import AggregatorProcess
 from support.broker import Broker, free_port
+from support.fleet_examples import position, state, vehicle_status
 from support.order_service_fleet import Fleet, order_in, vehicle_idle
-from support.panel import findings, opened, picture
+from support.panel import Hall, findings, opened, picture, seconds_now
 from support.waiting import PATIENCE, awaited
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
@@ -65,14 +67,14 @@ async def operated(
     fleet = Fleet(broker, interface_name, folder)
     with fleet.stack:
         fleet.agent(speed=speed)
-        service = fleet.order_service()
+        service = fleet.order_service("--kernel.instant_action_timeout", PATIENCE)  # else: "still running"
         async with await service.client() as orders:
             await vehicle_idle(orders)
             port = free_port()
             options = [
                 *("--http.port", str(port), "--mqtt.port", str(broker.port)),
                 *("--interface_name", interface_name, "--topic_prefix", fleet.prefix),
-                *("--order_service.url", str(orders.base_url)),
+                *("--order_service.url", str(orders.base_url), "--order_service.timeout", str(PATIENCE)),
             ]
             with AggregatorProcess(*options) as aggregator:
                 await aggregator.logged("broker connected")
@@ -179,8 +181,13 @@ async def test_dispatch_to_a_coordinate_typed_and_on_the_map(
 
 
 async def drag_heading(page: Page, x: float, y: float, *, turned_to: float) -> None:
-    """Press a place of the plane on the map, and drag to the left or right."""
-    box = await page.locator("nena-fleet-map canvas").bounding_box()
+    """Press a place of the plane on the map, and drag to the left or right.
+
+    When the plant comes, the map zooms to it: a place that was looked up before would be another one.
+    """
+    canvas = page.locator("nena-fleet-map canvas")
+    await expect(canvas).to_have_attribute("aria-label", re.compile("^Map of .* points"))
+    box = await canvas.bounding_box()
     assert box is not None
     px, py = await page.evaluate(f"document.querySelector('nena-fleet-map').view.toScreen({x}, {y})")
     await page.mouse.move(box["x"] + px, box["y"] + py)
@@ -208,6 +215,26 @@ async def test_the_initial_position_is_set(
         await expect(form).to_contain_text("Position of Robot-01 set")
         await fleet.robot_at(15, 2)
         await expect(page.locator("nena-robot-page .facts")).to_contain_text("x 15.0")
+
+
+async def test_a_position_that_comes_later_is_filled_in_but_replaces_nothing_typed(
+    hall: Hall, browser: Browser
+) -> None:
+    with hall.aggregator("--order_service.url", f"http://127.0.0.1:{free_port()}") as aggregator:
+        await aggregator.logged("broker connected")
+        hall.send(Topic.STATE, state(1, at=seconds_now(), mobile_robot_position=None))
+        vehicle = vehicle_status().model_dump_json(by_alias=True)
+        hall.peer.publish(hall.fleet.vehicle_status("r1"), vehicle, retain=True)
+        async with opened(browser, f"{hall.url}#/robots/ACME%2Fr1") as page:
+            await button(page, "Set position …").click()
+            x = page.get_by_role("form", name="Set position").get_by_label("x in m")
+            await expect(x).to_have_value("")
+            hall.send(Topic.STATE, state(2, at=seconds_now(), mobile_robot_position=position(4, 2)))
+            await expect(x).to_have_value("4.00")
+            await x.fill("7")
+            hall.send(Topic.STATE, state(3, at=seconds_now(), mobile_robot_position=position(5, 2)))
+            await expect(page.locator("nena-robot-page .facts")).to_contain_text("x 5.0")
+            await expect(x).to_have_value("7")
 
 
 async def test_pause_resume_and_an_action_of_the_factsheet(

@@ -102,6 +102,8 @@ const RAD = Math.PI / 180;
 
 /** Fields for x, y (m) and heading (degrees). The pose is also shown on the map. */
 export class PoseFields {
+  #touched = false;
+
   constructor({ headingRequired = false } = {}) {
     this.x = numberInput({ name: "x", required: true });
     this.y = numberInput({ name: "y", required: true });
@@ -115,7 +117,10 @@ export class PoseFields {
       field(t(headingRequired ? "form.heading" : "form.headingOptional"), this.heading),
       button(t("form.pick"), () => this.#pick()),
     );
-    this.element.addEventListener("input", () => this.show());
+    this.element.addEventListener("input", () => {
+      this.#touched = true;
+      this.show();
+    });
   }
 
   /** Return `{x, y, theta}`; `theta` (rad) is null if no heading is requested. */
@@ -129,6 +134,11 @@ export class PoseFields {
     this.y.value = y.toFixed(2);
     this.heading.value = theta === null ? "" : Math.round(theta / RAD);
     this.element.dispatchEvent(new Event("input", { bubbles: true }));
+  }
+
+  /** Fill in a pose unless one was entered, picked or suggested before. */
+  suggest(pose) {
+    if (!this.#touched) this.pose = pose;
   }
 
   /** Show the pose on the map. */

@@ -40,8 +40,7 @@ function placeBody(place) {
 
 export function positionForm(vehicle, position) {
   const pose = new PoseFields({ headingRequired: true });
-  if (position) pose.pose = position;
-  return commandForm({
+  const form = commandForm({
     label: t("position.title"),
     submit: t("position.send"),
     fields: [element("p", { class: "hint" }, t("position.hint")), pose.element],
@@ -51,6 +50,10 @@ export function positionForm(vehicle, position) {
       return outcome(answer, "done.position", { name: vehicle, action: t("position.title") });
     },
   });
+  // The robot may be known before its position is.
+  form.update = (robot) => robot?.position && pose.suggest(robot.position);
+  form.update({ position });
+  return form;
 }
 
 export function sessionForm(vehicle, { namespace, domainId }) {
@@ -202,6 +205,7 @@ class RobotCommands extends HTMLElement {
   update() {
     const possible = !this.noCommands && Boolean(this.#vehicle);
     for (const each of this.buttons) each.disabled = !possible;
+    this.place.firstElementChild?.update?.(this.#robot);
     this.#updateSession(possible);
     this.note.hidden = possible;
     this.note.textContent = t(this.noCommands ?? "command.unknownVehicle");
