@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import json
 import os
 import runpy
 import sqlite3
 import stat
 import subprocess
 import sys
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
 
+from nena_shared.mqtt import Inbound
 from support.aggregator_process import AggregatorProcess
 from support.broker import free_port
 from support.keepers import Keeper
@@ -75,7 +78,9 @@ async def test_after_a_loss_the_site_goes_on_from_its_last_backup(fleet: Fleet, 
     ended(apart)
 
     client = await started(fleet.order_service())
-    await robots_are_free_of_what_nobody_knows(client)
+    await robots_are_free_of_what_nobody_knows(
+        client, lambda: wire.received(f"{fleet.interface}/v2/+/+/state")
+    )
     done = {name for name, each in seen.items() if each["state"] == "FINISHED"}
     begun = {name for name, each in seen.items() if each["processingVehicle"]} - done
     for name in ("L-0", "L-1"):
@@ -90,22 +95,39 @@ async def test_after_a_loss_the_site_goes_on_from_its_last_backup(fleet: Fleet, 
     assert {name: times for name, times in actions_done(wire, fleet).items() if times > 1} == {}
 
 
-async def robots_are_free_of_what_nobody_knows(client: httpx.AsyncClient) -> None:
-    """Cancel what robots are at that the store knows nothing of: they wait for more of it for ever."""
+async def robots_are_free_of_what_nobody_knows(
+    client: httpx.AsyncClient, states: Callable[[], list[Inbound]]
+) -> None:
+    """Cancel what robots are at that the store knows nothing of: they wait for more of it for ever.
+
+    A robot that has not reported yet may be at something unknown though the store has an order for it.
+    """
 
     async def look() -> dict[str, str]:
         found = (await client.get("/v1/vehicles")).json()["vehicles"]
-        robots = {each["name"]: each["state"] for each in found if not each["transportOrder"]}
-        for name in (each for each, state in robots.items() if state == "EXECUTING"):
-            await client.post(f"/v1/vehicles/{name}/instantActions", json={"actionType": "cancelOrder"})
-        return robots
+        held = held_orders(states())
+        busy: dict[str, str] = {}
+        for each in found:
+            name, order_id = each["name"], held.get(each["serialNumber"], "")
+            if each["state"] == "UNKNOWN":
+                busy[name] = "UNKNOWN"
+            elif order_id and not order_id.startswith(f"{each['transportOrder']}-"):
+                busy[name] = order_id
+                await client.post(f"/v1/vehicles/{name}/instantActions", json={"actionType": "cancelOrder"})
+        return busy
 
     await awaited(
         look,
-        lambda robots: not {"EXECUTING", "UNKNOWN"} & {*robots.values()},
+        lambda busy: not busy,
         seconds=PATIENCE,
         what="no robot is at an order that the store does not know",
     )
+
+
+def held_orders(states: Iterable[Inbound]) -> dict[str, str]:
+    """Return the orders that robots have and have not come to the end of, by serial number."""
+    last = map(json.loads, {each.topic: each.payload for each in states}.values())
+    return {each["serialNumber"]: each["orderId"] for each in last if each["nodeStates"]}
 
 
 async def robots_stand(panel: httpx.AsyncClient) -> dict[str, dict[str, Any]]:

@@ -175,3 +175,15 @@ async def test_a_restart_keeps_the_place_of_a_robot_that_the_plant_does_not_know
     fleet.appear("V1", "D")
     fleet.appear("stranger", "B")
     assert "stranger" not in again.traffic
+
+
+async def test_a_robot_at_an_order_that_nobody_knows_here_says_which() -> None:
+    engine, fleet = await make(V1="A")
+    left = ({"node_id": "B", "sequence_id": 2, "released": False},)
+    fleet.fields["V1"] = {"order_id": "lost-0", "node_states": left}
+    fleet.appear("V1", "A")
+    assert "still works on the order 'lost-0'" in reason_of(engine, "V1")
+
+    fleet.fields["V1"] = {"order_id": "lost-0"}
+    fleet.appear("V1", "A")
+    assert "has nothing to do" in reason_of(engine, "V1")

@@ -55,6 +55,7 @@ def test_what_the_robot_cannot_do_at_its_end_is_a_failure_of_the_action() -> Non
 def test_a_robot_that_forgets_has_lost_it() -> None:
     bench = under_way()
     bench.robot.restart(journal=False)
+    bench.now += 1
     bench.connection(ConnectionState.ONLINE)
     bench.report()
     assert kind(bench) is FailureKind.LOST

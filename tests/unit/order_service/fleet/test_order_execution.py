@@ -382,6 +382,23 @@ def test_a_robot_that_went_to_manual_has_given_the_order_up() -> None:
     assert not bench.view().availability.can_take_order
 
 
+def test_messages_from_before_the_order_that_are_repeated_do_not_end_it() -> None:
+    bench = Bench().online()
+    bench.now += 1
+    online, before = bench.robot.connection(ConnectionState.ONLINE, bench.now), bench.robot.state(bench.now)
+    bench.take(bench.fleet.on_connection(bench.robot.key, online, bench.now))
+    bench.take(bench.fleet.on_state(bench.robot.key, before, bench.now))
+    bench.now += 1
+    bench.start_and_tell(make_vda_order("m", "A", "B"))
+    assert bench.told(VdaOrderAccepted)
+
+    bench.take(bench.fleet.on_connection(bench.robot.key, online, bench.now))
+    bench.take(bench.fleet.on_state(bench.robot.key, before, bench.now))
+    bench.run()
+    assert bench.told(VdaOrderFinished)
+    assert not bench.told(VdaOrderFailed)
+
+
 @pytest.mark.clause("6.6/restart")
 def test_a_robot_that_forgot_its_order_has_lost_the_vda_order() -> None:
     bench = Bench().online()

@@ -105,6 +105,19 @@ def test_a_robot_with_a_lost_clock_is_believed_once_it_has_connected(robot: Robo
     assert robot.take_state(state(0, at=0.0, **fresh), 502.0)
 
 
+@pytest.mark.clause("7.2/headerId")
+def test_an_old_state_behind_a_repeated_connection_message_changes_nothing(robot: Robot) -> None:
+    robot.take_connection(connection(number=1, at=0.0), 0.0)
+    robot.take_state(state(1, at=1.0), 1.0)
+    robot.take_connection(connection(number=2, at=2.0), 2.0)
+    robot.take_state(state(9, at=9.0, order_id="m"), 9.0)
+    for number, seconds in ((1, 0.0), (2, 2.0)):
+        robot.take_connection(connection(number=number, at=seconds), 10.0)
+        assert not robot.take_state(state(1, at=1.0), 10.0)
+    assert robot.state
+    assert robot.state.order_id == "m"
+
+
 START = datetime(2026, 1, 1, tzinfo=UTC)
 
 
@@ -161,6 +174,11 @@ def test_a_restart_with_a_lost_clock_is_believed_after_some_messages_and_seconds
 def test_old_messages_that_come_in_a_heap_are_no_restart() -> None:
     order = order_at(5000, 5000)
     assert not any(order.is_new(number, at(number), now=9.0) for number in range(100))
+
+
+def test_old_messages_that_are_repeated_to_a_silent_robot_are_no_restart() -> None:
+    order = order_at(50, 50)
+    assert not any(order.is_new(number, at(number), now=20.0 + number) for number in (3, 7, 9, 2, 4, 6))
 
 
 def test_a_few_overtaken_messages_are_no_restart() -> None:

@@ -94,9 +94,15 @@ class Positions:
         goes_on = working and level is IntegrationLevel.TO_BE_RESPECTED
         if level is not IntegrationLevel.TO_BE_UTILIZED and not goes_on:
             return f"has the integration level {level.value}"
-        if self._traffic.broke_off(vehicle.name):
-            return "has left its route or drives on its own, and has not been seen standing since"
-        return ""
+        if not self._traffic.broke_off(vehicle.name):
+            return ""
+        view = self._view(vehicle)
+        if view.state and view.order_id is None and (view.state.node_states or view.state.edge_states):
+            return (
+                f"still works on the order {view.state.order_id!r}, which is none of the present transport "
+                "orders': wait for its end or cancel it"
+            )
+        return "has left its route or drives on its own, and has not been seen standing since"
 
     def level(self, vehicle: FleetVehicle) -> IntegrationLevel:
         """Return how much a vehicle counts."""

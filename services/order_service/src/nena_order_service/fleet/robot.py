@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -26,8 +27,11 @@ from nena_shared.vda5050.versions import nearest_codec
 
 BELIEVED_COUNT: Final = 3
 BELIEVED_AFTER: Final = 10.0
-"""Messages in a row that look old, but rise among themselves, and seconds without any other one, from which
-the sender has restarted with a wrong clock."""
+"""Messages in a row that look old, but rise among themselves, and seconds that such a row has lasted without
+any other one, from which the sender has restarted with a wrong clock."""
+
+CONNECTIONS_KEPT: Final = 20
+"""Connection messages of a robot that are recognised when they come again."""
 
 
 class MessageOrder:
@@ -40,8 +44,8 @@ class MessageOrder:
 
     def __init__(self) -> None:
         self._last: tuple[int, datetime] | None = None
-        self._last_at = 0.0
         self._last_old = -1
+        self._old_since = 0.0
         self._old_in_a_row = 0
 
     def restart(self) -> None:
@@ -55,14 +59,16 @@ class MessageOrder:
             repeated = (header_id, timestamp) == last
             if repeated or not self._believed(header_id, now):
                 return False
-        self._last, self._last_at = (header_id, timestamp), now
+        self._last = header_id, timestamp
         self._last_old, self._old_in_a_row = -1, 0
         return True
 
     def _believed(self, header_id: int, now: float) -> bool:
-        self._old_in_a_row = self._old_in_a_row + 1 if header_id > self._last_old else 1
+        if self._old_in_a_row == 0 or header_id <= self._last_old:
+            self._old_in_a_row, self._old_since = 0, now
+        self._old_in_a_row += 1
         self._last_old = header_id
-        return self._old_in_a_row >= BELIEVED_COUNT and now - self._last_at >= BELIEVED_AFTER
+        return self._old_in_a_row >= BELIEVED_COUNT and now - self._old_since >= BELIEVED_AFTER
 
 
 class Silences:
@@ -253,15 +259,22 @@ class Robot:
     _heard_at: float | None = None
     _silent_after: float = 0.0
     _order: MessageOrder = field(default_factory=MessageOrder)
+    _connections: deque[tuple[int, datetime]] = field(default_factory=lambda: deque(maxlen=CONNECTIONS_KEPT))
 
     def __post_init__(self) -> None:
         self._silent_after = self.settings.silent_after
 
     def take_connection(self, message: Connection, now: float) -> None:
-        """Note what is known of the link; a will has an old header, so headers do not count here."""
+        """Note what is known of the link; a will has an old header, so its age does not count here.
+
+        One that comes again, retained or repeated, is no new connection: an old state behind it stays old.
+        """
         self.connection = message.connection_state
         self._heard_at = now
-        self._order.restart()
+        header = message.header_id, message.timestamp
+        if header not in self._connections:
+            self._connections.append(header)
+            self._order.restart()
 
     def take_state(self, message: State, now: float) -> bool:
         """Note a state and return whether it is a new one.
