@@ -46,6 +46,19 @@ async def test_the_second_one_ends_before_it_has_sent_anything(fleet: Fleet) -> 
     await order_in(first, "T", "FINISHED")
 
 
+async def test_a_later_one_on_a_copy_of_the_store_ends_it_and_it_says_so(fleet: Fleet) -> None:
+    program = fleet.order_service()
+    await listening(await program.client())
+    with MqttPeer(fleet.broker, topic(fleet)) as peer:
+        record = await peer.wait_for(topic(fleet), lambda each: bool(each.payload))
+        own = LeaderRecord.model_validate_json(record.payload)
+        later = own.model_copy(update={"epoch": own.epoch + 1, "instance": "later"})
+        peer.publish(topic(fleet), later.model_dump_json(by_alias=True))
+        assert await asyncio.to_thread(program.process.wait, PATIENCE) != 0
+    assert "another order service that uses this store, or a copy of it, was started later" in program.log
+    assert TAKEN not in program.log
+
+
 async def test_it_leads_once_the_first_one_is_gone(fleet: Fleet) -> None:
     first = fleet.order_service(name="first")
     await listening(await first.client())

@@ -106,7 +106,7 @@ class LinkState:
     dropped: int = 0
     handler_failures: int = 0
     refused: tuple[str, ...] = ()
-    """Topic filters to which the broker refused a subscription."""
+    """Topic filters to which the broker refused a subscription that is needed."""
     last_error: str = ""
     term: int = 0
     """The term of the connection, see :data:`Term`."""
@@ -117,6 +117,7 @@ class _Subscription:
     topic_filter: str
     handler: Handler
     qos: int
+    needed: bool
 
 
 @dataclass(slots=True)
@@ -193,9 +194,12 @@ class MqttLink:
         self._settled = asyncio.Event()
         self.state = LinkState()
 
-    def subscribe(self, topic_filter: str, handler: Handler, *, qos: int = 1) -> None:
-        """Call ``handler`` with each message under ``topic_filter``, now or from the next connect on."""
-        self._subscriptions.append(_Subscription(topic_filter, handler, qos))
+    def subscribe(self, topic_filter: str, handler: Handler, *, qos: int = 1, needed: bool = True) -> None:
+        """Call ``handler`` with each message under ``topic_filter``, now or from the next connect on.
+
+        Where the broker refuses one that is not ``needed``, only the log says so.
+        """
+        self._subscriptions.append(_Subscription(topic_filter, handler, qos, needed))
         self._handlers.cache_clear()
         if self._session:
             self._subscribe_late(self._session)
@@ -318,13 +322,19 @@ class MqttLink:
             session.subscribed += len(new)
             granted = await session.client.subscribe([(each.topic_filter, each.qos) for each in new])
             refused = [
-                each.topic_filter
-                for each, code in zip(new, granted, strict=True)
-                if getattr(code, "is_failure", False)
+                each for each, code in zip(new, granted, strict=True) if getattr(code, "is_failure", False)
             ]
-            self.state.refused += tuple(refused)
-            for topic_filter in refused:
-                log.error("the broker refuses a subscription; check its access list", topic=topic_filter)
+            self.state.refused += tuple(each.topic_filter for each in refused if each.needed)
+            for each in refused:
+                if each.needed:
+                    log.error(
+                        "the broker refuses a subscription; check its access list", topic=each.topic_filter
+                    )
+                else:
+                    log.warning(
+                        "the broker refuses a subscription; the program works without it",
+                        topic=each.topic_filter,
+                    )
             self._hooks.on_subscribed()
 
     def _subscribe_late(self, session: _Session) -> None:

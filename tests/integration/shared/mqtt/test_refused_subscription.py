@@ -18,6 +18,7 @@ from nena_shared.mqtt import MqttLink
 from nena_shared.vda5050.topics import Topic
 from support.broker import Broker, MqttPeer
 from support.edge_agent import FleetControl, agent_settings, error_types, running_agent
+from support.order_service_fleet import Fleet, listening
 from support.served_aggregator import serving
 from support.waiting import until
 
@@ -78,6 +79,18 @@ async def linked(broker: Broker, *topic_filters: str) -> AsyncIterator[MqttLink]
 async def test_the_link_names_what_is_refused(strict_broker: Broker) -> None:
     async with linked(strict_broker, "uagv/v2/ACME/0001/order", "uagv/v2/ACME/0001/state") as link:
         assert link.state.refused == ("uagv/v2/ACME/0001/order",)
+
+
+async def test_what_a_program_works_without_is_no_problem(strict_broker: Broker, tmp_path: Path) -> None:
+    fleet = Fleet(strict_broker, "uagv", tmp_path)
+    with fleet.stack:
+        program = fleet.order_service()
+        async with await program.client() as client:
+            await listening(client)
+            ready = await client.get("/readyz")
+    assert ready.json()["problems"] == [], "it only watches what others send to robots"
+    assert "the program works without it" in program.log
+    assert "uagv/v2/+/+/order" in program.log
 
 
 async def test_a_service_is_not_ready_without_its_subscriptions(

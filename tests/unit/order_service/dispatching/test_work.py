@@ -10,7 +10,12 @@ import pytest
 
 from nena_order_service.dispatching.settings import Chooser, DispatchSettings
 from nena_order_service.engine.context import EngineSettings
-from nena_order_service.engine.dispatching import ORDERS_FOR_MANY, TOLD_FIRST
+from nena_order_service.engine.dispatching import (
+    ORDERS_FOR_EACH,
+    ORDERS_FOR_MANY,
+    ORDERS_FOR_ONE,
+    TOLD_FIRST,
+)
 from nena_order_service.engine.engine import LOOKED_AT_ONCE, Engine
 from nena_order_service.store.changes import Changes
 from nena_shared.fleet_api.transport_order import TransportOrderState
@@ -162,6 +167,31 @@ async def test_a_whole_fleet_is_given_work_in_slices() -> None:
     assert slices[-1] == number
     assert max(after - before for before, after in pairwise([0, *slices])) <= TOLD_FIRST + ORDERS_FOR_MANY
     assert all(robot[1:] == vda_order.order_id[1:-2] for robot, vda_order in fleet.sent)
+
+
+async def test_a_vehicle_that_becomes_free_in_mid_offer_takes_the_most_urgent_order() -> None:
+    far, near = tuple(f"P{index}" for index in range(8)), ("A", "B")
+    points = tuple(point(name, 4000 * index) for index, name in enumerate((*far, *near)))
+    paths = tuple(path(f"{a} {b}", 4000) for a, b in pairwise(far))
+    names = ("V1", "V2")
+    plant = PlantModel(
+        name="p", points=points, paths=paths, vehicles=tuple(Vehicle(name=each) for each in names)
+    )
+    fleet = ScriptedFleet({"V1": "A", "V2": "P0"})
+    fleet.out_of_order.update(names)
+    dispatch = DispatchSettings(age_window=0)
+    settings = EngineSettings(default_map_id="map", traffic=False, dispatch=dispatch)
+    engine = await make_engine(plant, ForgetfulStore(), fleet, settings=settings)
+    for index in range(3 * (ORDERS_FOR_ONE + ORDERS_FOR_EACH)):
+        named = {"intendedVehicle": "V1"} if index < TOLD_FIRST else {}  # these are looked at each time
+        engine.create(request("P7", **named), f"T{index}")
+    fleet.out_of_order.discard("V1")  # which has no way to any of them
+    engine.look()
+    assert fleet.sent == []
+    fleet.out_of_order.discard("V2")
+    fleet.appear("V2", "P0")
+    await turn_passes()
+    assert [vda_order.order_id for _, vda_order in fleet.sent] == [f"T{TOLD_FIRST}-0"]
 
 
 async def test_a_large_fleet_is_looked_at_in_slices(monkeypatch: pytest.MonkeyPatch) -> None:

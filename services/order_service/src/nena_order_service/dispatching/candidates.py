@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from nena_order_service.dispatching.dispatcher import DispatchedVehicle
 from nena_order_service.fleet import RobotView, Standing
+from nena_order_service.orders.transport_order import Urgency
 from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry
 from nena_shared.fleet_api.vehicle import AcceptableOrderType
 
@@ -50,8 +51,9 @@ class Candidates:
     ) -> None:
         self.free: dict[str, LocatedCandidate] = {}
         """Those that may get orders, by name."""
-        self.fresh: dict[str, None] = {}
-        """Those that are free and may not have been offered all orders that wait."""
+        self.fresh: dict[str, Urgency | None] = {}
+        """Those that are free and may not have been offered all orders that wait, and up to which order they
+        have been; None: from the first."""
         self._registry = registry
         self._consider = consider
         self._known: dict[str, LocatedCandidate] = {}
@@ -86,8 +88,24 @@ class Candidates:
                 self.look_at(vehicle)
 
     def offer_all(self) -> None:
-        """Let each free vehicle be offered all orders that wait once more."""
-        self.fresh.update(dict.fromkeys(self.free))
+        """Let each free vehicle be offered all orders that wait once more, unless it is offered some now."""
+        for name in self.free:
+            self.fresh.setdefault(name, None)
+
+    def take_hindmost(self) -> tuple[Urgency | None, list[str]]:
+        """Take those out of the fresh ones that were offered the fewest orders; return up to which, too."""
+        begun = [each for each in self.fresh.values() if each is not None]
+        after = min(begun) if begun and len(begun) == len(self.fresh) else None
+        names = [name for name, known in self.fresh.items() if known == after]
+        for name in names:
+            del self.fresh[name]
+        return after, names
+
+    def offer_on(self, names: Iterable[str], after: Urgency) -> None:
+        """Let those of the vehicles that are free still be offered the orders behind this one."""
+        for name in names:
+            if name in self.free:
+                self.fresh.setdefault(name, after)
 
     def get(self, name: str) -> LocatedCandidate | None:
         """Return how a vehicle was seen last; None for one that never gets orders."""

@@ -236,8 +236,6 @@ class Dispatching:
         self._candidates = Candidates(context.registry, self.consider)
         self._kept: dict[int, str] = {}
         """Vehicles that give up dispensable orders, by the numbers of the orders that they are kept for."""
-        self._part_after: Urgency | None = None
-        """Up to which order those that wait have been offered to the free vehicles; None: from the first."""
         self._told_to = 0
         """Up to which place in the queue orders have been told why they wait."""
 
@@ -253,15 +251,16 @@ class Dispatching:
         self._forget_kept()
         numbers = self._with_new_reasons(touched)
         numbers.update(self._fresh_orders())
-        offered, limit = self._offered(), self._part_limit()
+        limit = self._part_limit()
+        after, vehicles = self._candidates.take_hindmost()
+        offered = self._offered(vehicles, after, limit)
         numbers.update(dict.fromkeys(offered))
         if orders := self._waiting_of(numbers):
             yield orders
         self._refresh()
-        if len(offered) < limit:
-            self._candidates.fresh.clear()
+        if len(offered) == limit:
+            self._candidates.offer_on(vehicles, self._orders.get(offered[-1]).urgency)
         self._state.dispatch_later = bool(self._candidates.fresh)
-        self._part_after = self._orders.get(offered[-1]).urgency if self._candidates.fresh else None
 
     def dispatch(self, orders: Sequence[TransportOrder]) -> tuple[list[Dispatched], dict[str, str]]:
         """Return what is to be assigned of orders, and why the others wait, by name.
@@ -490,12 +489,12 @@ class Dispatching:
         fresh = len(self._candidates.fresh)
         return ORDERS_FOR_ONE + ORDERS_FOR_EACH * fresh if fresh <= FEW else ORDERS_FOR_MANY
 
-    def _offered(self) -> list[int]:
-        """Return the numbers of the next orders that vehicles may take to which they are new."""
-        fresh, waiting = self._candidates.fresh, self._orders.waiting
-        if not fresh:
+    def _offered(self, vehicles: Sequence[str], after: Urgency | None, limit: int) -> list[int]:
+        """Return the numbers of the next orders behind ``after`` that these free vehicles may take."""
+        if not vehicles:
             return []
-        seen = {name: self._candidates.free[name] for name in fresh}
+        waiting = self._orders.waiting
+        seen = {name: self._candidates.free[name] for name in vehicles}
         knowledge = self._knowledge(seen)
 
         def fits(kind: OrderKind) -> bool:
@@ -508,7 +507,7 @@ class Dispatching:
                 for name, each in seen.items()
             )
 
-        return waiting.first(filter(fits, waiting.kinds(fresh)), self._part_limit(), self._part_after)
+        return waiting.first(filter(fits, waiting.kinds(vehicles)), limit, after)
 
     def _waiting_of(self, numbers: Iterable[int]) -> list[TransportOrder]:
         """Return those of the orders that may be assigned, most urgent first."""

@@ -29,12 +29,19 @@ ANSWERED_WITHIN = 5.0
 class FleetTakenError(StartError):
     """Another order service leads the fleet; the text says which, and what to do."""
 
-    def __init__(self, record: LeaderRecord) -> None:
-        super().__init__(
-            f"another order service with another store leads this fleet (store {record.store}, epoch "
-            f"{record.epoch}), so this one has ended. End the other one, or have both use one PostgreSQL, or "
-            "set another interface_name and topic_prefix here"
-        )
+    def __init__(self, record: LeaderRecord, *, own_store: bool = False) -> None:
+        if own_store:
+            super().__init__(
+                "another order service that uses this store, or a copy of it, was started later and leads "
+                f"this fleet (epoch {record.epoch}), so this one has ended. Start it again only if the other "
+                "one is to end, or as its standby on the same PostgreSQL"
+            )
+        else:
+            super().__init__(
+                f"another order service with another store leads this fleet (store {record.store}, epoch "
+                f"{record.epoch}), so this one has ended. End the other one, or have both use one "
+                "PostgreSQL, or set another interface_name and topic_prefix here"
+            )
 
 
 class LeaderRecord(Resource):
@@ -97,7 +104,8 @@ class LeaderElection:
             await asyncio.wait((linking, self._taken), return_when=asyncio.FIRST_COMPLETED)
             if linking.done():
                 linking.result()
-            raise FleetTakenError(self._taken.result())
+            taken = self._taken.result()
+            raise FleetTakenError(taken, own_store=taken.store == self._own.store)
         finally:
             if self._holds:
                 self._link.publish(Outbound(self._topic, b"", retain=True))

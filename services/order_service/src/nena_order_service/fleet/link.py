@@ -278,7 +278,7 @@ class FleetLink:
 
         for scheme in addresses.schemes:
             for topic in COMMANDS:
-                mqtt.subscribe(scheme.for_all(topic), self._check_command, qos=0)
+                mqtt.subscribe(scheme.for_all(topic), self._check_command, qos=0, needed=False)
 
     async def run(self) -> None:
         """Look after what is overdue, until cancelled."""
