@@ -17,7 +17,7 @@ from xml.etree.ElementTree import fromstring
 import rustworkx as rx
 
 from bench.figures import Figures, milliseconds
-from nena_order_service.routing import Router
+from nena_order_service.routing.router import Router
 from nena_shared.plant import PlantModel, lif, opentcs_xml
 from nena_shared.plant.files import read_nena
 from support.plants import grid_plant

@@ -6,7 +6,7 @@ from typing import Any, Literal
 import pytest
 from paho.mqtt.client import Client, MQTTMessage
 
-from nena_order_service.fleet import FleetSettings
+from nena_order_service.fleet.settings import FleetSettings
 from nena_shared.vda5050.topics import Topic
 from support.broker import Broker, MqttPeer
 from support.edge_agent import FleetControl, agent_settings, running_agent

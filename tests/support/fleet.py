@@ -7,21 +7,21 @@ from collections.abc import Iterable
 from itertools import count, pairwise
 from typing import TypeVar
 
-from nena_order_service.fleet import (
-    FleetController,
+from nena_order_service.fleet.controller import FleetController
+from nena_order_service.fleet.outputs import (
     FleetOutput,
-    FleetSettings,
     Outputs,
     PublishInstantActions,
     PublishOrder,
     PublishResponses,
     RobotChanged,
-    RobotView,
-    VdaOrder,
     VdaOrderCancelled,
     VdaOrderFailed,
     VdaOrderFinished,
 )
+from nena_order_service.fleet.robot import RobotView
+from nena_order_service.fleet.settings import FleetSettings
+from nena_order_service.fleet.vda_order import VdaOrder
 from nena_shared.vda5050.action import Action, BlockingType, InstantActions
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.order import AllowedDeviationXY, Edge, Node, NodePosition, Order

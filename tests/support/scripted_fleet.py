@@ -9,29 +9,24 @@ from typing import Any, Protocol
 from nena_order_service.engine.context import Context, EngineSettings, FleetControl
 from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.state import FleetState
-from nena_order_service.fleet import (
+from nena_order_service.fleet.failures import FailureKind, RobotBusyError
+from nena_order_service.fleet.outputs import (
     ActionRetriable,
-    Availability,
     BaseWanted,
-    FailureKind,
     InstantActionEnded,
-    LinkStatus,
     NodePassed,
-    OperationMap,
     OperationStarted,
-    RobotBusyError,
     RobotChanged,
-    RobotView,
-    VdaOrder,
     VdaOrderAccepted,
     VdaOrderCancelled,
     VdaOrderFailed,
     VdaOrderFinished,
 )
-from nena_order_service.fleet.vda_order import grown
+from nena_order_service.fleet.robot import Availability, LinkStatus, RobotView
+from nena_order_service.fleet.vda_order import OperationMap, VdaOrder, grown
 from nena_order_service.orders.vda_orders import OrderPlanner
-from nena_order_service.routing import Router
 from nena_order_service.routing.order_routes import RouteFinder
+from nena_order_service.routing.router import Router
 from nena_order_service.store.changes import Changes
 from nena_order_service.store.database import Unfinished
 from nena_order_service.store.store import Store

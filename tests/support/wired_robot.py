@@ -7,7 +7,9 @@ from collections import Counter
 from collections.abc import AsyncIterator, Iterator, Mapping
 from contextlib import asynccontextmanager
 
-from nena_order_service.fleet import FleetLink, FleetOutput, FleetSettings, RobotAddresses, RobotChanged
+from nena_order_service.fleet.link import FleetLink, RobotAddresses
+from nena_order_service.fleet.outputs import FleetOutput, RobotChanged
+from nena_order_service.fleet.settings import FleetSettings
 from nena_shared.clock import SystemClock
 from nena_shared.mqtt import Inbound, LinkHooks, MqttLink, Outbound
 from nena_shared.plant import Vehicle

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 from itertools import pairwise
 
-from nena_order_service.routing import Route, Router
+from nena_order_service.routing.graph import Route
+from nena_order_service.routing.router import Router
 from nena_order_service.traffic.resources import ResourceSet
 from nena_order_service.traffic.traffic_control import Evasion, RouteGrant, TrafficControl
 from nena_shared.plant import PlantModel

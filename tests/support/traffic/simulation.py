@@ -9,7 +9,8 @@ from functools import lru_cache
 from heapq import heappop, heappush
 from random import Random
 
-from nena_order_service.routing import Route, Router
+from nena_order_service.routing.graph import Route
+from nena_order_service.routing.router import Router
 from nena_order_service.traffic.traffic_control import RouteRequest, TrafficControl
 from nena_shared.plant import PlantModel
 

@@ -9,15 +9,11 @@ from itertools import count
 from random import Random
 
 from nena_order_service.engine.engine import Engine
-from nena_order_service.fleet import (
-    FleetController,
-    FleetSettings,
-    Outputs,
-    PublishInstantActions,
-    PublishOrder,
-    RobotView,
-    VdaOrder,
-)
+from nena_order_service.fleet.controller import FleetController
+from nena_order_service.fleet.outputs import Outputs, PublishInstantActions, PublishOrder
+from nena_order_service.fleet.robot import RobotView
+from nena_order_service.fleet.settings import FleetSettings
+from nena_order_service.fleet.vda_order import VdaOrder
 from nena_shared.clock import ManualClock
 from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.connection import ConnectionState

@@ -20,7 +20,9 @@ from nena_edge_agent.protocol.events import (
     Started,
     ZoneSetReceived,
 )
-from nena_order_service.fleet import FleetController, FleetSettings, LinkStatus
+from nena_order_service.fleet.controller import FleetController
+from nena_order_service.fleet.robot import LinkStatus
+from nena_order_service.fleet.settings import FleetSettings
 from nena_shared.vda5050.action import ActionStatus, InstantActions
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet

@@ -9,20 +9,20 @@ from pathlib import Path
 import pytest
 
 from nena_conversations.message import ReceivedMessage
-from nena_order_service.fleet import (
-    FleetController,
+from nena_order_service.fleet.controller import FleetController
+from nena_order_service.fleet.outputs import (
     FleetOutput,
-    FleetSettings,
     NodePassed,
     OperationStarted,
     PublishInstantActions,
     PublishOrder,
-    VdaOrder,
     VdaOrderAccepted,
     VdaOrderCancelled,
     VdaOrderFailed,
     VdaOrderFinished,
 )
+from nena_order_service.fleet.settings import FleetSettings
+from nena_order_service.fleet.vda_order import VdaOrder
 from nena_shared.vda5050.action import InstantActions
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet

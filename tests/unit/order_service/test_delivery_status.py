@@ -3,8 +3,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from nena_order_service.api.host_requests import delivery_status
-from nena_order_service.fleet import Availability, LinkStatus, RobotView
-from nena_order_service.fleet.robot import VdaOrderPhase
+from nena_order_service.fleet.robot import Availability, LinkStatus, RobotView, VdaOrderPhase
 from nena_shared.fleet_api.transport_order import DeliveryPhase
 from nena_shared.fleet_api.vehicle import VehicleState
 from nena_shared.vda5050.topics import RobotKey

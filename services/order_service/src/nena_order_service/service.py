@@ -23,11 +23,13 @@ from nena_order_service.engine.context import Context
 from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.path_locks import PathLocks
 from nena_order_service.engine.zone_sets import ZoneSets
-from nena_order_service.fleet import FleetLink, OperationMap, RobotAddresses
+from nena_order_service.fleet.link import FleetLink, RobotAddresses
+from nena_order_service.fleet.vda_order import OperationMap
 from nena_order_service.orders.vda_orders import OrderPlanner
 from nena_order_service.plant_change import ChangePlant
-from nena_order_service.routing import Router, evaluators
+from nena_order_service.routing.graph import evaluators
 from nena_order_service.routing.order_routes import RouteFinder
+from nena_order_service.routing.router import Router
 from nena_order_service.settings import OrderServiceSettings
 from nena_order_service.store.store import Store
 from nena_order_service.vehicles.registry import VehicleRegistry

@@ -8,8 +8,8 @@ from typing import Annotated
 from pydantic import AfterValidator, Field, HttpUrl, SecretStr
 
 from nena_order_service.engine.context import EngineSettings
-from nena_order_service.fleet import FleetSettings
-from nena_order_service.routing import CostKey
+from nena_order_service.fleet.settings import FleetSettings
+from nena_order_service.routing.graph import CostKey
 from nena_shared.fleet_api.transport_order import FailurePolicy
 from nena_shared.settings import ServiceSettings, SettingsGroup, TopicPrefix, secret_in
 from nena_shared.web.settings import HttpSettings

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from nena_order_service.fleet import LinkStatus
+from nena_order_service.fleet.robot import LinkStatus
 from nena_shared.mqtt import Outbound
 from nena_shared.vda5050.repair import RepairKind
 from nena_shared.vda5050.topics import Topic

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from nena_order_service.fleet import InstantActionEnded, VdaOrder, VdaOrderFinished
+from nena_order_service.fleet.outputs import InstantActionEnded, VdaOrderFinished
+from nena_order_service.fleet.vda_order import VdaOrder
 from nena_shared.mqtt import Inbound
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.topics import RobotKey, Topic

@@ -8,18 +8,11 @@ from typing import Any
 
 import pytest
 
-from nena_order_service.fleet import (
-    FleetSettings,
-    InstantActionEnded,
-    NodePassed,
-    OperationMap,
-    RobotProfile,
-    VdaOrderFailed,
-    build_vda_order,
-    locate,
-)
-from nena_order_service.fleet.vda_order import released_to
-from nena_order_service.routing import Router
+from nena_order_service.fleet.outputs import InstantActionEnded, NodePassed, VdaOrderFailed
+from nena_order_service.fleet.position import RobotProfile, locate
+from nena_order_service.fleet.settings import FleetSettings
+from nena_order_service.fleet.vda_order import OperationMap, build_vda_order, released_to
+from nena_order_service.routing.router import Router
 from nena_shared.fleet_api.transport_order import Coordinate
 from nena_shared.plant import PlantModel
 from nena_shared.vda5050.action import Action, ActionStatus, BlockingType

@@ -2,7 +2,7 @@ from itertools import permutations
 from math import hypot
 
 from nena_demo.plants import sample_plant_path
-from nena_order_service.routing import Router
+from nena_order_service.routing.router import Router
 from nena_shared.plant import PointType
 from nena_shared.plant.opentcs_xml import read
 from support.fleet_examples import sample_plant

@@ -5,7 +5,7 @@ from __future__ import annotations
 import httpx
 import pytest
 
-from nena_order_service.routing import NoRouteError
+from nena_order_service.routing.graph import NoRouteError
 from nena_order_service.service import OrderService, build
 from nena_order_service.settings import OrderServiceSettings
 from nena_shared.fleet_api.transport_order import Destination

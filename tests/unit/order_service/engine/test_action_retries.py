@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from nena_order_service.engine.engine import Engine
-from nena_order_service.fleet import FailureKind
+from nena_order_service.fleet.failures import FailureKind
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.plant import Link, Location, LocationType, PlantModel, Vehicle
 from nena_shared.vda5050.action import ActionStatus

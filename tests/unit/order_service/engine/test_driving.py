@@ -6,7 +6,7 @@ import pytest
 
 from nena_order_service.engine.driving import EVASION_PAUSE
 from nena_order_service.engine.engine import Engine
-from nena_order_service.fleet import VdaOrder
+from nena_order_service.fleet.vda_order import VdaOrder
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
 from support.plants import path, point

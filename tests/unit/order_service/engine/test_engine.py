@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from nena_order_service.engine.driving import EVASION_PAUSE
 from nena_order_service.engine.engine import Engine
-from nena_order_service.fleet import VdaOrder
+from nena_order_service.fleet.vda_order import VdaOrder
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_shared.fleet_api.transport_order import (
     OrderSequenceStatus,

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nena_order_service.engine.failure_policy import Situation, decide, is_carrying
-from nena_order_service.fleet import FailureKind as K
+from nena_order_service.fleet.failures import FailureKind as K
 from nena_shared.fleet_api.transport_order import DriveOrderState, DriveOrderStatus, FailureStep
 from nena_shared.fleet_api.transport_order import FailureMeasure as M
 from support.fleet_examples import drive_order

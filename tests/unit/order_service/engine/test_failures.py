@@ -8,7 +8,8 @@ from functools import partial
 import pytest
 
 from nena_order_service.engine.engine import Engine
-from nena_order_service.fleet import FailureKind, VdaOrder
+from nena_order_service.fleet.failures import FailureKind
+from nena_order_service.fleet.vda_order import VdaOrder
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.plant import Link, Location, LocationType, PlantModel, Vehicle
 from support.order_service import request

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from nena_order_service.engine.engine import Engine
 from nena_order_service.errors import NotReroutableError, VehicleNotReachedError
-from nena_order_service.fleet import OperationStarted, VdaOrder
+from nena_order_service.fleet.outputs import OperationStarted
+from nena_order_service.fleet.vda_order import VdaOrder
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.fleet_api.vehicle import ReroutingOutcome, ReroutingType

@@ -6,7 +6,7 @@ import pytest
 
 from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.status import Essentials
-from nena_order_service.fleet import LinkStatus
+from nena_order_service.fleet.robot import LinkStatus
 from nena_shared.fleet_api.vehicle import ProcessingState, VehicleState, VehicleStatus
 from nena_shared.plant import PlantModel, Vehicle
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel

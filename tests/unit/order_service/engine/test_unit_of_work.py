@@ -9,7 +9,7 @@ from structlog.testing import capture_logs
 from nena_order_service.engine.engine import UNPUBLISHED_AT_MOST, UnitOfWork
 from nena_order_service.engine.state import FleetState
 from nena_order_service.engine.status import Essentials
-from nena_order_service.fleet import FleetOutput, RobotChanged
+from nena_order_service.fleet.outputs import FleetOutput, RobotChanged
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from support.order_service import dispatchable_order
 from support.scripted_fleet import MemoryStore, key, make_state

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from nena_order_service.fleet import LinkStatus, VdaOrderPhase
 from nena_order_service.fleet.availability import matters, vehicle_state
+from nena_order_service.fleet.robot import LinkStatus, VdaOrderPhase
 from nena_shared.fleet_api.vehicle import VehicleState
 from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
 from nena_shared.vda5050.connection import ConnectionState

@@ -7,18 +7,12 @@ from typing import Any
 
 import pytest
 
-from nena_order_service.fleet import (
-    FleetSettings,
-    LinkStatus,
-    PublishOrder,
-    RobotBusyError,
-    RobotChanged,
-    VdaOrder,
-    VdaOrderFinished,
-    VdaOrderPhase,
-)
 from nena_order_service.fleet.controller import RETAINED_WITHIN, STRAY_PAUSE, RobotControl
-from nena_order_service.fleet.vda_order import released_to
+from nena_order_service.fleet.failures import RobotBusyError
+from nena_order_service.fleet.outputs import PublishOrder, RobotChanged, VdaOrderFinished
+from nena_order_service.fleet.robot import LinkStatus, VdaOrderPhase
+from nena_order_service.fleet.settings import FleetSettings
+from nena_order_service.fleet.vda_order import VdaOrder, released_to
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.state import OperatingMode

@@ -13,21 +13,21 @@ import hypothesis.strategies as st
 from hypothesis import settings
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
-from nena_order_service.fleet import (
+from nena_order_service.fleet.controller import FleetController
+from nena_order_service.fleet.outputs import (
     FleetOutput,
-    FleetSettings,
-    LinkStatus,
     NodePassed,
     OperationStarted,
     PublishInstantActions,
     PublishOrder,
-    VdaOrder,
     VdaOrderAccepted,
     VdaOrderCancelled,
     VdaOrderFailed,
     VdaOrderFinished,
 )
-from nena_order_service.fleet.controller import FleetController
+from nena_order_service.fleet.robot import LinkStatus
+from nena_order_service.fleet.settings import FleetSettings
+from nena_order_service.fleet.vda_order import VdaOrder
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.state import OperatingMode, State
 from support.fleet import Bench, hand_over, make_vda_order

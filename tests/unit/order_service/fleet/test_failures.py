@@ -4,14 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from nena_order_service.fleet import (
-    ActionRetriable,
-    FailureKind,
-    VdaOrderFailed,
-    VdaOrderFinished,
-    failures,
-    retry_or_skip,
-)
+from nena_order_service.fleet import failures
+from nena_order_service.fleet.failures import FailureKind
+from nena_order_service.fleet.instant_actions import retry_or_skip
+from nena_order_service.fleet.outputs import ActionRetriable, VdaOrderFailed, VdaOrderFinished
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference, ErrorType

@@ -6,15 +6,15 @@ from typing import Any
 
 import pytest
 
-from nena_order_service.fleet import (
-    FleetSettings,
+from nena_order_service.fleet.feasibility import instant_action_problem, order_problem
+from nena_order_service.fleet.outputs import (
     InstantActionEnded,
     PublishInstantActions,
     VdaOrderFailed,
     VdaOrderFinished,
 )
-from nena_order_service.fleet.feasibility import instant_action_problem, order_problem
 from nena_order_service.fleet.robot import Abilities
+from nena_order_service.fleet.settings import FleetSettings
 from nena_shared.vda5050.action import Action, ActionParameter, ActionStatus, BlockingType
 from nena_shared.vda5050.factsheet import (
     ActionParameterDescription,

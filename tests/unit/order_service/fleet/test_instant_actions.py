@@ -6,9 +6,10 @@ from itertools import count
 
 import pytest
 
-from nena_order_service.fleet import FleetSettings, InstantActionEnded, PublishInstantActions
 from nena_order_service.fleet.instant_actions import CLEARING_PAUSE, InstantActionManager
+from nena_order_service.fleet.outputs import InstantActionEnded, PublishInstantActions
 from nena_order_service.fleet.robot import INSTANT_ACTIONS_LIMIT, Robot
+from nena_order_service.fleet.settings import FleetSettings
 from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.factsheet import ActionScope, MaximumArrayLengths, MobileRobotAction

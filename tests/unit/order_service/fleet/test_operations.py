@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from nena_order_service.fleet import OperationMap
+from nena_order_service.fleet.vda_order import OperationMap
 from nena_shared.plant import Location
 from nena_shared.vda5050.action import BlockingType
 

@@ -6,19 +6,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_order_service.fleet import (
-    FailureKind,
+from nena_order_service.fleet.failures import FailureKind
+from nena_order_service.fleet.order_execution import OrderExecution
+from nena_order_service.fleet.outputs import (
     FleetOutput,
-    FleetSettings,
     NodePassed,
     PublishOrder,
     VdaOrderAccepted,
     VdaOrderCancelled,
     VdaOrderFailed,
     VdaOrderFinished,
-    VdaOrderPhase,
 )
-from nena_order_service.fleet.order_execution import OrderExecution
+from nena_order_service.fleet.robot import VdaOrderPhase
+from nena_order_service.fleet.settings import FleetSettings
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference

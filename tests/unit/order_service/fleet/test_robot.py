@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_order_service.fleet import FleetSettings, LinkStatus
 from nena_order_service.fleet.order_execution import read
-from nena_order_service.fleet.robot import MessageOrder, Robot, Silences
+from nena_order_service.fleet.robot import LinkStatus, MessageOrder, Robot, Silences
+from nena_order_service.fleet.settings import FleetSettings
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.topics import RobotKey
 from support.fleet import make_vda_order

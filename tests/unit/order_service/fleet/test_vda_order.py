@@ -6,17 +6,9 @@ from math import pi
 
 import pytest
 
-from nena_order_service.fleet import (
-    NotLocatedError,
-    OperationMap,
-    RobotProfile,
-    Standing,
-    VdaOrder,
-    build_vda_order,
-    locate,
-    order_id,
-)
-from nena_order_service.routing import Router
+from nena_order_service.fleet.position import NotLocatedError, RobotProfile, Standing, locate
+from nena_order_service.fleet.vda_order import OperationMap, VdaOrder, build_vda_order, order_id
+from nena_order_service.routing.router import Router
 from nena_shared.fleet_api.transport_order import Coordinate
 from nena_shared.plant import MapTransform, PlantModel, Vehicle
 from nena_shared.vda5050.graph import violations

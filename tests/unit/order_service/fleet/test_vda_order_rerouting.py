@@ -6,8 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_order_service.fleet import VdaOrder
-from nena_order_service.fleet.vda_order import grown, released_to, update_of, with_other_horizon
+from nena_order_service.fleet.vda_order import VdaOrder, grown, released_to, update_of, with_other_horizon
 from nena_shared.vda5050.action import Action, BlockingType
 from nena_shared.vda5050.order import Edge, Node
 

@@ -8,17 +8,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from nena_order_service.fleet import (
-    BaseChangedError,
+from nena_order_service.fleet.outputs import (
     BaseWanted,
     NodePassed,
     PublishOrder,
-    VdaOrder,
     VdaOrderCancelled,
     VdaOrderFailed,
     VdaOrderFinished,
 )
-from nena_order_service.fleet.vda_order import released_to, update_of
+from nena_order_service.fleet.vda_order import BaseChangedError, VdaOrder, released_to, update_of
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel
 from nena_shared.vda5050.factsheet import OptionalParameter, Support
 from nena_shared.vda5050.order import Node

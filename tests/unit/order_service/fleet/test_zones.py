@@ -7,8 +7,9 @@ from itertools import count
 
 import pytest
 
-from nena_order_service.fleet import FleetController, FleetSettings, PublishResponses
-from nena_order_service.fleet.settings import ReleasePolicy
+from nena_order_service.fleet.controller import FleetController
+from nena_order_service.fleet.outputs import PublishResponses
+from nena_order_service.fleet.settings import FleetSettings, ReleasePolicy
 from nena_order_service.fleet.zones import ReleaseManager
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.request import (

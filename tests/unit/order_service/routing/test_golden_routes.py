@@ -4,7 +4,7 @@ from itertools import permutations
 
 import pytest
 
-from nena_order_service.routing import Router
+from nena_order_service.routing.router import Router
 from nena_shared.plant import PlantModel
 from nena_shared.plant.opentcs_xml import read
 from support.reference import reference_dir

@@ -10,8 +10,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_order_service.routing import CostEvaluator, CostKey, NoRouteError, Router, evaluators
-from nena_order_service.routing.graph import ExplicitProperties, Route, RoutingProfile, Step, VehicleKinds
+from nena_order_service.routing.graph import (
+    CostEvaluator,
+    CostKey,
+    ExplicitProperties,
+    NoRouteError,
+    Route,
+    RoutingProfile,
+    Step,
+    VehicleKinds,
+    evaluators,
+)
+from nena_order_service.routing.router import Router
 from nena_shared.plant import BoundingBox, DirectedEdge, Orientation, PlantModel, Vehicle, lif
 from support.lif_files import edge, lif_of, node, use
 from support.plants import path, plant, point

@@ -7,8 +7,8 @@ from functools import partial
 import pytest
 import rustworkx as rx
 
-from nena_order_service.routing import NoRouteError, Router
-from nena_order_service.routing.graph import hops, travel_time
+from nena_order_service.routing.graph import NoRouteError, hops, travel_time
+from nena_order_service.routing.router import Router
 from nena_shared.plant import Link, Location, LocationType, Orientation, UnknownObjectError, Vehicle
 from support.plants import grid_name, grid_plant, path, plant
 

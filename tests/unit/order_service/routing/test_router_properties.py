@@ -7,7 +7,8 @@ from math import inf
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_order_service.routing import NoRouteError, Router
+from nena_order_service.routing.graph import NoRouteError
+from nena_order_service.routing.router import Router
 from nena_shared.plant import PlantModel, Vehicle
 from nena_shared.plant.track import VehicleTypeAtPoint, VehicleTypeOnPath
 from support.plants import path, point

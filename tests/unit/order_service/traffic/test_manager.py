@@ -6,7 +6,8 @@ from collections.abc import Collection, Mapping
 
 import pytest
 
-from nena_order_service.routing import NoRouteError, Route, Router
+from nena_order_service.routing.graph import NoRouteError, Route
+from nena_order_service.routing.router import Router
 from nena_order_service.traffic.manager import TrafficManager
 from nena_order_service.traffic.resources import Found
 from nena_order_service.traffic.traffic_control import RouteRejection, RouteRequest

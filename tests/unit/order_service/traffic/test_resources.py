@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_order_service.routing import Router
+from nena_order_service.routing.router import Router
 from nena_order_service.traffic.resources import (
     Found,
     OccupancyFinder,

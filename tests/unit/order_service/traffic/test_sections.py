@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import pytest
 
-from nena_order_service.routing import Router
+from nena_order_service.routing.router import Router
 from nena_order_service.traffic.manager import TrafficManager
 from nena_order_service.traffic.resources import Found
 from nena_order_service.traffic.traffic_control import (

@@ -6,7 +6,8 @@ from typing import Any
 import pytest
 
 from nena_order_service.engine.status import essentials, vehicle_status
-from nena_order_service.fleet import Availability, LinkStatus, RobotProfile, RobotView
+from nena_order_service.fleet.position import RobotProfile
+from nena_order_service.fleet.robot import Availability, LinkStatus, RobotView
 from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry
 from nena_shared.fleet_api.vehicle import (
     ANY_ORDER_TYPE,

@@ -22,7 +22,7 @@ from nena_edge_agent.loopback.driver import LoopbackDriver
 from nena_edge_agent.loopback.settings import LoopbackSettings
 from nena_edge_agent.protocol.events import Event
 from nena_edge_agent.settings import EdgeAgentSettings, IntervalSettings, JournalSettings
-from nena_order_service.fleet import FleetLink
+from nena_order_service.fleet.link import FleetLink
 from nena_order_service.service import make_engine, make_fleet
 from nena_order_service.settings import OrderServiceSettings
 from nena_order_service.store.changes import ChangeNumbers, Changes

@@ -25,8 +25,8 @@ from nena_order_service.errors import (
     VehicleNotReachedError,
     VersionChangedError,
 )
-from nena_order_service.fleet import InstantActionEnded, LinkStatus, RobotView
-from nena_order_service.fleet.robot import VdaOrderPhase
+from nena_order_service.fleet.outputs import InstantActionEnded
+from nena_order_service.fleet.robot import LinkStatus, RobotView, VdaOrderPhase
 from nena_order_service.fleet.vda_order import fresh_id, order_id
 from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder, sortable_id

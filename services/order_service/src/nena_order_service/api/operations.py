@@ -10,7 +10,7 @@ from typing import Any, Generic, TypeVar
 from pydantic import BaseModel
 
 from nena_order_service.api.host_requests import ETag, HostServices
-from nena_order_service.fleet import InstantActionEnded
+from nena_order_service.fleet.outputs import InstantActionEnded
 from nena_order_service.store.database import OrderFilter, SequenceFilter
 from nena_shared.fleet_api import operations as table
 from nena_shared.fleet_api.plant import ZoneSetList

@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from nena_order_service.dispatching.dispatcher import DispatchedVehicle
-from nena_order_service.fleet import RobotView, Standing
+from nena_order_service.fleet.position import Standing
+from nena_order_service.fleet.robot import RobotView
 from nena_order_service.orders.transport_order import Urgency
 from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry
 from nena_shared.fleet_api.vehicle import AcceptableOrderType

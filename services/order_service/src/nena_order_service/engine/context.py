@@ -8,7 +8,8 @@ from pydantic import Field
 
 from nena_order_service.dispatching.settings import DispatchSettings
 from nena_order_service.engine.state import FleetState
-from nena_order_service.fleet import RobotView, VdaOrder
+from nena_order_service.fleet.robot import RobotView
+from nena_order_service.fleet.vda_order import VdaOrder
 from nena_order_service.orders.vda_orders import OrderPlanner
 from nena_order_service.routing.order_routes import VehicleRoutes
 from nena_order_service.traffic.manager import TrafficManager

@@ -27,12 +27,13 @@ from nena_order_service.engine.context import Context
 from nena_order_service.engine.driving import Driving
 from nena_order_service.engine.sequences import Sequences
 from nena_order_service.engine.state import VehicleRecords
-from nena_order_service.fleet import LinkStatus, NotLocatedError, RobotView, Standing
+from nena_order_service.fleet.position import NotLocatedError, Standing
+from nena_order_service.fleet.robot import LinkStatus, RobotView
 from nena_order_service.orders.automatic import is_automatic_recharge
 from nena_order_service.orders.transport_order import TransportOrder, Urgency
 from nena_order_service.orders.vda_orders import OrderPlanner, Pick
 from nena_order_service.orders.waiting import OrderKind
-from nena_order_service.routing import NoRouteError
+from nena_order_service.routing.graph import NoRouteError
 from nena_order_service.routing.order_routes import NO_WAY, OrderCosts, RouteCost, RouteCosts, RoutePlan
 from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry, why_not_on
 from nena_shared.fleet_api.transport_order import Destination, DriveOrderState, TransportOrderState

@@ -8,15 +8,10 @@ from functools import cache, partial
 
 from nena_order_service.engine.context import Context
 from nena_order_service.engine.positions import Positions
-from nena_order_service.fleet import (
-    FailureKind,
-    FleetOutput,
-    LinkStatus,
-    NotLocatedError,
-    RobotBusyError,
-    Standing,
-    VdaOrderFailed,
-)
+from nena_order_service.fleet.failures import FailureKind, RobotBusyError
+from nena_order_service.fleet.outputs import FleetOutput, VdaOrderFailed
+from nena_order_service.fleet.position import NotLocatedError, Standing
+from nena_order_service.fleet.robot import LinkStatus
 from nena_order_service.fleet.vda_order import state_request
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.vda_orders import SentOrder

@@ -27,21 +27,20 @@ from nena_order_service.engine.state import Effect, FleetState, PendingChanges
 from nena_order_service.engine.status import Essentials, StatusReporter
 from nena_order_service.engine.traffic_plan import TrafficPlans
 from nena_order_service.errors import StoreNotReadyError
-from nena_order_service.fleet import (
+from nena_order_service.fleet.outputs import (
     ActionRetriable,
     BaseWanted,
     FleetOutput,
     InstantActionEnded,
-    LinkStatus,
     NodePassed,
     OperationStarted,
     RobotChanged,
-    RobotView,
     VdaOrderAccepted,
     VdaOrderCancelled,
     VdaOrderFailed,
     VdaOrderFinished,
 )
+from nena_order_service.fleet.robot import LinkStatus, RobotView
 from nena_order_service.fleet.vda_order import state_request
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.store.changes import Changes

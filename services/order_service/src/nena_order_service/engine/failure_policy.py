@@ -13,11 +13,12 @@ from types import MappingProxyType
 from typing import Final
 
 from nena_order_service.engine.context import Context
-from nena_order_service.fleet import LinkStatus, NotLocatedError
 from nena_order_service.fleet.failures import FailureKind
+from nena_order_service.fleet.position import NotLocatedError
+from nena_order_service.fleet.robot import LinkStatus
 from nena_order_service.fleet.vda_order import DROP, PICK
 from nena_order_service.orders.transport_order import TransportOrder
-from nena_order_service.routing import NoRouteError
+from nena_order_service.routing.graph import NoRouteError
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.transport_order import (
     DriveOrderState,

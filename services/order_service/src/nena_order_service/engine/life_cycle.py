@@ -16,19 +16,18 @@ from nena_order_service.engine.driving import Driving, Pauses, Stuck
 from nena_order_service.engine.failure_policy import Decision, FailureAssessment, OrderFailure, with_others
 from nena_order_service.engine.recovery import LostOrderError, Recovery
 from nena_order_service.engine.sequences import Sequences
-from nena_order_service.fleet import (
+from nena_order_service.fleet.failures import FailureKind, with_details
+from nena_order_service.fleet.instant_actions import retry_or_skip
+from nena_order_service.fleet.outputs import (
     ActionRetriable,
-    FailureKind,
     InstantActionEnded,
-    NotLocatedError,
     OperationStarted,
     VdaOrderAccepted,
     VdaOrderCancelled,
     VdaOrderFailed,
     VdaOrderFinished,
-    retry_or_skip,
 )
-from nena_order_service.fleet.failures import with_details
+from nena_order_service.fleet.position import NotLocatedError
 from nena_order_service.fleet.vda_order import fresh_id
 from nena_order_service.orders import deadlines
 from nena_order_service.orders.automatic import automatic_name
@@ -36,7 +35,7 @@ from nena_order_service.orders.deadlines import Deadlines, OrderTimeouts
 from nena_order_service.orders.transport_order import TransportOrder, why_withdrawn
 from nena_order_service.orders.validation import InvalidRequestError, check_order
 from nena_order_service.orders.vda_orders import SentOrder
-from nena_order_service.routing import NoRouteError
+from nena_order_service.routing.graph import NoRouteError
 from nena_order_service.routing.order_routes import RoutePlan
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.transport_order import (

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from nena_order_service.engine.context import Context
-from nena_order_service.fleet import LinkStatus, NotLocatedError, RobotView, Standing
+from nena_order_service.fleet.position import NotLocatedError, Standing
+from nena_order_service.fleet.robot import LinkStatus, RobotView
 from nena_order_service.traffic.resources import Found
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.vehicle import IntegrationLevel

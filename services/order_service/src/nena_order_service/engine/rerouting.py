@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from nena_order_service.engine.context import Context
 from nena_order_service.engine.driving import Driving
 from nena_order_service.errors import NotReroutableError, VehicleNotReachedError
-from nena_order_service.fleet import LinkStatus, Standing
+from nena_order_service.fleet.position import Standing
+from nena_order_service.fleet.robot import LinkStatus
 from nena_order_service.fleet.vda_order import with_other_horizon
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.vda_orders import SentOrder
-from nena_order_service.routing import NoRouteError, Route
+from nena_order_service.routing.graph import NoRouteError, Route
 from nena_order_service.routing.order_routes import Leg
 from nena_order_service.traffic.scheduler import Refusal, WaitReason
 from nena_order_service.vehicles.registry import FleetVehicle

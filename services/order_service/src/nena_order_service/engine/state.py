@@ -14,7 +14,7 @@ from functools import partial
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from nena_order_service.fleet import FleetOutput, InstantActionEnded
+from nena_order_service.fleet.outputs import FleetOutput, InstantActionEnded
 from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.vda_orders import SentOrder

@@ -10,7 +10,8 @@ from nena_order_service.engine.dispatching import Dispatching
 from nena_order_service.engine.idle import IdleVehicles
 from nena_order_service.engine.positions import Positions
 from nena_order_service.engine.sequences import Sequences
-from nena_order_service.fleet import NotLocatedError, RobotView, locate
+from nena_order_service.fleet.position import NotLocatedError, locate
+from nena_order_service.fleet.robot import RobotView
 from nena_order_service.vehicles.registry import FleetVehicle, robot_maps
 from nena_shared.fleet_api.vehicle import (
     AcceptableOrderType,

@@ -9,7 +9,7 @@ from typing import Final
 from nena_order_service.engine.context import Context
 from nena_order_service.engine.driving import Driving
 from nena_order_service.engine.positions import box_of
-from nena_order_service.fleet import NotLocatedError
+from nena_order_service.fleet.position import NotLocatedError
 from nena_order_service.traffic.forecast import HORIZON, Drive, Forecast, Pace
 from nena_order_service.traffic.resources import ResourceSet
 from nena_order_service.traffic.scheduler import Refusal, WaitReason

@@ -12,7 +12,8 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from nena_order_service.engine.engine import Engine
 from nena_order_service.errors import UnknownZoneSetError, ZoneSetChangedError
-from nena_order_service.fleet import InstantActionEnded, LinkStatus
+from nena_order_service.fleet.outputs import InstantActionEnded
+from nena_order_service.fleet.robot import LinkStatus
 from nena_order_service.fleet.vda_order import fresh_id
 from nena_order_service.store.changes import Changes
 from nena_order_service.vehicles.registry import FleetVehicle

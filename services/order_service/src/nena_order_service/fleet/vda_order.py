@@ -13,7 +13,7 @@ from uuid import uuid4
 from pydantic import AliasChoices, Field
 
 from nena_order_service.fleet.position import DEFAULT_DEVIATION_XY, RobotProfile, Standing
-from nena_order_service.routing import Route
+from nena_order_service.routing.graph import Route
 from nena_shared.fleet_api.transport_order import Coordinate
 from nena_shared.plant import Location, MapPlace, PlantModel, PlantPlace
 from nena_shared.plant.geometry import normalized

@@ -7,19 +7,20 @@ from typing import NamedTuple, Self
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from nena_order_service.fleet import (
+from nena_order_service.fleet.position import NotLocatedError, Standing, locate
+from nena_order_service.fleet.robot import RobotView
+from nena_order_service.fleet.vda_order import (
+    DROP,
+    PICK,
     OperationMap,
-    RobotView,
-    Standing,
     VdaOrder,
     build_vda_order,
-    locate,
+    fresh_id,
     order_id,
+    released_to,
 )
-from nena_order_service.fleet.position import NotLocatedError
-from nena_order_service.fleet.vda_order import DROP, PICK, fresh_id, released_to
 from nena_order_service.orders.transport_order import TransportOrder
-from nena_order_service.routing import NoRouteError, Route
+from nena_order_service.routing.graph import NoRouteError, Route
 from nena_order_service.routing.order_routes import Leg, RouteFinder, RoutePlan
 from nena_order_service.traffic.resources import ResourceSet
 from nena_order_service.traffic.traffic_control import Journey, RouteRequest

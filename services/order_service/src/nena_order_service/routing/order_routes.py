@@ -9,8 +9,8 @@ from itertools import groupby
 from math import hypot, inf
 from typing import NamedTuple
 
-from nena_order_service.routing import NoRouteError, Route, Router
-from nena_order_service.routing.graph import CostMap
+from nena_order_service.routing.graph import CostMap, NoRouteError, Route
+from nena_order_service.routing.router import Router
 from nena_shared.fleet_api.transport_order import Coordinate, Destination
 from nena_shared.plant import PlantModel, Point, Vehicle
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from math import hypot
 from typing import Final
 
-from nena_order_service.routing import Step
+from nena_order_service.routing.graph import Step
 from nena_shared.plant import PlantModel, Point
 from nena_shared.plant.geometry import Box, PlanarIndex
 from nena_shared.plant.model import Block, BlockType

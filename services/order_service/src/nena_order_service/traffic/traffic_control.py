@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from math import inf
 from typing import Protocol
 
-from nena_order_service.routing import NoRouteError, Route
+from nena_order_service.routing.graph import NoRouteError, Route
 from nena_order_service.traffic.resources import Resources, ResourceSet, conflict
 from nena_order_service.traffic.scheduler import Refusal, Scheduler, WaitReason
 from nena_shared.plant import BACKWARD_SUFFIX, PlantModel

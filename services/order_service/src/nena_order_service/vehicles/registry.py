@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
-from nena_order_service.fleet import RobotProfile
+from nena_order_service.fleet.position import RobotProfile
 from nena_shared.fleet_api.vehicle import RobotMap
 from nena_shared.plant import PlantModel, Vehicle
 from nena_shared.plant.model import map_transforms
