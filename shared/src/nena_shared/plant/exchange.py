@@ -11,9 +11,6 @@ from pydantic_core import from_json
 from nena_shared.plant.errors import ObjectKind, PlantModelError, PlantProblem
 from nena_shared.plant.model import PlantModel
 
-MAX_DEPTH: Final = 200
-"""Nesting depth; the parser's own limit."""
-
 
 @dataclass(frozen=True, slots=True)
 class JsonLimits:

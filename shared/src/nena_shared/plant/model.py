@@ -300,11 +300,6 @@ class PlantModel(PlantRecord):
         return {vehicle.name: vehicle for vehicle in self.vehicles}
 
     @cached_property
-    def edges_by_id(self) -> Mapping[str, DirectedEdge]:
-        """Directed edges by id."""
-        return {edge.id: edge for edge in self.edges()}
-
-    @cached_property
     def vehicle_types(self) -> frozenset[str]:
         """Vehicle types that points and paths name; empty if none."""
         at_points = (use.vehicle_type_id for point in self.points for use in point.vehicle_types)

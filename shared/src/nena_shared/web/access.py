@@ -272,14 +272,3 @@ def token_of(headers: Headers, *, cookies: bool) -> str:
     except CookieError:
         return ""
     return found[COOKIE].value if COOKIE in found else ""
-
-
-def reading_or(operating: Role, *, everybody: frozenset[str]) -> RoleNeeded:
-    """Make the plain rule: who reads is a viewer, who changes something has ``operating``."""
-
-    def needed(method: str, path: str) -> Role | None:
-        if path in everybody:
-            return None
-        return Role.VIEWER if method in ("GET", "HEAD", "OPTIONS") else operating
-
-    return needed

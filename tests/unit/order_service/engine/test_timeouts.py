@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from datetime import timedelta
+
 from nena_order_service.engine.engine import Engine
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.plant import PlantModel, Vehicle
@@ -38,6 +40,15 @@ async def test_an_order_that_takes_too_long_is_cancelled_at_the_robot() -> None:
     assert status_of(engine).reason == (
         "withdrawn: time-out: it was not done within 60 s of its creation; the vehicle has let it go"
     )
+
+
+async def test_an_order_is_late_after_its_deadline_and_not_at_it() -> None:
+    engine, _ = await make(MemoryStore())
+    engine.create(request("B", deadline=engine.clock.now() + timedelta(seconds=60)), "T")
+    later(engine, 60)
+    assert not status_of(engine).late
+    later(engine, 1)
+    assert status_of(engine).late
 
 
 async def test_an_order_that_nobody_begins_fails_at_once() -> None:

@@ -5,7 +5,7 @@ from datetime import timedelta
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_order_service.orders.deadlines import FIRST_SWEEP, Deadlines, DueTimes
+from nena_order_service.orders.deadlines import FIRST_SWEEP, DueTimes, deadline_of
 from support.order_service import NOW, dispatchable_order
 
 
@@ -30,19 +30,8 @@ def test_the_last_time_of_each_order_counts_and_once(watched: list[tuple[int, in
     assert len(times) == 0
 
 
-def test_each_deadline_passes_once_and_in_time() -> None:
-    deadlines = Deadlines(lambda _: False)
-    for number, seconds in enumerate((3, 1, 2)):
-        due = NOW + timedelta(seconds=seconds)
-        deadlines.watch(dispatchable_order(number=number, deadline=due))
-    deadlines.watch(dispatchable_order(number=9))
-    assert deadlines.passed(NOW + timedelta(seconds=1)) == []
-    assert deadlines.passed(NOW + timedelta(seconds=2.5)) == [1, 2]
-    assert deadlines.passed(NOW + timedelta(seconds=9)) == [0]
-    assert deadlines.passed(NOW + timedelta(days=9)) == []
-
-
-def test_an_order_that_is_late_already_is_not_watched() -> None:
-    deadlines = Deadlines(lambda _: False)
-    deadlines.watch(dispatchable_order(deadline=NOW).overdue(NOW + timedelta(seconds=1)))
-    assert deadlines.passed(NOW + timedelta(days=9)) == []
+def test_the_deadline_of_an_order_is_watched_until_it_is_late() -> None:
+    order = dispatchable_order(deadline=NOW)
+    assert deadline_of(order) == NOW
+    assert deadline_of(order.overdue(NOW + timedelta(seconds=1))) is None
+    assert deadline_of(dispatchable_order()) is None

@@ -66,8 +66,8 @@ def test_each_speed_gives_an_edge(forward: int, reverse: int, orientations: list
 
 def test_the_edges_of_a_path_lead_both_ways() -> None:
     model = plant(path("A B", max_velocity_mm_s=1500, max_reverse_velocity_mm_s=300))
-    forward = model.edges_by_id["A --- B"]
-    backward = model.edges_by_id["A --- B" + BACKWARD_SUFFIX]
+    edges = {edge.id: edge for edge in model.edges()}
+    forward, backward = edges["A --- B"], edges["A --- B" + BACKWARD_SUFFIX]
     assert (forward.source, forward.destination, forward.max_velocity_m_s) == ("A", "B", 1.5)
     assert (backward.source, backward.destination, backward.max_velocity_m_s) == ("B", "A", 0.3)
     assert forward.path is backward.path

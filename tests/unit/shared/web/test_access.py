@@ -28,16 +28,21 @@ from nena_shared.web.access import (
     RateLimit,
     access_tokens_of,
     protect,
-    reading_or,
 )
 from nena_shared.web.oidc.issuer import LOOKS_AT_ONCE, AccessTokens
 from nena_shared.web.settings import HttpSettings, OidcSettings
 from nena_shared.web.users import User, UserBook, hash_of, write_users
 from support.oidc_issuer import AUDIENCE, DISCOVERY, LIFE, OidcIssuer, ec_key
 
-RULE = reading_or(Role.OPERATOR, everybody=frozenset({"/healthz"}))
 REQUESTS = 30
 LEEWAY = OidcSettings.model_fields["leeway"].default
+
+
+def rule(method: str, path: str) -> Role | None:
+    """Let viewers read, operators change, and everybody see the health."""
+    if path == "/healthz":
+        return None
+    return Role.VIEWER if method in ("GET", "HEAD", "OPTIONS") else Role.OPERATOR
 
 
 async def who(request: Request) -> Response:
@@ -60,7 +65,7 @@ class Door:
         settings = HttpSettings(port=0, requests_per_second=1, burst=REQUESTS)
         book = UserBook(self.file) if login else None
         app = Starlette(routes=[Route("/{path:path}", who, methods=["GET", "POST", "DELETE"])])
-        guard = AccessControl(app, settings, RULE, book, self.clock, cookies)
+        guard = AccessControl(app, settings, rule, book, self.clock, cookies)
         self.client = httpx.AsyncClient(
             transport=httpx.ASGITransport(guard, client=(address, 123)), base_url="http://door"
         )
@@ -182,7 +187,7 @@ async def test_a_broken_file_of_users_closes_the_door(door: Door) -> None:
 def guarded(issuer: OidcIssuer, users: Path | None = None) -> httpx.AsyncClient:
     app = Starlette(routes=[Route("/{path:path}", who, methods=["GET", "POST"])])
     oidc = OidcSettings(issuer=issuer.address, audience=AUDIENCE)
-    access = protect(app, HttpSettings(port=0, users=users, oidc=oidc), RULE)
+    access = protect(app, HttpSettings(port=0, users=users, oidc=oidc), rule)
     return httpx.AsyncClient(transport=httpx.ASGITransport(access), base_url="http://door")
 
 
@@ -274,7 +279,7 @@ def telling(issuer: OidcIssuer, clock: LaterClock, *seconds: float) -> httpx.Asy
 
     settings = HttpSettings(port=0, oidc=OidcSettings(issuer=issuer.address, audience=AUDIENCE))
     app = Starlette(routes=[Route("/events", lasting)])
-    access = AccessControl(app, settings, RULE, None, clock, oidc=access_tokens_of(settings))
+    access = AccessControl(app, settings, rule, None, clock, oidc=access_tokens_of(settings))
     return httpx.AsyncClient(transport=httpx.ASGITransport(access), base_url="http://door")
 
 

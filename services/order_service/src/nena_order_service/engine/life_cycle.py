@@ -31,7 +31,7 @@ from nena_order_service.fleet.position import NotLocatedError
 from nena_order_service.fleet.vda_order import fresh_id
 from nena_order_service.orders import deadlines
 from nena_order_service.orders.automatic import automatic_name
-from nena_order_service.orders.deadlines import Deadlines, OrderTimeouts
+from nena_order_service.orders.deadlines import DueTimes
 from nena_order_service.orders.transport_order import TransportOrder, why_withdrawn
 from nena_order_service.orders.validation import InvalidRequestError, check_order
 from nena_order_service.orders.vda_orders import SentOrder
@@ -86,8 +86,8 @@ class LifeCycle:
         self._pauses = pauses
         self._conditions = Conditions(context, sequences)
         self._failures = FailureAssessment(context)
-        self._deadlines = Deadlines(self._orders.is_over)
-        self._timeouts = OrderTimeouts(self._orders.is_over)
+        self._deadlines = DueTimes(self._orders.is_over)
+        self._timeouts = DueTimes(self._orders.is_over)
         self._answers: dict[str, tuple[str, str]] = {}
         """VDA 5050 orderIds and words of failures, by the ids of the instant actions sent about them."""
         self._given_up: dict[str, OrderFailure] = {}
@@ -191,18 +191,20 @@ class LifeCycle:
     def check_times(self) -> None:
         """Mark orders late whose deadlines have passed, and withdraw those that have timed out."""
         now = self._clock.now()
-        for number in self._deadlines.passed(now):
+        for number in self._deadlines.take(now - timedelta.resolution):  # at the very moment it is in time
             if order := self._orders.find(number):
                 self._orders.put(order.overdue(now))
-        for number in self._timeouts.take_due(now):
+        for number in self._timeouts.take(now):
             order = self._orders.find(number)
             if order and not order.state.final:
                 log.info("order timed out", order=order.name)
                 self.withdraw(order, deadlines.reason(order, now), immediate=True)
 
     def _watch(self, order: TransportOrder) -> None:
-        self._deadlines.watch(order)
-        self._timeouts.watch(order)
+        if deadline := deadlines.deadline_of(order):
+            self._deadlines.watch(order.number, deadline)
+        if timeout := deadlines.timeout_of(order):
+            self._timeouts.watch(order.number, timeout)
 
     # Dispatching
 
@@ -265,7 +267,7 @@ class LifeCycle:
         routes = (leg.points for leg in way.legs)
         order = dispatched.assignment.order.assigned(vehicle.name, routes, why, self._clock.now())
         log.info("order assigned", order=order.name, vehicle=vehicle.name, why=why)
-        self._timeouts.watch(order)
+        self._watch(order)
         self._sent.assign(order, vehicle.key)
         self._sequences.bind(order, vehicle.name)
         self._drive(order, vehicle, way)

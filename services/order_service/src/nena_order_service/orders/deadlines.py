@@ -56,38 +56,9 @@ class DueTimes:
         self._sweep_at = max(FIRST_SWEEP, 2 * len(self._queue))
 
 
-class Deadlines:
-    """Watches the deadlines of orders; one that ends before is passed over."""
-
-    def __init__(self, is_over: Callable[[int], bool]) -> None:
-        """``is_over`` returns whether the order of a number has ended."""
-        self._times = DueTimes(is_over)
-
-    def watch(self, order: TransportOrder) -> None:
-        """Watch the deadline of an order, if it has one."""
-        if order.status.deadline is not None and not order.status.late:
-            self._times.watch(order.number, order.status.deadline)
-
-    def passed(self, now: datetime) -> list[int]:
-        """Return the numbers of the orders whose deadlines have passed since this was asked last."""
-        return self._times.take(now - timedelta.resolution)  # who is done in the very moment is in time
-
-
-class OrderTimeouts:
-    """Knows when orders are due to be ended, in UTC, so that restarts change nothing about it."""
-
-    def __init__(self, is_over: Callable[[int], bool]) -> None:
-        """``is_over`` returns whether the order of a number has ended."""
-        self._times = DueTimes(is_over)
-
-    def watch(self, order: TransportOrder) -> None:
-        """Handle an order that is new, or that was given to a vehicle."""
-        if end := _end(order):
-            self._times.watch(order.number, end)
-
-    def take_due(self, now: datetime) -> list[int]:
-        """Return the numbers of orders whose time is over, once each; some may have ended before."""
-        return self._times.take(now)
+def deadline_of(order: TransportOrder) -> datetime | None:
+    """Return the deadline of an order that is not late yet; None: it has none."""
+    return None if order.status.late else order.status.deadline
 
 
 def reason(order: TransportOrder, now: datetime) -> str:
@@ -98,7 +69,8 @@ def reason(order: TransportOrder, now: datetime) -> str:
     return f"time-out: it was not done within {status.processing_timeout:g} s of when a vehicle got it"
 
 
-def _end(order: TransportOrder) -> datetime | None:
+def timeout_of(order: TransportOrder) -> datetime | None:
+    """Return when an order is to be ended, in UTC, so that restarts change nothing about it; None: never."""
     status = order.status
     ends = (
         start + timedelta(seconds=seconds)

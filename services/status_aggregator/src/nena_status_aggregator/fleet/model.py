@@ -283,10 +283,6 @@ class FleetModel:
         """Return one robot as of the last :meth:`flush`."""
         return self._public.robots.views.get(key)
 
-    def order_view(self, name: str) -> OrderView | None:
-        """Return one order as of the last :meth:`flush`."""
-        return self._public.orders.views.get(name)
-
     def _count_and_find(self, key: RobotKey, kind: MessageKind, at: Timestamp) -> Robot | None:
         """Count the message and return its robot; None if there is no room for it."""
         self.statistics.received[kind] += 1
