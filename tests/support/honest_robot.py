@@ -55,6 +55,8 @@ class HonestRobot:
     paused: bool = False
     position: tuple[float, float, float] = (0.0, 0.0, 0.0)
     localized: bool = True
+    has_pose: bool = True
+    """False as between its start and the first pose of its localisation."""
     charge: float = 80.0
     charging: bool = False
     header_id: int = 0
@@ -193,7 +195,9 @@ class HonestRobot:
             instant_action_states=tuple(instants if self.reports_instants_apart else ()),
             mobile_robot_position=MobileRobotPosition(
                 x=x, y=y, theta=theta, map_id=MAP, localized=self.localized
-            ),
+            )
+            if self.has_pose
+            else None,
             power_supply=PowerSupply(state_of_charge=self.charge, charging=self.charging),
             zone_requests=self.zone_requests,
             operating_mode=self.mode,
@@ -230,6 +234,8 @@ class HonestRobot:
         place = node.node_position
         if place is None or place.allowed_deviation_xy is None:
             return True
+        if not self.has_pose:
+            return False
         x, y, _ = self.position
         return (place.x - x) ** 2 + (place.y - y) ** 2 <= place.allowed_deviation_xy.a**2 + 1e-9
 

@@ -15,6 +15,7 @@ from nena_shared.vda5050.error import ErrorEntry, ErrorLevel
 from nena_shared.vda5050.state import OperatingMode
 from support.fleet import Bench, make_vda_order
 from support.fleet_examples import position, power, state
+from support.honest_robot import HonestRobot
 
 
 def reason(bench: Bench) -> str | None:
@@ -93,6 +94,27 @@ def test_a_robot_that_does_not_know_where_it_is() -> None:
     bench = Bench().online()
     bench.robot.localized = False
     assert reason(bench) == "does not know where it is: set its initial position"
+
+
+def test_a_robot_that_has_started_again_and_has_no_pose_yet() -> None:
+    bench = Bench().online()
+    bench.robot.has_pose = False
+    assert reason(bench) == "does not know where it is: set its initial position"
+
+
+def test_a_robot_that_never_reports_where_it_is_can_take_an_order() -> None:
+    bench = Bench(robot=HonestRobot(has_pose=False)).online()
+    assert reason(bench) is None
+
+
+def test_a_robot_that_has_connected_again_can_take_an_order_once_it_has_reported_its_state() -> None:
+    bench = Bench().online()
+    bench.now += 1.0
+    bench.connection(ConnectionState.ONLINE)
+    assert bench.view().availability.reason == "has not reported its state since it connected"
+    assert reason(bench) is None
+    bench.connection(ConnectionState.ONLINE)
+    assert bench.view().availability.reason == "is free", "the broker has kept that one"
 
 
 def test_a_paused_robot() -> None:

@@ -21,7 +21,7 @@ from nena_order_service.fleet.robot import VdaOrderPhase
 from nena_order_service.fleet.settings import FleetSettings
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.connection import ConnectionState
-from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference
+from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference, ErrorType, error
 from nena_shared.vda5050.state import OperatingMode, State
 from support.fleet import Bench, make_vda_order
 from support.fleet_examples import state, way
@@ -112,6 +112,60 @@ def test_a_refusal_that_names_the_order_fails_the_vda_order_with_the_robots_word
     bench.start_and_tell(make_vda_order("m", "A", "B"))
     assert failure(bench).reason == "the robot refuses the order"
     assert failure(bench).details == ("START_NODE_OUT_OF_RANGE: no",)
+
+
+@pytest.mark.clause("6.1.4/fleet")
+@pytest.mark.parametrize("has_pose", [True, False], ids=["not localised", "no pose yet"])
+@pytest.mark.parametrize("cleared", [True, False], ids=["refusal goes", "refusal stays"])
+def test_an_order_refused_by_a_robot_that_does_not_know_where_it_is_is_sent_again_when_it_does(
+    *, has_pose: bool, cleared: bool
+) -> None:
+    bench = Bench().online()
+    bench.start(make_vda_order("m", "A", "B"))
+    bench.robot.localized, bench.robot.has_pose = False, has_pose
+    bench.robot.errors.append(error(ErrorType.START_NODE_OUT_OF_RANGE, "no", order_id="m"))
+    bench.lose()
+    bench.wait(60, reporting=True)
+    assert bench.ends() == {}
+    assert bench.orders_sent() == ["m"], "it would be refused again"
+    bench.robot.localized = bench.robot.has_pose = True
+    if cleared:
+        bench.robot.errors.clear()
+    bench.report()
+    bench.tick()
+    assert bench.orders_sent() == ["m", "m"]
+    bench.run()
+    assert bench.ends() == {"m": 1}
+    assert bench.told(VdaOrderFinished)
+
+
+@pytest.mark.clause("6.1.4/fleet")
+def test_a_refusal_by_a_robot_that_knows_where_it_is_again_counts() -> None:
+    bench = Bench(robot=HonestRobot(position=(9.0, 9.0, 0.0))).online()
+    bench.start(make_vda_order("m", "A", "B"))
+    bench.robot.localized = False
+    bench.deliver()
+    bench.report()
+    assert bench.ends() == {}
+    bench.robot.errors.clear()
+    bench.robot.localized = True
+    bench.report()
+    bench.deliver()
+    bench.report()
+    assert failure(bench).reason == "the robot refuses the order"
+
+
+@pytest.mark.clause("6.1.4/fleet")
+def test_a_refusal_from_between_the_robots_start_and_its_first_state_is_not_the_last_word() -> None:
+    bench = Bench().online()
+    bench.start(make_vda_order("m", "A", "B"))
+    bench.lose()
+    bench.now += 0.5
+    bench.connection(ConnectionState.ONLINE)
+    bench.robot.errors.append(error(ErrorType.START_NODE_OUT_OF_RANGE, "no", order_id="m"))
+    bench.report()  # its pose has come meanwhile
+    assert bench.ends() == {}
+    assert bench.orders_sent() == ["m", "m"]
 
 
 @pytest.mark.clause("6.1.4/fleet")

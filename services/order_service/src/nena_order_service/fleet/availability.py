@@ -43,16 +43,26 @@ def occupied(state: State, instant_ids: Collection[str]) -> str | None:
     return None
 
 
-def unfit(state: State) -> str | None:
-    """Return why a free robot would refuse an order or could not drive it; None if it could."""
+def unfit(state: State, *, placed: bool) -> str | None:
+    """Return why a free robot would refuse an order or could not drive it; None if it could.
+
+    ``placed``: the robot has reported where it is before, and so will do it again.
+    """
     error = failures.fatal(state.errors)
     if error is not None:
         return f"has a fatal error: {failures.in_words(error)}"
     if waiting := _without_navigation(state):
         return waiting
+    return "does not know where it is: set its initial position" if lost(state, placed=placed) else None
+
+
+def lost(state: State, *, placed: bool) -> bool:
+    """Return whether a robot does not know where it is; ``placed`` as for :func:`unfit`.
+
+    The first states of a robot that has started may come before its localisation has told a pose.
+    """
     position = state.mobile_robot_position
-    lost = position is not None and not position.localized
-    return "does not know where it is: set its initial position" if lost else None
+    return placed if position is None else not position.localized
 
 
 def hindered(state: State) -> str | None:

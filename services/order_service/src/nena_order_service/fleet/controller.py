@@ -76,6 +76,8 @@ class RobotControl:
         """Handle a connection message."""
         self.robot.take_connection(message, now)
         self._instant_actions.reconnected()
+        if self._run and self.robot.stale:
+            self._run.doubt_place()
         yield from self._advance(now)
 
     def on_factsheet(self, message: Factsheet, now: float) -> Iterator[FleetOutput]:
@@ -120,6 +122,8 @@ class RobotControl:
                 self._run.on_event(event)
             yield event
         if self._run:
+            if availability.lost(message, placed=self.robot.placed):
+                self._run.doubt_place()
             yield from self._run.on_state(message, now)
         yield from self._advance(now)
 
@@ -283,11 +287,14 @@ class RobotControl:
         state = self.robot.state
         if reason or state is None:
             return reason or self.robot.unreadable or "has not reported its state yet"
+        if self.robot.stale:
+            return "has not reported its state since it connected"
         if self._instant_actions.cancelling:
             return "has not yet confirmed a cancelOrder"
         if self._instant_actions.awaits_factsheet(now):
             return "has not sent its factsheet yet"
-        return availability.occupied(state, self._instant_actions.ids) or availability.unfit(state)
+        occupied = availability.occupied(state, self._instant_actions.ids)
+        return occupied or availability.unfit(state, placed=self.robot.placed)
 
     def _away(self, now: float) -> str | None:
         """Return why the robot cannot be reached; None if it can."""

@@ -164,6 +164,10 @@ class OrderExecution:
         self._operating = False
         self._failure: ExecutionFailure | None = None
         self._before: frozenset[ErrorIdentity] = frozenset()
+        self._place_doubted = False
+        """Whether the robot has not known where it is, or has connected again, since the order was sent."""
+        self._passing: frozenset[ErrorIdentity] = frozenset()
+        """Refusals of a robot that did not know where it is: the order is sent once more when it does."""
         self._standing_since: float | None = None
         self._retriable: frozenset[object] = frozenset()
         """Ids of the actions that were reported as retriable."""
@@ -226,8 +230,13 @@ class OrderExecution:
         if self.phase is VdaOrderPhase.WAITING:
             self.phase = VdaOrderPhase.SENT
             self._before = frozenset(map(failures.identity, errors))
+        self._place_doubted = False
         self._delivery.sent(now)
         return PublishOrder(self._robot, self.vda_order)
+
+    def doubt_place(self) -> None:
+        """Note that the robot may not have known where it is when it got the order."""
+        self._place_doubted = True
 
     def refuse(self, reason: str) -> FleetOutput:
         """End without having sent anything."""
@@ -408,7 +417,13 @@ class OrderExecution:
         self.phase = VdaOrderPhase.CANCELLING
 
     def _look_for_refusal(self, state: State, now: float) -> Iterator[FleetOutput]:
-        errors = failures.refusals(state.errors, self.vda_order, self._before)
+        self._passing &= frozenset(map(failures.identity, state.errors))
+        found = failures.refusals(state.errors, self.vda_order, self._before)
+        errors = [each for each in found if failures.identity(each) not in self._passing]
+        if errors and self._place_doubted:
+            self._passing |= frozenset(map(failures.identity, errors))
+            self.hold()
+            return
         named = any(failures.is_named(each, self.vda_order) for each in errors)
         if errors and self._delivery.is_refused(now, named=named):
             yield self._fail(

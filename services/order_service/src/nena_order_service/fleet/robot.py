@@ -253,6 +253,10 @@ class Robot:
     """What its factsheet says; None before the first one."""
     malformed: int = 0
     """How many of its messages could not be read."""
+    placed: bool = False
+    """Whether it has ever reported where it is; some robots never do."""
+    stale: bool = False
+    """Whether its last state is from before it connected: it may have been started again meanwhile."""
     unreadable: str = ""
     """What is wrong with its last state or connection message; empty if that could be read."""
     _unreadable_at: float = -inf
@@ -275,6 +279,8 @@ class Robot:
         if header not in self._connections:
             self._connections.append(header)
             self._order.restart()
+            if self.connection is ConnectionState.ONLINE and self.state is not None:
+                self.stale = self.state.timestamp < message.timestamp
 
     def take_state(self, message: State, now: float) -> bool:
         """Note a state and return whether it is a new one.
@@ -285,6 +291,8 @@ class Robot:
         if not self._order.is_new(message.header_id, message.timestamp, now):
             return False
         self.unreadable = ""
+        self.stale = False
+        self.placed = self.placed or message.mobile_robot_position is not None
         self.state = message
         self.state_at = self._heard_at = now
         if self.connection is not ConnectionState.ONLINE:
