@@ -50,24 +50,90 @@ RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
+class Participant:
+    """This process in one domain: a context with a node that stays, and no test's node is the last in it.
+
+    With a context's last node Fast DDS takes its participant down, which now and then ends the process by a
+    segmentation fault (rclpy/node.py, destroy_node) where others in the domain end at the same time, as they
+    do at the end of a test.
+    """
+
+    def __init__(self, domain_id: int) -> None:
+        self.context = Context()
+        rclpy.init(
+            args=[],
+            context=self.context,
+            domain_id=domain_id,
+            signal_handler_options=SignalHandlerOptions.NO,
+        )
+        self._node = self.node("test_process", "")
+
+    def node(self, name: str, namespace: str) -> Node:
+        """Make a node of this participant."""
+        return Node(
+            name,
+            namespace=namespace,
+            context=self.context,
+            enable_rosout=False,
+            start_parameter_services=False,
+        )
+
+    @property
+    def alone(self) -> bool:
+        """Whether nobody else is in the domain, nor seems to be: DDS shows a killed one for 20 s."""
+        return self._node.get_node_names() == [self._node.get_name()]
+
+
+_participants: dict[int, Participant] = {}
+_reservations: list[socket.socket] = []
+_free: list[int] = []
+"""Domains of this process that no test uses now, the one that was used last at the end."""
+
+
+def _participant(domain_id: int) -> Participant:
+    """Return this process in a domain; it stays there until it ends."""
+    if domain_id not in _participants:
+        _participants[domain_id] = Participant(domain_id)
+    return _participants[domain_id]
+
+
 @contextmanager
 def own_domain_id(count: int = 1) -> Iterator[int]:
-    """Reserve a ROS domain id, and the next ones, that no other test on this machine uses at the same time.
+    """Return a ROS domain id, and the next ones, that no other test on this machine uses at the same time.
 
-    The reservation is an abstract socket name: it ends with the process, whatever happens to it.
-    The ids 1 to 101 stay clear of the ephemeral ports of Linux.
+    A domain stays with the process, see :class:`Participant`, and is used again once it is empty.
+    """
+    empty = (each for each in _free if each not in _participants or _participants[each].alone)
+    domain_id = next(empty, None) if count == 1 else None
+    if domain_id is None:
+        domain_id = _reserve(count)
+    else:
+        _free.remove(domain_id)
+    try:
+        yield domain_id
+    finally:
+        _free.extend(range(domain_id, domain_id + count))
+
+
+def _reserve(count: int) -> int:
+    """Reserve domain ids for this process; they are free again when it ends, whatever happens to it.
+
+    The reservation is an abstract socket name. The ids 1 to 101 stay clear of the ephemeral ports of Linux.
     """
     last = 101 - count
     for domain_id in random.SystemRandom().sample(range(1, last + 2), last + 1):
         with ExitStack() as locks:
+            taken = [
+                locks.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)) for _ in range(count)
+            ]
             try:
-                for each in range(domain_id, domain_id + count):
-                    lock = locks.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM))
-                    lock.bind(f"\0nena-test-ros-domain-{each}")
+                for number, lock in enumerate(taken, start=domain_id):
+                    lock.bind(f"\0nena-test-ros-domain-{number}")
             except OSError:
                 continue
-            yield domain_id
-            return
+            locks.pop_all()
+            _reservations.extend(taken)
+            return domain_id
     message = "all ROS domain ids for tests are in use"
     raise RuntimeError(message)
 
@@ -120,20 +186,9 @@ class RosPeer:
     """A node of the test's own in a given domain, spun by a thread of its own until it is closed."""
 
     def __init__(self, domain_id: int, namespace: str = "", name: str = "test_peer") -> None:
-        self.context = Context()
-        rclpy.init(
-            args=[],
-            context=self.context,
-            domain_id=domain_id,
-            signal_handler_options=SignalHandlerOptions.NO,
-        )
-        self.node = Node(
-            name,
-            namespace=namespace,
-            context=self.context,
-            enable_rosout=False,
-            start_parameter_services=False,
-        )
+        participant = _participant(domain_id)
+        self.node = participant.node(name, namespace)
+        self.context = participant.context
         self._executor = SingleThreadedExecutor(context=self.context)
         self._executor.add_node(self.node)
         self._stop = threading.Event()
@@ -156,7 +211,6 @@ class RosPeer:
         assert not self._thread.is_alive(), "the test's ROS thread does not end"
         self._executor.shutdown()
         self.node.destroy_node()
-        self.context.try_shutdown()
 
     def subscribe(self, message_type: Any, topic: str, qos: Any = RELIABLE) -> Inbox[Any]:
         inbox: Inbox[Any] = Inbox()
