@@ -54,7 +54,7 @@ class Supervision:
             sender.sendto(text.encode(), "\0" + address[1:] if address.startswith("@") else address)
 
     def beat(self) -> None:
-        """Give one sign; raises as :meth:`tell`."""
+        """Send one sign of life; raises as :meth:`tell`."""
         self.tell("WATCHDOG=1")
         if self.file:
             self.file.touch()
@@ -64,7 +64,7 @@ class Supervision:
 async def signs_of_life(
     stop: asyncio.Event, environment: Mapping[str, str] = os.environ
 ) -> AsyncIterator[None]:
-    """Tell that the program is ready, that it lives, and, once ``stop`` is set, that it ends."""
+    """Notify the supervisor that the program is ready, alive and, once ``stop`` is set, ending."""
     supervision = Supervision.of(environment)
     if supervision.notify_socket is None and supervision.file is None:
         yield

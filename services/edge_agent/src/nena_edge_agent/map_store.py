@@ -153,7 +153,7 @@ class FolderMapStore:
         return self._folder / _name(map_id) / _name(map_version)
 
     def _write(self, map_id: str, map_version: str, content: bytes) -> None:
-        """Have the map there whole or not at all."""
+        """Write the map completely or not at all."""
         place = self._place(map_id, map_version)
         unfinished = _beside(place)
         rmtree(unfinished, ignore_errors=True)
@@ -167,7 +167,7 @@ class FolderMapStore:
         return {CONTENT: content}
 
     def _remove(self, map_id: str, map_version: str) -> None:
-        """Have the map gone as a whole, before its files go one by one."""
+        """Remove the map as a whole before its files are deleted one by one."""
         place = self._place(map_id, map_version)
         unfinished = _beside(place)
         rmtree(unfinished, ignore_errors=True)
@@ -178,7 +178,7 @@ class FolderMapStore:
         self._put(self._folder / _name(map_id) / ENABLED, map_version.encode())
 
     def _put(self, path: Path, content: bytes) -> None:
-        """Have a small file there with its old content or the new one."""
+        """Write a small file atomically: it has its old content or the new one."""
         path.parent.mkdir(exist_ok=True)
         new = _beside(path)
         _write_through(new, content)

@@ -57,7 +57,7 @@ class Nav2MapStore(FolderMapStore):
         await super().install(map_id, map_version, content)
 
     async def enable(self, map_id: str, map_version: str) -> None:
-        """Have map_server use this map, and no other one.
+        """Make map_server use this map, and no other one.
 
         Raises:
             MapRefusedError: it is not there, or map_server does not take it.

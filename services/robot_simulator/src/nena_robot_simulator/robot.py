@@ -266,7 +266,7 @@ class Robot:
             self._localisation.forget()
 
     def set_navigators(self) -> None:
-        """Have the action servers take goals as the lifecycle of bt_navigator wants it."""
+        """Let the action servers accept goals according to the lifecycle of bt_navigator."""
         gone = self.faults.on(faults.Unconfigured) or not self.servers.there(Server.NAVIGATOR)
         active = self.servers.state(Server.NAVIGATOR) is LifecycleState.ACTIVE
         for navigator in self._navigators.values():

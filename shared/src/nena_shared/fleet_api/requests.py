@@ -149,13 +149,13 @@ class ResumeRequest(Request):
 
 
 class IntegrationLevelRequest(Request):
-    """Says how much a vehicle counts from now on."""
+    """The new integration level of a vehicle."""
 
     integration_level: IntegrationLevel
 
 
 class OrderTypesRequest(Request):
-    """Says which types of orders a vehicle accepts from now on."""
+    """The types of orders that a vehicle accepts from now on."""
 
     acceptable_order_types: Annotated[tuple[AcceptableOrderType, ...], Field(max_length=100)]
     """``*`` is any type; none at all: it accepts no orders."""

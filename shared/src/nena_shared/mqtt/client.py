@@ -339,7 +339,7 @@ class Client:
             self._flush()
 
     def discard(self) -> None:
-        """Have the kernel drop what it has not sent yet when the connection is closed."""
+        """Make the kernel drop what it has not sent yet when the connection is closed."""
         if sock := self.socket:
             with suppress(OSError):  # it is broken already
                 sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
@@ -495,7 +495,7 @@ class Client:
         self._await_socket(stream)
 
     def _await_socket(self, stream: _Stream) -> None:
-        """Have the event loop write on as soon as the socket takes more, while something waits."""
+        """Let the event loop continue writing as soon as the socket accepts more."""
         if not stream.waiting:
             self._drained.set()
         if bool(stream.waiting) is not self._awaits_socket:

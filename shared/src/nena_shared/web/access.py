@@ -102,7 +102,7 @@ RoleNeeded = Callable[[str, str], Role | None]
 
 
 class TokenReader(Protocol):
-    """Knows users by tokens that somebody else has made."""
+    """Reads users from tokens that another issuer has signed."""
 
     async def who(self, token: str) -> OidcUser:
         """Return whose token it is; raises what is in :mod:`nena_shared.web.oidc.tokens`."""

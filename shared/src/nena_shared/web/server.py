@@ -344,7 +344,7 @@ class HttpServer:
         self._server.should_exit = True
 
     def close(self) -> None:
-        """Give the port back, where :meth:`run` never ran."""
+        """Release the port if :meth:`run` never ran."""
         self._socket.close()
 
     async def _answer(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -355,7 +355,7 @@ STRICT_TRANSPORT_SECURITY: Final = (b"strict-transport-security", b"max-age=3153
 
 
 def _strictly(send: Send) -> Send:
-    """Have browsers come back by TLS only, for a year."""
+    """Make browsers return over TLS only, for a year."""
 
     async def send_strictly(message: Message) -> None:
         if message["type"] == "http.response.start":

@@ -66,7 +66,7 @@ class Wait:
 
 
 class TimedOperation:
-    """Does nothing for the set time; then the load is taken or given."""
+    """Waits for the set time, then takes or hands over the load."""
 
     def __init__(self, settings: OperationSettings) -> None:
         self._settings = settings
@@ -137,7 +137,7 @@ class LogReport:
 
 
 class MapTransforms:
-    """Tells the transforms of the settings, as they stand there."""
+    """Returns the transforms of the settings as they are configured."""
 
     declaration = ActionDeclaration(
         SHOW_MAP_TRANSFORMS,
@@ -261,7 +261,7 @@ class UseBehaviorTree:
 
 
 class Unavailable:
-    """Knows the action, so that its refusal can say why."""
+    """Declares an action that is not available, so that its refusal states the reason."""
 
     def __init__(self, declaration: ActionDeclaration, reason: str = NO_ROS) -> None:
         self.declaration = replace(declaration, unavailable=reason)

@@ -71,7 +71,7 @@ def _parameters(settings: Nav2OperationSettings) -> tuple[Parameter, ...]:
 
 
 class Nav2Operation:
-    """Gives one server its goals, and reports their ends."""
+    """Sends goals to one server, and reports their ends."""
 
     def __init__(self, settings: Nav2OperationSettings, ros: RosPort) -> None:
         self.declaration = declaration_of(settings)
@@ -80,7 +80,7 @@ class Nav2Operation:
         self._client: RosActionClient = ros.action(server, type_of(settings.behavior))
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
-        """Give the goal; cancelled, the server is told so first."""
+        """Send the goal; when cancelled, cancel it at the server first."""
         return BackgroundAction(action.action_id, partial(self._work, action), report)
 
     async def _work(self, action: Action) -> ActionReport:

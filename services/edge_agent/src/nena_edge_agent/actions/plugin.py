@@ -91,10 +91,10 @@ class ServiceClient(Protocol):
 
 
 class RosActionClient(Protocol):
-    """Gives goals to one ROS action."""
+    """Sends goals to one ROS action."""
 
     async def run(self, fields: Mapping[str, JsonValue]) -> Fields:
-        """Give a goal, wait for its end, and return its result; cancelled, it cancels the goal first.
+        """Send a goal, wait for its end, and return its result; when cancelled, cancel the goal first.
 
         Raises:
             ActionFailedError: the goal was aborted, or cancelled by somebody else.
@@ -125,7 +125,7 @@ class RosPort(Protocol):
         *,
         qos: TopicQos = TopicQos.RELIABLE,
     ) -> None:
-        """Have ``handle`` called with each message, in the event loop.
+        """Call ``handle`` with each message, in the event loop.
 
         Raises:
             RosError: there is no such type here.
@@ -179,7 +179,7 @@ class DrivePort(Protocol):
         ...
 
     async def initialize_position(self, pose: Pose) -> None:
-        """Tell the localisation where the robot is.
+        """Set the robot's pose in the localisation.
 
         Raises:
             DriveError: it does not take the position over.
@@ -208,12 +208,12 @@ class RunningAction(Protocol):
         ...
 
     def cancel(self) -> None:
-        """Give up; report FAILED. Called only where the declaration allows it, and when the agent ends."""
+        """Cancel and report FAILED. Called only if the declaration allows it, and when the agent ends."""
         ...
 
 
 class ActionPlugin(Protocol):
-    """Does one type of action."""
+    """Runs one type of action."""
 
     @property
     def declaration(self) -> ActionDeclaration:
@@ -282,7 +282,7 @@ class BackgroundAction:
         """Do nothing."""
 
     def cancel(self) -> None:
-        """Give up; the work may put things right before it ends."""
+        """Cancel the work; it may clean up before it ends."""
         self._task.cancel()
 
     async def _run(self, work: Work) -> None:

@@ -181,7 +181,7 @@ class ActionRegistry:
 
 
 def _guarded(declaration: ActionDeclaration) -> ActionDeclaration:
-    """Have a check that fails be a reason against the action, and no failure of the core."""
+    """Turn a check that fails into a reason against the action, not a failure of the core."""
     check = declaration.check
     if check is None:
         return declaration

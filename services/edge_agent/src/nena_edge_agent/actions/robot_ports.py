@@ -93,7 +93,7 @@ class ActionDrive:
             raise DriveError(problem)
 
     async def initialize_position(self, pose: Pose) -> None:
-        """Tell the localisation where the robot is.
+        """Set the robot's pose in the localisation.
 
         Raises:
             DriveError: it does not take the position over.
@@ -131,7 +131,7 @@ AGAIN_AFTER = 1.0
 
 
 class LoadSensor:
-    """Tells what the sensor says: at once when that changes, and now and then when it does not.
+    """Reports what the sensor measures: at once when it changes, and regularly when it does not.
 
     Raises:
         ConfigurationError: the message is none of its type.

@@ -364,7 +364,7 @@ class Command:
             raise WorkFailedError(message)
 
     def begin(self, values: Mapping[str, JsonValue]) -> None:
-        """Have it begin.
+        """Start the step.
 
         Raises:
             RosError: there is no ROS session.
@@ -374,15 +374,15 @@ class Command:
         self._publisher.publish(self._begin.filled(values))
 
     def pause(self, values: Mapping[str, JsonValue]) -> None:
-        """Have it hold; raises as :meth:`begin`."""
+        """Pause the step; raises as :meth:`begin`."""
         self._send(self._pause, values)
 
     def resume(self, values: Mapping[str, JsonValue]) -> None:
-        """Have it go on; raises as :meth:`begin`."""
+        """Resume the step; raises as :meth:`begin`."""
         self._send(self._resume, values)
 
     def cancel(self, values: Mapping[str, JsonValue]) -> None:
-        """Have it give up; raises as :meth:`begin`."""
+        """Cancel the step; raises as :meth:`begin`."""
         self._send(self._cancel, values)
 
     def _send(self, template: MessageTemplate | None, values: Mapping[str, JsonValue]) -> None:
@@ -416,7 +416,7 @@ class Steps:
 
 
 class RosOperation:
-    """Does its steps, and has finished when the last one has."""
+    """Runs its steps, and finishes with the last one."""
 
     def __init__(
         self,

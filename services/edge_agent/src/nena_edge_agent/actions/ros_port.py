@@ -119,7 +119,7 @@ class PluginRos:
         *,
         qos: TopicQos = TopicQos.RELIABLE,
     ) -> None:
-        """Have ``handle`` called with each message, in the event loop.
+        """Call ``handle`` with each message, in the event loop.
 
         All who listen to a topic hear a message at the same time: an answer to one action must not come
         late to the next one.
@@ -194,7 +194,7 @@ class _Subscription:
         self._last: Fields | None = None
 
     def join(self, handle: Callable[[Fields], None]) -> None:
-        """Have one more hear it; of a latched topic also what was said last."""
+        """Add a subscriber; on a latched topic it also receives the last message."""
         self._handlers.append(handle)
         if self._last is not None and self._qos is TopicQos.LATCHED:
             self._tell(handle, self._last)

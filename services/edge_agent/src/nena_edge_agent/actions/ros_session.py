@@ -70,7 +70,7 @@ Work = Callable[[SessionSwitch, Action], Coroutine[None, None, None]]
 
 @dataclass(frozen=True, slots=True)
 class SessionAction:
-    """Does one of them; its result is the session's state and address."""
+    """Runs one of these actions; its result is the session's state and address."""
 
     declaration: ActionDeclaration
     work: Work

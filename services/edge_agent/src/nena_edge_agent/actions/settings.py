@@ -279,7 +279,7 @@ class Behaviour(StrEnum):
 
 
 class Nav2OperationSettings(OperationBase):
-    """Has one of Nav2's own servers do something; needs nav2_msgs."""
+    """An action of one of Nav2's own servers; needs nav2_msgs."""
 
     kind: Literal["nav2"]
     behavior: Behaviour = Field(description="dock, undock, spin, back_up or drive_on_heading.")

@@ -170,7 +170,7 @@ def _topics_read(settings: EdgeAgentSettings) -> tuple[Topic, ...]:
 
 
 def as_whom(mqtt: MqttSettings) -> str:
-    """Say as whom the broker has let somebody in, as far as the settings tell."""
+    """Return the identity with which the broker accepted the agent, as far as the settings show it."""
     if mqtt.username:
         return f"as {mqtt.username}"
     return f"by the certificate {mqtt.tls.certificate}" if mqtt.tls.certificate else "as anonymous"

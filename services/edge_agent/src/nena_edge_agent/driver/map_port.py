@@ -72,7 +72,7 @@ class MapDriver(Mover, Protocol):
         ...
 
     def keep_out(self, areas: tuple[MapArea, ...]) -> None:
-        """Have navigation plan around ``areas`` from now on, and around no others."""
+        """Make navigation plan around ``areas`` from now on, and around no others."""
         ...
 
     def initialize_position(self, pose: MapPose) -> None:

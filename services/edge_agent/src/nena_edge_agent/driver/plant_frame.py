@@ -117,19 +117,19 @@ class PlantFrameDriver:
         self.limit_speed = self._driver.limit_speed
 
     def reclaim(self, goals: OwnGoals) -> None:
-        """Hand on goals of an earlier run."""
+        """Pass on goals of an earlier run."""
         to_map = self._frame.to_map
         given = to_map(goals.given) if goals.given else None
         self._driver.reclaim(MapOwnGoals(goals.goal_ids, to_map(goals.pose), given, goals.behind))
 
     def go_to(self, goal: DriveGoal) -> None:
-        """Hand on a goal."""
+        """Pass on a goal."""
         self._driver.go_to(self._frame.goal(goal))
 
     def keep_out(self, areas: tuple[Area, ...]) -> None:
-        """Hand on what the robot must not enter."""
+        """Pass on the areas that the robot must not enter."""
         self._driver.keep_out(tuple(map(self._frame.area, areas)))
 
     def initialize_position(self, pose: Pose) -> None:
-        """Hand on where the robot is."""
+        """Pass on the robot's pose."""
         self._driver.initialize_position(self._frame.to_map(pose))

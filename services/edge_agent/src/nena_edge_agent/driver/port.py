@@ -390,7 +390,7 @@ class Driver(Mover, Protocol):
         ...
 
     def keep_out(self, areas: tuple[Area, ...]) -> None:
-        """Have navigation plan around ``areas`` from now on, and around no others.
+        """Make navigation plan around ``areas`` from now on, and around no others.
 
         Asked only of a driver that can do so.
         """

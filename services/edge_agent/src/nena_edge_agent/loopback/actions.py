@@ -96,7 +96,7 @@ def _declare(
 
 
 class ChargingWatch:
-    """Does what ``plugin`` does, and has ``switch`` called when it begins or ends charging.
+    """Runs the actions of ``plugin``, and calls ``switch`` when charging begins or ends.
 
     The core hears of it by the battery alone, so that a charger that is taken away ends it as well.
     """

@@ -126,7 +126,7 @@ class ActionClient:
         return True
 
     def _on_result(self, goal_id: str, future: Any) -> None:  # noqa: ANN401
-        """Hand a result on to the loop; runs in the ROS thread, and for a question let go too."""
+        """Pass a result to the event loop; runs in the ROS thread, also for an abandoned request."""
         answer = None if future.cancelled() else future.result()
         if answer is not None:
             told = answer.result

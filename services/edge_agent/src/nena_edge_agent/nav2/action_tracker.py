@@ -389,7 +389,7 @@ class ActionSide:
         self._apply(self._tracker.on_goal_answer(goal_id, self._clock.monotonic(), accepted=accepted))
 
     def ask_result(self, goal_id: str) -> None:
-        """Have the server tell the result of a goal when it ends."""
+        """Request the result of a goal; the server sends it when the goal ends."""
         if self._client is not None:
             self._client.ask_result(goal_id)
 

@@ -43,7 +43,7 @@ class StopMotion:
 
 @dataclass(frozen=True, slots=True)
 class RequestPose:
-    """Have the localisation send a pose although the robot stands."""
+    """Make the localisation send a pose although the robot stands."""
 
 
 @dataclass(frozen=True, slots=True)

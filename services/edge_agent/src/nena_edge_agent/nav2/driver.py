@@ -227,12 +227,12 @@ class Nav2Driver:
         self._apply(self._tracker.halt(self._clock.monotonic()))
 
     def limit_speed(self, speed: float | None) -> None:
-        """Have Nav2's controller obey a limit, m/s; asked only where it takes one."""
+        """Limit the speed of Nav2's controller, m/s; called only if it accepts a limit."""
         if self._limiter is not None:
             self._limiter.for_place(speed)
 
     def keep_out(self, areas: tuple[MapArea, ...]) -> None:
-        """Have Nav2 plan around areas; asked only where it takes a mask."""
+        """Make Nav2 plan around areas; called only if it accepts a mask."""
         self._areas = areas
         if self._keep_out is not None:
             self._keep_out.show(areas, self._map_id)

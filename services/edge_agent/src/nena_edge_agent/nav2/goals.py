@@ -373,7 +373,7 @@ class PrefixedGoalRegistry(GoalRegistry):
         return super()._claim([each for each in fresh if not self._prefix.matches(each)], first=first)
 
     def _find_given_before(self, listed: list[str]) -> None:
-        """Know the goal that an earlier run gave last by its prefix; one given by topic by its place."""
+        """Find the goal that an earlier run sent last by its prefix; one sent by topic by its pose."""
         newest = next((each for each in reversed(listed) if self._prefix.matches(each)), None)
         if self._given_behind is None or newest is None:
             super()._find_given_before(listed)

@@ -61,7 +61,7 @@ class MapServer:
         self._node: Any = None
 
     def attach(self, user: MapUser) -> None:
-        """Tell a driver of each change from now on."""
+        """Notify a driver of each change from now on."""
         self._user = user
 
     def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401 - rclpy carries no types
@@ -106,7 +106,7 @@ class MapServer:
             log.warning("after a restart the position is to be set again", error=str(error))
 
     async def use(self, map_id: str, file: str) -> None:
-        """Have Nav2 use another map, and the driver with it.
+        """Switch Nav2 and the driver to another map.
 
         Raises:
             MapNotLoadedError: map_server refuses, or the robot drives; all stays as it was.
@@ -144,7 +144,7 @@ class MapServer:
         self._publishers, self._problem = publishers, ""
 
     async def _loaded(self, file: str) -> None:
-        """Have map_server load a file, and the costmaps forget what they hold of the map before."""
+        """Make map_server load a file, and clear the costmaps of the map before."""
         session = self._session
         if session is None:
             message = "the robot's ROS session is not active"

@@ -114,7 +114,7 @@ class Nav2Node:
         return answers[0] is not None
 
     async def request_pose(self) -> bool:
-        """Have the localisation send a pose although the robot stands; return whether it has agreed."""
+        """Make the localisation send a pose although the robot stands; return whether it has agreed."""
         return await self._call(self._fresh_pose, Empty.Request()) is not None
 
     async def presence(self) -> Presence:

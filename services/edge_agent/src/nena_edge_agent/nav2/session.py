@@ -179,7 +179,7 @@ class RosSession:
         return future.result()
 
     def post(self, function: Callable[[], None]) -> None:
-        """Have ``function`` called in the loop; dropped where the loop has ended."""
+        """Call ``function`` in the event loop; it is dropped if the loop has ended."""
         try:
             self._loop.call_soon_threadsafe(function)
         except RuntimeError:
@@ -244,7 +244,7 @@ class RosSession:
 
 
 def _events(qos: QoSProfile) -> SubscriptionEventCallbacks:
-    """Have ROS log of publishers that a subscription cannot hear; a best-effort one hears all of them.
+    """Log publishers that a subscription cannot receive; a best-effort one receives all of them.
 
     Each thing that may be told makes each wake-up of the thread cost more.
     """

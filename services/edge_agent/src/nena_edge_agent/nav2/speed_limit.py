@@ -100,7 +100,7 @@ class SpeedLimiter:
         self._send()
 
     def look(self) -> None:
-        """Tell a controller that has appeared since the last look, and repeat a limit that holds."""
+        """Send the limit to a controller that has appeared since the last look, and repeat one that holds."""
         if self._session is None or not self._active:
             return
         found = self._node.get_subscriptions_info_by_topic(self._topic)

@@ -102,7 +102,7 @@ def transforms_of(message: Any) -> tuple[Transform, ...]:  # noqa: ANN401 - rclp
 
 
 class TransformWatch:
-    """Tells poses of the transforms while no localisation publishes its own.
+    """Reports poses from the transforms while no localisation publishes its own.
 
     ``tell`` gets each pose that is news. A transform that stays out for ``ros.transform_timeout`` makes the
     pose unknown.

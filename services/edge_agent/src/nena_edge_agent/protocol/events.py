@@ -219,7 +219,7 @@ class LimitSpeed:
 
 @dataclass(frozen=True, slots=True)
 class KeepOut:
-    """Have the driver plan around these areas, and around no others."""
+    """Make the driver plan around these areas, and around no others."""
 
     areas: tuple[Area, ...]
 

@@ -155,7 +155,7 @@ def must_stop(robot: RobotState) -> bool:
 
 
 def keep_out(robot: RobotState) -> None:
-    """Have navigation plan around the BLOCKED zones of the enabled sets."""
+    """Make navigation plan around the BLOCKED zones of the enabled sets."""
     if not robot.capabilities.keeps_out or robot.zone_sets.revision == robot.areas_revision:
         return
     robot.areas_revision = robot.zone_sets.revision

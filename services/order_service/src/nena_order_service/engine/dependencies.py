@@ -13,7 +13,7 @@ NAMES_SHOWN = 3
 
 
 class Dependencies:
-    """Knows of each order that waits which others must be at their end first."""
+    """Tracks, for each waiting order, which others must end first."""
 
     def __init__(self) -> None:
         self._waits_for: dict[int, set[str]] = {}

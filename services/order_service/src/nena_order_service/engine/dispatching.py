@@ -318,7 +318,7 @@ class Dispatching:
                 yield order, reason
 
     def explain(self, order: TransportOrder) -> list[VehicleFit]:
-        """Say of each vehicle why it does not do this order, or that it could."""
+        """Return for each vehicle why it does not execute this order, or that it could."""
         candidates = {each.name: self.consider(each) for each in self._registry if not each.obstacle}
         seen = (each.seen for each in candidates.values())
         return explain(order, seen, self._knowledge(candidates), kept=self._kept)
@@ -411,7 +411,7 @@ class Dispatching:
         return self._driving.obstacle_at(vehicle)
 
     def _lacks_map(self, vehicle: FleetVehicle, view: RobotView, standing: Standing) -> str:
-        """Say that a robot cannot drive on the map of the point where it begins; others it refuses itself."""
+        """Return why a robot cannot drive on the map where it begins; it refuses other maps itself."""
         if view.state is None or not self._maps_respected:
             return ""
         return why_not_on(self._planner.map_id(standing.point, vehicle), view.state)

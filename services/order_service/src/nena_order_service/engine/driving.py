@@ -252,14 +252,14 @@ class Driving:
             self._traffic.revoke(vehicle.name)
 
     def cancel(self, record: SentOrder) -> None:
-        """Have a robot told to cancel its VDA order."""
+        """Send cancelOrder to a robot after the commit."""
         self._shorten(record)
         granted = record.way[: record.allocated]  # all that a restart is to hold for it
         self._sent.put(record.model_copy(update={"cancelled": True, "way": granted}))
         self._state.after_commit(lambda: self._context.fleet.cancel_vda_order(record.robot))
 
     def instruct(self, record: SentOrder, action: Action) -> None:
-        """Have a robot told to do something at once about its VDA order."""
+        """Send a robot an instant action about its VDA order after the commit."""
         self._state.after_commit(lambda: self._context.fleet.instant_action(record.robot, action))
 
     def end_early(self, record: SentOrder, *, partial: bool) -> None:
@@ -285,7 +285,7 @@ class Driving:
             self._state.drive_due |= self._traffic.arrived(vehicle.name, sequence_id // 2)
 
     def base_wanted(self, order_id: str) -> None:
-        """Give a robot that comes near the end of its base more of it at once, where that can be had."""
+        """Extend the base of a robot that comes near its end at once, if traffic grants it."""
         record = self._sent.find(order_id)
         if record and self._gate.is_open and (vehicle := self._under_way(record)):
             self._go_on(vehicle, self._ahead and self._traffic.ahead(vehicle.name) + self._ahead)
@@ -477,7 +477,7 @@ class Driving:
             self.send_on(known.released(journey).updated())
 
     def send_on(self, record: SentOrder) -> None:
-        """Have a robot told what is new about its VDA order."""
+        """Send a robot the update of its VDA order after the commit."""
         self._sent.put(record)
         self._state.after_commit(
             lambda: self._context.fleet.extend_vda_order(record.robot, record.as_released())

@@ -71,7 +71,7 @@ class Positions:
         return changed
 
     def note(self, vehicle: FleetVehicle) -> None:
-        """Have it stored what a vehicle holds."""
+        """Store the resources that a vehicle holds."""
         name = vehicle.name
         self._records.change(vehicle.key, held=self._traffic.held(name), beside=self._traffic.beside(name))
 

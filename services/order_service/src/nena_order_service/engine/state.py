@@ -435,7 +435,7 @@ class PendingInstantActions:
         self._waiting: dict[str, asyncio.Future[InstantActionEnded]] = {}
 
     def ended(self, end: InstantActionEnded) -> None:
-        """Hand over the end of an action, if a host waits for it."""
+        """Pass on the end of an action, if a host waits for it."""
         waiting = self._waiting.pop(end.action.action_id, None)
         if waiting and not waiting.done():
             waiting.set_result(end)

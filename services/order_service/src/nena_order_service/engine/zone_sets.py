@@ -171,7 +171,7 @@ class ZoneSets:
         return await self._change(Wanted(zone_set=zone_set, enabled=enabled))
 
     async def enable(self, name: str) -> ZoneSetStatus:
-        """Have robots use a zone set, and no other one of its map."""
+        """Enable a zone set at the robots, and no other one of its map."""
         wanted = self._asked_for(name)
         others = [
             each.model_copy(update={"enabled": False})
@@ -181,7 +181,7 @@ class ZoneSets:
         return await self._change(wanted.model_copy(update={"enabled": True, "deleted": False}), *others)
 
     async def delete(self, name: str) -> ZoneSetStatus:
-        """Have robots delete a zone set, also those that come later."""
+        """Delete a zone set at the robots, also at those that come later."""
         return await self._change(
             self._asked_for(name).model_copy(update={"enabled": False, "deleted": True})
         )

@@ -135,7 +135,7 @@ class RobotControl:
         return self._advance(now)
 
     def extend(self, vda_order: VdaOrder, now: float) -> Iterator[FleetOutput]:
-        """Have the robot do the VDA order by a newer plan; one that has ended meanwhile is passed over.
+        """Update the robot's VDA order to a newer plan; one that has ended meanwhile is passed over.
 
         Raises BaseChangedError, before anything is taken from the iterator.
         """

@@ -71,7 +71,7 @@ class InstantRun:
         return True
 
     def on_tick(self, now: float) -> None:
-        """Give up what takes too long at a robot that can be reached."""
+        """End instant actions that take too long at a robot that can be reached."""
         if self._seen_at is None and self._delivery.failed(now):
             reason = f"sent {self._delivery.sendings} times, but the robot never reported it"
             self.outcome = Outcome(None, reason)
@@ -266,7 +266,7 @@ class InstantActionManager:
             self._asked_at = now
 
     def _clear_ended(self, state: State, now: float) -> None:
-        """Have a robot that lists the action forget its ended instant actions before they pile up."""
+        """Send clearInstantActions to a robot that offers it before its ended instant actions pile up."""
         ended = sum(1 for each in state.instant_action_states if each.action_status.ended)
         if ended < self._robot.clears_instant_actions_from or now < self._next_clearing:
             return

@@ -177,7 +177,7 @@ class OrderExecution:
         return self.phase in (VdaOrderPhase.WAITING, VdaOrderPhase.SENT) and self._delivery.due(now)
 
     def extend(self, plan: VdaOrder) -> None:
-        """Have the robot do ``plan`` instead: its base goes on from the base that there is.
+        """Change the order to ``plan``: its base continues the present base.
 
         Raises:
             BaseChangedError: it does not.

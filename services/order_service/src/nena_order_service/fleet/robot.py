@@ -83,7 +83,7 @@ class Silences:
         self._looked_at = -inf
 
     def expect(self, robot: RobotKey, at: float) -> None:
-        """Give the robot after this moment, in monotonic seconds; once that has been looked at, no more."""
+        """Return the robot once this moment has passed, in monotonic s; not one that was checked already."""
         known = self._at.get(robot, inf)
         if self._looked_at <= at < known:
             self._at[robot] = at

@@ -13,7 +13,7 @@ FIRST_SWEEP = 64
 
 
 class DueTimes:
-    """Knows one time of each order that is watched.
+    """Keeps one time of each watched order.
 
     The ends of orders need not be reported: what is watched of orders that are over is dropped whenever
     there is twice as much as the last time.

@@ -83,7 +83,7 @@ class OrderSequence:
         return None if self.status.finished else self.status.processing_vehicle
 
     def refusals(self, request: TransportOrderRequest) -> Iterator[str]:
-        """Say all that speaks against adding an order."""
+        """Yield the reasons against adding an order."""
         status, order_type = self.status, request.type
         if status.complete:
             yield "it is complete, so no order can be added; create another one"

@@ -481,7 +481,7 @@ class TransportOrder:
 
 
 def why_withdrawn(status: TransportOrderStatus) -> str:
-    """Say, of an order that was withdrawn, why."""
+    """Return why an order was withdrawn."""
     codes = [entry.event_code for entry in status.history]
     return status.history[codes.index(EventCode.WITHDRAWAL_REQUESTED)].supplements[0]
 

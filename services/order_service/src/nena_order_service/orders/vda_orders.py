@@ -143,7 +143,7 @@ class Pick(NamedTuple):
 
 
 class OrderPlanner:
-    """Knows the plant, its ways and which action an operation stands for."""
+    """Makes VDA orders from drive orders, by the plant, its routes and the actions of operations."""
 
     def __init__(self, plant: PlantModel, finder: RouteFinder, operations: OperationMap) -> None:
         self.plant = plant
@@ -206,7 +206,7 @@ class OrderPlanner:
         return None
 
     def locked_out(self, order: TransportOrder, vehicle: FleetVehicle, standing: Standing) -> str:
-        """Say that only locks of hosts keep a vehicle from where an order is to go on; empty otherwise."""
+        """Return the reason if only locks of hosts keep a vehicle from its next destination; else empty."""
         try:
             self.way(order, vehicle, standing)
         except NoRouteError as error:

@@ -215,7 +215,7 @@ class VehicleKind:
 
 
 class VehicleKinds:
-    """Knows the kind of each vehicle; as many are remembered as the plant model has vehicles."""
+    """Remembers the kind of each vehicle, for as many as the plant model has."""
 
     def __init__(self, known_types: frozenset[str]) -> None:
         """``known_types`` are the vehicle types that the plant distinguishes."""

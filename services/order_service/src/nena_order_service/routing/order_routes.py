@@ -223,7 +223,7 @@ class OrderCosts:
 
 
 class RouteCosts:
-    """Knows costs of ways over one plant; ways to coordinates are searched for one by one."""
+    """Returns costs of routes in one plant; routes to coordinates are searched one by one."""
 
     def __init__(self, plant: PlantModel, finder: RouteFinder) -> None:
         self._plant = plant

@@ -152,7 +152,7 @@ class Lead:
             self.lease.not_before = seconds_since_boot() + LEASE_SECONDS
 
     async def _hold(self) -> None:
-        """Give signs of life while the store is made ready, which may take longer than silence is borne."""
+        """Renew the lease while the store is made ready, which may take longer than its timeout."""
         while True:
             await self._run(self._lock.keep)
             await asyncio.sleep(POLL)

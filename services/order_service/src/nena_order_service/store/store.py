@@ -119,7 +119,7 @@ class Store:
             await self._write_waiting()
 
     def fail_on_loss(self, answer: asyncio.Future[None]) -> None:
-        """Have ``answer`` raise StoreNotReadyError if the database file is gone."""
+        """Make ``answer`` raise StoreNotReadyError if the database file is gone."""
         self._answers.add(answer)
         answer.add_done_callback(self._answers.discard)
 

@@ -28,7 +28,7 @@ class FleetVehicle:
 
 
 class VehicleRegistry:
-    """Knows each vehicle by its name and by its robot's key.
+    """The vehicles, by their names and by their robots' keys.
 
     A vehicle whose plant model says no more is the robot of manufacturer ``NeNa`` whose serial number is the
     vehicle's name.

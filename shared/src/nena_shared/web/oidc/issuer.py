@@ -231,7 +231,7 @@ _Serves = Callable[[_KnownKeys], bool]
 
 
 class Issuer:
-    """Gives the issuer's keys and description.
+    """Fetches the issuer's keys and description.
 
     One request to the issuer runs at a time. Requests that cached keys can serve do not wait for it.
     """
@@ -293,7 +293,7 @@ class Issuer:
         raise IssuerAwayError(self.problem or "it was asked too often")
 
     def _begin_to_renew(self) -> None:
-        """Have the issuer asked while requests go on; nothing happens where it is asked already."""
+        """Start to renew from the issuer while requests continue, unless a renewal is running."""
         if self._renewing is None or self._renewing.done():
             self._renewing = asyncio.create_task(self._renew_aside(), name="ask the OIDC issuer")
 
