@@ -280,7 +280,7 @@ def make_context(
     settings = settings or EngineSettings(default_map_id="map")
     finder = RouteFinder(plant, Router(plant), any_day=Router(plant))
     finder.set_locks(locks or {})
-    planner = OrderPlanner(plant, finder, OperationMap())
+    planner = OrderPlanner(plant, finder, OperationMap(), speed_limits=settings.speed_limits)
     registry = VehicleRegistry(plant, default_map_id=settings.default_map_id, adopt_unknown=False)
     return Context(planner, registry, settings, clock or ManualClock(), on_failure=on_failure)
 

@@ -219,7 +219,12 @@ def make_engine(settings: OrderServiceSettings, plant: PlantModel, store: Store,
     router = Router(plant, evaluators(settings.routing.costs, plant))
     any_day = Router(plant, evaluators(settings.routing.costs, plant))
     finder = RouteFinder(plant, router, any_day=any_day)
-    planner = OrderPlanner(plant, finder, OperationMap(settings.kernel.action_types))
+    planner = OrderPlanner(
+        plant,
+        finder,
+        OperationMap(settings.kernel.action_types),
+        speed_limits=settings.kernel.speed_limits,
+    )
     registry = VehicleRegistry(
         plant, default_map_id=settings.kernel.default_map_id, adopt_unknown=settings.kernel.adopt_unknown
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from nena_order_service.engine.context import EngineSettings
 from nena_order_service.engine.driving import EVASION_PAUSE
 from nena_order_service.engine.engine import Engine
 from nena_order_service.fleet.vda_order import VdaOrder
@@ -92,6 +93,22 @@ async def test_after_a_restart_the_robot_goes_on_with_what_it_was_given() -> Non
     again.pass_node("V1", 3)
 
     assert [base(vda_order) for _, vda_order in again.extended] == [["A", "B", "C", "D", "E"]]
+
+
+@pytest.mark.parametrize(("sent", "speeds"), [(True, [0.3, 0.6]), (False, [None, None])])
+async def test_a_robot_is_sent_how_fast_it_may_drive(sent: bool, speeds: list[float | None]) -> None:  # noqa: FBT001
+    store, fleet = MemoryStore(), ScriptedFleet({})
+    paths = (path("A B", max_velocity_mm_s=300), path("B C", max_velocity_mm_s=800))
+    slow = Vehicle(name="V1", max_velocity_mm_s=600)
+    plant = PLANT.model_copy(update={"paths": paths, "vehicles": (slow,)})
+    settings = EngineSettings(default_map_id="map", speed_limits=sent)
+    engine = await make_engine(plant, store, fleet, settings=settings)
+    fleet.appear("V1", "A")
+
+    engine.create(request("C", name="T-1"), "T-1")
+
+    ((_, vda_order),) = fleet.sent
+    assert [each.maximum_speed for each in vda_order.edges] == speeds
 
 
 TRACK = PlantModel(

@@ -152,6 +152,33 @@ def test_demanded_fields_of_edges_ask_for_nothing() -> None:
     assert order_problem(made, robot) is None
 
 
+def limited(speed: float) -> VdaOrder:
+    """Give the VDA order with a limit of the speed on its edge."""
+    edges = tuple(each.model_copy(update={"maximum_speed": speed}) for each in MISSION.edges)
+    return MISSION.model_copy(update={"edges": edges})
+
+
+@pytest.mark.parametrize(
+    ("robot", "speed", "sent"),
+    [
+        (abilities(takes=("edges.maximumSpeed",)), 0.5, 0.5),
+        (abilities(demands=("edges.maximumSpeed",)), 0.5, 0.5),
+        (abilities(takes=("edges.maximumSpeed",)), 1.2, None),
+        (abilities(takes=("edges.length",)), 0.5, None),
+        (abilities(), 0.5, None),
+        (None, 0.5, None),
+    ],
+    ids=["listed", "demanded", "no slower than the robot", "not listed", "silent", "no factsheet"],
+)
+def test_a_limit_of_the_speed_goes_to_robots_that_list_it(
+    robot: Abilities | None, speed: float, sent: float | None
+) -> None:
+    made = fitted(limited(speed), robot)
+
+    assert [each.maximum_speed for each in made.edges] == [sent]
+    assert fitted(made, robot) == made
+
+
 def test_a_demanded_speed_that_nobody_knows_is_a_problem() -> None:
     robot = abilities(demands=("edges.maximumRotationSpeed",))
 

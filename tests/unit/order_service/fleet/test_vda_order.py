@@ -10,7 +10,7 @@ from nena_order_service.fleet.position import NotLocatedError, RobotProfile, Sta
 from nena_order_service.fleet.vda_order import OperationMap, VdaOrder, build_vda_order, order_id
 from nena_order_service.routing.router import Router
 from nena_shared.fleet_api.transport_order import Coordinate
-from nena_shared.plant import MapTransform, PlantModel, Vehicle
+from nena_shared.plant import DirectedEdge, MapTransform, PlantModel, Vehicle
 from nena_shared.vda5050.graph import violations
 from nena_shared.vda5050.order import Node, NodePosition
 from nena_shared.vda5050.state import MobileRobotPosition
@@ -47,6 +47,28 @@ def place(node: Node) -> NodePosition:
 def to(goal: str, start: Standing, **more: object) -> VdaOrder:
     route = Router(PLANT).route(start.point, goal)
     return build_vda_order("m", plant=PLANT, standing=start, profile=PROFILE, route=route, **more)  # type: ignore[arg-type] # passed on
+
+
+def speed(edge: DirectedEdge | None) -> float | None:
+    return edge.max_velocity_m_s if edge else 0.7
+
+
+def speeds(vda_order: VdaOrder) -> list[float | None]:
+    return [each.maximum_speed for each in vda_order.edges]
+
+
+def test_edges_say_how_fast_the_plant_lets_a_robot_drive() -> None:
+    start = standing(0.1, 0.0)
+    goal = Coordinate(x=1.0, y=1.0)
+
+    assert speeds(to("C", start)) == [None, None]
+    assert speeds(to("C", start, speed_limit=speed)) == [1.0, 1.0]
+    beside = standing(0.0, 3.0)
+    assert speeds(to("B", beside, speed_limit=speed)) == [0.7, 1.0]
+    straight = build_vda_order(
+        "m", plant=PLANT, standing=start, profile=PROFILE, coordinate=goal, speed_limit=speed
+    )
+    assert speeds(straight)[-1] == 0.7
 
 
 @pytest.mark.clause("6.1.1", "6.1.1/first")

@@ -21,7 +21,7 @@ from nena_edge_agent.loopback.control import SimulationControl
 from nena_edge_agent.loopback.driver import LoopbackDriver
 from nena_edge_agent.loopback.settings import LoopbackSettings
 from nena_edge_agent.protocol.events import Event
-from nena_edge_agent.settings import EdgeAgentSettings, IntervalSettings, JournalSettings
+from nena_edge_agent.settings import DescriptionSettings, EdgeAgentSettings, IntervalSettings, JournalSettings
 from nena_order_service.fleet.link import FleetLink
 from nena_order_service.service import make_engine, make_fleet
 from nena_order_service.settings import OrderServiceSettings
@@ -33,6 +33,7 @@ from nena_shared.fleet_api.transport_order import TransportOrderRequest
 from nena_shared.mqtt import MqttLink
 from nena_shared.plant import PlantModel, Point, PointType, Vehicle
 from nena_shared.plant import property_keys as keys
+from nena_shared.plant.track import MM_PER_M
 from nena_shared.tasks import Supervisor
 from nena_shared.vda5050.topics import RobotKey
 from nena_simulate.demand import Demand, stations
@@ -143,6 +144,7 @@ class SimulatedRobot:
             map_id=self._pose.map_id,
             driver="loopback",
             journal=JournalSettings(enabled=False),
+            description=DescriptionSettings(maximum_speed=case.speed),
             interval=IntervalSettings(visualization=0.0),
             loopback=LoopbackSettings(drain=0.0, pose_interval=POSE_SECONDS),
             operations=tuple(
@@ -284,13 +286,14 @@ def staffed(case: Case, random: Random) -> tuple[PlantModel, list[Point]]:
     Robots live in the plant's frame; what the model says of their maps' frames does not count.
     """
     plant = case.plant
-    vehicles = [_own(each) for each in plant.vehicles[: case.robots]]
-    pattern = vehicles[-1] if vehicles else Vehicle(name="Robot", max_velocity_mm_s=round(case.speed * 1000))
+    vehicles = [_own(each, case.speed) for each in plant.vehicles[: case.robots]]
+    pattern = vehicles[-1] if vehicles else Vehicle(name="Robot")
     taken = {each.name for each in plant.vehicles}
     names = (name for number in range(1, 10**6) if (name := f"Robot-{number:02d}") not in taken)
     for name in islice(names, case.robots - len(vehicles)):
         properties = {**pattern.properties, keys.VDA5050_SERIAL_NUMBER: name}
-        vehicles.append(_own(pattern.model_copy(update={"name": name, "properties": properties})))
+        more = pattern.model_copy(update={"name": name, "properties": properties})
+        vehicles.append(_own(more, case.speed))
     own = {key: value for key, value in plant.properties.items() if not key.startswith(keys.MAP_TRANSFORM)}
     return (
         plant.model_copy(update={"vehicles": tuple(vehicles), "properties": own}),
@@ -298,10 +301,13 @@ def staffed(case: Case, random: Random) -> tuple[PlantModel, list[Point]]:
     )
 
 
-def _own(vehicle: Vehicle) -> Vehicle:
-    """Name the robot's map, which is the one of the simulation, unless the model names one."""
+def _own(vehicle: Vehicle, speed: float) -> Vehicle:
+    """Give the robot its speed, and the simulation's map unless the model names one."""
     more = {keys.VDA5050_MAP_ID: vehicle.map_id or MAP_ID, keys.VDA5050_VERSION: "2.1.0"}
-    return vehicle.model_copy(update={"properties": {**vehicle.properties, **more}})
+    speed_mm_s = round(speed * MM_PER_M)
+    return vehicle.model_copy(
+        update={"properties": {**vehicle.properties, **more}, "max_velocity_mm_s": speed_mm_s}
+    )
 
 
 def _places(case: Case, random: Random) -> list[Point]:

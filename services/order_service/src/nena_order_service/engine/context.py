@@ -58,6 +58,13 @@ class EngineSettings(SettingsGroup):
             "robots must avoid each other."
         ),
     )
+    speed_limits: bool = Field(
+        default=True,
+        description=(
+            "Send robots how fast they may drive by the plant model (edges.maximumSpeed), where their "
+            "factsheets list that. false: they drive at their own speed."
+        ),
+    )
     dispatch: DispatchSettings = Field(
         default_factory=DispatchSettings, description="Dispatching: which vehicle gets which order."
     )

@@ -141,7 +141,7 @@ class RobotControl:
         """
         run, abilities = self._run, self.robot.abilities
         if run and run.vda_order.order_id == vda_order.order_id:
-            run.extend(fitted(vda_order, abilities) if abilities else vda_order)
+            run.extend(fitted(vda_order, abilities))
         return self._advance(now)
 
     def new_run(
@@ -248,10 +248,10 @@ class RobotControl:
         if state is None or self._obstacle(now):
             run.hold()
             return
-        if self.robot.abilities and run.phase is VdaOrderPhase.WAITING:
-            run.vda_order = fitted(run.vda_order, self.robot.abilities)
-            problem = order_problem(run.vda_order, self.robot.abilities)
-            if problem:
+        if run.phase is VdaOrderPhase.WAITING:
+            abilities = self.robot.abilities
+            run.vda_order = fitted(run.vda_order, abilities)
+            if abilities and (problem := order_problem(run.vda_order, abilities)):
                 yield from self._refuse(run, problem)
                 return
         self._last_order_at = now

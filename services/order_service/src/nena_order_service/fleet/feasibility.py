@@ -32,13 +32,18 @@ DEVIATION_THETA: Final = "nodes.nodePosition.allowedDeviationTheta"
 ACTION_DESCRIPTOR: Final = "nodes.actions.actionDescriptor"
 
 
-def fitted(vda_order: VdaOrder, abilities: Abilities) -> VdaOrder:
+def fitted(vda_order: VdaOrder, abilities: Abilities | None) -> VdaOrder:
     """Leave out the optional fields that the robot does not take, and fill those that it demands.
+
+    Of a robot without a factsheet only limits of its speed are known to be too much: it would refuse them.
 
     What would change the order stays as it is, for :mod:`nena_order_service.fleet.fitness` to name: a
     position, and the heading at a coordinate.
     """
     nodes = vda_order.nodes
+    if abilities is None:
+        edges = tuple(each.model_copy(update={"maximum_speed": None}) for each in vda_order.edges)
+        return vda_order.model_copy(update={"edges": edges})
     headings = _headings(nodes)
     return vda_order.model_copy(
         update={
@@ -111,7 +116,10 @@ def _fitted_position(
 
 
 def _fitted_edge(edge: Edge, ends: tuple[Node, Node], abilities: Abilities) -> Edge:
-    changes = {
+    changes: dict[str, object] = {}
+    if edge.maximum_speed is not None and not _limits_speed(edge.maximum_speed, abilities):
+        changes["maximum_speed"] = None
+    changes |= {
         field: fill(edge, ends, abilities)
         for path, (field, fill) in _EDGE_FIELDS.items()
         if path in abilities.required_fields
@@ -124,7 +132,15 @@ def _distance(_: Edge, ends: tuple[Node, Node], __: Abilities) -> float | None:
     return hypot(end.x - start.x, end.y - start.y) if start and end else None
 
 
-def _speed(_: Edge, __: tuple[Node, Node], abilities: Abilities) -> float | None:
+def _limits_speed(speed: float, abilities: Abilities) -> bool:
+    """Return whether a limit would make the robot slower, and it says that it obeys limits."""
+    own = abilities.factsheet.physical_parameters.maximum_speed
+    return abilities.lists_field("edges.maximumSpeed") and (not own or speed < own)
+
+
+def _speed(edge: Edge, _: tuple[Node, Node], abilities: Abilities) -> float | None:
+    if edge.maximum_speed is not None and _limits_speed(edge.maximum_speed, abilities):
+        return edge.maximum_speed
     return abilities.factsheet.physical_parameters.maximum_speed or None
 
 

@@ -192,6 +192,10 @@ class Abilities:
         name = path.removeprefix("nodes.")
         return not listed or any(f".{name}." in f".{each.parameter}." for each in listed)
 
+    def lists_field(self, path: str) -> bool:
+        """Return whether the robot says that it takes an optional field."""
+        return bool(self.factsheet.protocol_features.optional_parameters) and self.takes_field(path)
+
     @cached_property
     def takes_retries(self) -> bool:
         """Whether an action that has failed may be tried again by ``retry``."""

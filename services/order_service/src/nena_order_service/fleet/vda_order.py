@@ -15,7 +15,7 @@ from pydantic import AliasChoices, Field
 from nena_order_service.fleet.position import DEFAULT_DEVIATION_XY, RobotProfile, Standing
 from nena_order_service.routing.graph import Route
 from nena_shared.fleet_api.transport_order import Coordinate
-from nena_shared.plant import Location, MapPlace, PlantModel, PlantPlace
+from nena_shared.plant import DirectedEdge, Location, MapPlace, PlantModel, PlantPlace
 from nena_shared.plant.geometry import normalized
 from nena_shared.vda5050.action import Action, ActionParameter, BlockingType
 from nena_shared.vda5050.base import Identifier, WireObject
@@ -182,6 +182,16 @@ class _Stop:
     theta: float | None = None
     edge_id: str | None = None
     """Of the edge that leads here, where the plant has a name for it."""
+    maximum_speed: float | None = None
+    """m/s that the plant allows on the edge that leads here; None: it says nothing."""
+
+
+SpeedLimit = Callable[[DirectedEdge | None], float | None]
+"""Returns how fast a vehicle may drive along an edge, m/s; without an edge beside all paths."""
+
+
+def unlimited(_edge: DirectedEdge | None) -> None:
+    """Return no limit of the speed."""
 
 
 def build_vda_order(
@@ -193,6 +203,7 @@ def build_vda_order(
     route: Route | None = None,
     coordinate: Coordinate | None = None,
     actions: tuple[Action, ...] = (),
+    speed_limit: SpeedLimit = unlimited,
 ) -> VdaOrder:
     """Build the VDA order called ``name``: along the route, if any, then to the coordinate, if any.
 
@@ -211,8 +222,13 @@ def build_vda_order(
         message = f"the route begins at {route.source!r}, the robot is at {standing.point!r}"
         raise ValueError(message)
     stops = list(_way(name, plant, standing, profile, route))
+    first = len(stops) - (len(route.steps) if route else 0)
+    for index in range(1, len(stops)):
+        edge = route.steps[index - first].edge if route and index >= first else None
+        stops[index] = replace(stops[index], maximum_speed=speed_limit(edge))
     if coordinate is not None:
-        stops.append(_goal(name, profile, coordinate, stops[-1].map_id))
+        goal = _goal(name, profile, coordinate, stops[-1].map_id)
+        stops.append(replace(goal, maximum_speed=speed_limit(None)))
     elif len(stops) > 1:
         stops[-1] = replace(stops[-1], theta=_heading(plant, profile, stops[-1].node_id))
     return VdaOrder(
@@ -307,6 +323,7 @@ def _edges(stops: list[_Stop]) -> Iterator[Edge]:
             sequence_id=2 * index + 1,
             released=True,
             actions=(),
+            maximum_speed=after.maximum_speed,
         )
 
 

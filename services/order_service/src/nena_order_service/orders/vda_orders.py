@@ -13,19 +13,22 @@ from nena_order_service.fleet.vda_order import (
     DROP,
     PICK,
     OperationMap,
+    SpeedLimit,
     VdaOrder,
     build_vda_order,
     fresh_id,
     order_id,
     released_to,
+    unlimited,
 )
 from nena_order_service.orders.transport_order import TransportOrder
-from nena_order_service.routing.graph import NoRouteError, Route
+from nena_order_service.routing.graph import NoRouteError, Route, RoutingProfile
 from nena_order_service.routing.order_routes import Leg, RouteFinder, RoutePlan
 from nena_order_service.traffic.resources import ResourceSet
 from nena_order_service.traffic.traffic_control import Journey, RouteRequest
 from nena_order_service.vehicles.registry import FleetVehicle
-from nena_shared.plant import BACKWARD_SUFFIX, PlantModel, UnknownObjectError
+from nena_shared.plant import BACKWARD_SUFFIX, DirectedEdge, PlantModel, UnknownObjectError
+from nena_shared.plant.track import MM_PER_M
 from nena_shared.vda5050.topics import RobotKey
 
 
@@ -145,8 +148,12 @@ class Pick(NamedTuple):
 class OrderPlanner:
     """Makes VDA orders from drive orders, by the plant, its routes and the actions of operations."""
 
-    def __init__(self, plant: PlantModel, finder: RouteFinder, operations: OperationMap) -> None:
+    def __init__(
+        self, plant: PlantModel, finder: RouteFinder, operations: OperationMap, *, speed_limits: bool = True
+    ) -> None:
+        """``speed_limits``: whether robots are sent how fast they may drive."""
         self.plant = plant
+        self._speed_limits = speed_limits
         self.finder = finder
         self._operations = operations
 
@@ -259,6 +266,7 @@ class OrderPlanner:
                 location,
                 retriable=retriable,
             ),
+            speed_limit=self._speed_limit(vehicle),
         )
 
     def evasion(self, vehicle: FleetVehicle, standing: Standing, route: Route) -> VdaOrder:
@@ -269,4 +277,18 @@ class OrderPlanner:
             standing=standing,
             profile=vehicle.profile,
             route=route,
+            speed_limit=self._speed_limit(vehicle),
         )
+
+    def _speed_limit(self, vehicle: FleetVehicle) -> SpeedLimit:
+        """Return how fast a vehicle may drive where, by the plant model."""
+        if not self._speed_limits:
+            return unlimited
+        profile = RoutingProfile.of(vehicle.model, self.plant.vehicle_types)
+        own = profile.max_velocity_mm_s
+
+        def limit(edge: DirectedEdge | None) -> float | None:
+            speed_mm_s = profile.speed_mm_s(edge) if edge else own
+            return speed_mm_s / MM_PER_M if speed_mm_s else None
+
+        return limit
