@@ -103,9 +103,9 @@ class Link(MqttLink):
 
         return make
 
-    def subscribe(self, topic_filter: str, handler: Handler, *, qos: int = 1) -> None:
+    def subscribe(self, topic_filter: str, handler: Handler, *, qos: int = 1, needed: bool = True) -> None:
         """Call ``handler`` with each message under ``topic_filter``."""
-        del qos
+        del qos, needed
         self._topics.append((topic_filter, handler))
 
     def publish(self, message: Outbound) -> None:
