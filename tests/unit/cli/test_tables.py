@@ -8,7 +8,7 @@ from rich.console import Console, RenderableType
 from nena_cli import tables
 from nena_cli.client import Event
 from nena_cli.orders import ENDED_SHOWN, Board
-from nena_cli.tables import sequence_details, sequence_history, sequences_table
+from nena_cli.tables import history_table, sequence_details, sequences_table
 from nena_order_service.orders.order_sequence import OrderSequence
 from nena_shared.fleet_api.traffic import PlannedPoint, TrafficPlan, TrafficWait, VehiclePlan, WaitCause
 from nena_shared.fleet_api.transport_order import (
@@ -141,6 +141,6 @@ def test_sequences_say_how_far_they_are_and_no_markup_is_read() -> None:
     shown = text_of(sequence_details(made.bound("V-[red]1", NOW).completed("enough", NOW).status))
     for part in ("complete", "ends the sequence", "vehicle V-[red]1 is to do 'T-1', 1 of 2"):
         assert part in shown
-    assert "orderAppended" in text_of(sequence_history(made.status))
+    assert "orderAppended" in text_of(history_table(made.status))
     ended = made.completed("enough", NOW).advanced(lambda _: True, NOW)
     assert "finished" in text_of(sequences_table([ended.status]))

@@ -77,8 +77,7 @@ def show_(service: Service, name: Name) -> None:
     """Show an order sequence with its history."""
     with service.connected() as connection:
         sequence = connection.call(SHOW_SEQUENCE, name)
-    details, history = tables.sequence_details, tables.sequence_history
-    service.print_one(sequence, details(sequence), history(sequence))
+    service.print_one(sequence, tables.sequence_details(sequence), tables.history_table(sequence))
 
 
 @app.command()

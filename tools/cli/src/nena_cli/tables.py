@@ -43,7 +43,7 @@ def orders_table(orders: Iterable[TransportOrderStatus]) -> Table:
         table.add_row(
             Text(order.name),
             _state(order),
-            Text(order.processing_vehicle or _intended_vehicle(order)),
+            Text(_vehicle(order)),
             destinations(order),
             Text(str(order.priority or "")),
             Text(_local(order.created)),
@@ -64,8 +64,7 @@ def destinations(order: TransportOrderStatus) -> Text:
 
 def order_details(order: TransportOrderStatus, delivery: DeliveryStatus) -> Table:
     """Return the details of an order."""
-    table = Table.grid(padding=(0, 2))
-    rows = [
+    return _details(
         ("order", Text(order.name)),
         ("state", _state(order)),
         ("reason", Text(order.reason)),
@@ -80,17 +79,22 @@ def order_details(order: TransportOrderStatus, delivery: DeliveryStatus) -> Tabl
         ("destinations", destinations(order)),
         ("delivery", Text(" ".join(filter(None, (delivery.phase, delivery.order_id, delivery.note))))),
         ("properties", Text(", ".join(f"{each.key}={each.value}" for each in order.properties))),
-    ]
+    )
+
+
+def _details(*rows: tuple[str, Text]) -> Table:
+    """Return a table of names and values, without those that are empty."""
+    table = Table.grid(padding=(0, 2))
     for name, value in rows:
         if value.plain:
             table.add_row(Text(name, style="dim"), value)
     return table
 
 
-def history_table(order: TransportOrderStatus) -> Table:
-    """Return the history of an order."""
+def history_table(status: TransportOrderStatus | OrderSequenceStatus) -> Table:
+    """Return the history of an order or a sequence."""
     table = Table("time", "event", "details", title="History", title_justify="left")
-    for entry in order.history:
+    for entry in status.history:
         what = entry.event_code.removeprefix("nena:")
         table.add_row(Text(_local(entry.timestamp)), Text(what), Text(", ".join(entry.supplements)))
     return table
@@ -189,8 +193,9 @@ def _state(order: TransportOrderStatus) -> Text:
     return Text(f"{order.state} (held)", style="yellow") if order.held else Text(order.state, style=style)
 
 
-def _intended_vehicle(order: TransportOrderStatus) -> str:
-    return f"({order.intended_vehicle})" if order.intended_vehicle else ""
+def _vehicle(status: TransportOrderStatus | OrderSequenceStatus) -> str:
+    """Return the vehicle of an order or a sequence; in parentheses one that is only intended."""
+    return status.processing_vehicle or (f"({status.intended_vehicle})" if status.intended_vehicle else "")
 
 
 def _position(vehicle: VehicleStatus) -> str:
@@ -219,9 +224,9 @@ def sequences_table(sequences: Iterable[OrderSequenceStatus]) -> Table:
         table.add_row(
             Text(sequence.name),
             Text(_sequence_state(sequence)),
-            Text(sequence.processing_vehicle or _intended_sequence_vehicle(sequence)),
+            Text(_vehicle(sequence)),
             _orders(sequence),
-            Text(f"{sequence.created.astimezone():%Y-%m-%d %H:%M:%S}"),
+            Text(_local(sequence.created)),
             Text(sequence.reason),
         )
     return table
@@ -229,8 +234,7 @@ def sequences_table(sequences: Iterable[OrderSequenceStatus]) -> Table:
 
 def sequence_details(sequence: OrderSequenceStatus) -> Table:
     """Return the details of a sequence."""
-    table = Table.grid(padding=(0, 2))
-    rows = [
+    return _details(
         ("sequence", Text(sequence.name)),
         ("state", Text(_sequence_state(sequence))),
         ("reason", Text(sequence.reason)),
@@ -240,21 +244,7 @@ def sequence_details(sequence: OrderSequenceStatus) -> Table:
         ("failure", Text("ends the sequence" if sequence.failure_fatal else "ignored")),
         ("orders", _orders(sequence)),
         ("properties", Text(", ".join(f"{each.key}={each.value}" for each in sequence.properties))),
-    ]
-    for name, value in rows:
-        if value.plain:
-            table.add_row(Text(name, style="dim"), value)
-    return table
-
-
-def sequence_history(sequence: OrderSequenceStatus) -> Table:
-    """Return the history of a sequence."""
-    table = Table("time", "event", "details", title="History", title_justify="left")
-    for entry in sequence.history:
-        when = f"{entry.timestamp.astimezone():%Y-%m-%d %H:%M:%S}"
-        what = entry.event_code.removeprefix("nena:")
-        table.add_row(Text(when), Text(what), Text(", ".join(entry.supplements)))
-    return table
+    )
 
 
 def _orders(sequence: OrderSequenceStatus) -> Text:
@@ -271,7 +261,3 @@ def _sequence_state(sequence: OrderSequenceStatus) -> str:
     if sequence.finished:
         return "finished"
     return "complete" if sequence.complete else "open"
-
-
-def _intended_sequence_vehicle(sequence: OrderSequenceStatus) -> str:
-    return f"({sequence.intended_vehicle})" if sequence.intended_vehicle else ""

@@ -76,5 +76,5 @@ class MapDriver(Mover, Protocol):
         ...
 
     def initialize_position(self, pose: MapPose) -> None:
-        """Report the localisation where the robot is."""
+        """Set the robot's pose in the localisation."""
         ...

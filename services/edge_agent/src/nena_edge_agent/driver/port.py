@@ -397,5 +397,5 @@ class Driver(Mover, Protocol):
         ...
 
     def initialize_position(self, pose: Pose) -> None:
-        """Report the localisation where the robot is; answered by :class:`PositionInitialized`."""
+        """Set the robot's pose in the localisation; answered by :class:`PositionInitialized`."""
         ...

@@ -238,7 +238,7 @@ class Nav2Driver:
             self._keep_out.show(areas, self._map_id)
 
     def initialize_position(self, pose: MapPose) -> None:
-        """Report the localisation where the robot is.
+        """Set the robot's pose in the localisation.
 
         Answered by ``PositionInitialized``; a newer call replaces an older one, and one answer is for both.
         """

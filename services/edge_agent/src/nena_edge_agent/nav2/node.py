@@ -92,7 +92,7 @@ class Nav2Node:
         self._goals.publish(messages.goal_message(pose, self._settings.frame))
 
     def publish_initial_pose(self, pose: MapPose) -> None:
-        """Report the localisation where the robot is."""
+        """Set the robot's pose in the localisation."""
         spread = self._settings.localisation
         message = messages.initial_pose_message(
             pose,
