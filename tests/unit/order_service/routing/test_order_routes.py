@@ -162,7 +162,9 @@ PLANT = PlantModel(
 
 def make() -> tuple[RouteFinder, VehicleRoutes]:
     finder = RouteFinder(PLANT, Router(PLANT, evaluators([CostKey.EXPLICIT_PROPERTIES], PLANT)))
-    return finder, VehicleRoutes(finder, VehicleRegistry(PLANT, default_map_id="", adopt_unknown=True).model)
+    return finder, VehicleRoutes(
+        finder.router, VehicleRegistry(PLANT, default_map_id="", adopt_unknown=True).model
+    )
 
 
 def test_each_vehicle_has_the_ways_of_its_routing_group() -> None:
@@ -201,4 +203,4 @@ def test_the_first_routes_after_the_preparation_build_nothing(monkeypatch: pytes
     assert finder.why_unroutable(goal, ()) is None
     for vehicle in (None, slow):
         assert finder.find(one, goal, vehicle=vehicle).cost > 0
-        assert finder.costs_to(other, vehicle=vehicle).source(one) > 0
+        assert finder.router.costs_to(other, vehicle=vehicle).source(one) > 0

@@ -137,7 +137,7 @@ class Context:
         self.on_failure = on_failure
         self.clock = clock
         self.state = FleetState(registry)
-        self.routes = VehicleRoutes(planner.finder, registry.model)
+        self.routes = VehicleRoutes(planner.finder.router, registry.model)
         self.traffic = TrafficManager(planner.plant, self.routes, exclusive=settings.traffic)
         self._fleet: FleetControl | None = None
 

@@ -140,7 +140,7 @@ class OrderKnowledge:
         self._places = places
         self._planner = planner
         self._fit = fit
-        self._kinds = {name: costs.finder.kind(each.model) for name, (each, _) in places.items()}
+        self._kinds = {name: costs.finder.router.kind(each.model) for name, (each, _) in places.items()}
 
     def misfit(self, order: TransportOrder, vehicle: str) -> str:
         """Return, as a predicate, why a vehicle must not do an order at all; empty where it may."""

@@ -167,7 +167,7 @@ class IdleVehicles:
         """Return what it costs a vehicle to reach points."""
         model, standing = candidate.vehicle.model, candidate.standing
         assert standing, "a vehicle without an obstacle stands somewhere"  # noqa: S101 - for the type
-        return lambda point: self._context.finder.costs_to(point, vehicle=model).source(standing.point)
+        return lambda point: self._context.finder.router.costs_to(point, vehicle=model).source(standing.point)
 
     def _displaces(self, vehicle: FleetVehicle, point: str) -> bool:
         return vehicle.name in self._traffic and self._traffic.displaces(vehicle.name, point)

@@ -58,7 +58,7 @@ class RouteFinder:
     def __init__(self, plant: PlantModel, router: Router, any_day: Router | None = None) -> None:
         """Use a router; ``any_day`` is another one, for what could be done if hosts unlocked paths."""
         self._plant = plant
-        self._router = router
+        self.router = router
         self._any_day = any_day or router
         self._locks: Mapping[str, bool] = {}
 
@@ -68,13 +68,13 @@ class RouteFinder:
         A path that is locked this way closes ways now, but makes no order unroutable for good.
         """
         self._any_day.set_locks({path: locked for path, locked in locks.items() if not locked})
-        self._router.set_locks(locks)
+        self.router.set_locks(locks)
         self._locks = dict(locks)
 
     def prepare(self, vehicles: Iterable[Vehicle | None]) -> None:
         """Build what the first routes of these vehicles need, and those of no certain vehicle."""
-        each_kind = {self.kind(vehicle): vehicle for vehicle in (None, *vehicles)}
-        self._router.prepare(each_kind.values())
+        each_kind = {self.router.kind(vehicle): vehicle for vehicle in (None, *vehicles)}
+        self.router.prepare(each_kind.values())
         self._any_day.prepare((None,))
 
     def is_locked(self, path: str) -> bool:
@@ -111,7 +111,7 @@ class RouteFinder:
             NoRouteError: some destination cannot be reached from the one before.
 
         """
-        return self._find(self._router, start, destinations, vehicle=vehicle, avoid=avoid)
+        return self._find(self.router, start, destinations, vehicle=vehicle, avoid=avoid)
 
     def _find(
         self,
@@ -134,32 +134,6 @@ class RouteFinder:
                 legs.extend(Leg(route.cost, route) for route in routes)
                 start = routes[-1].destination
         return RoutePlan(tuple(legs))
-
-    def route(
-        self,
-        start: str,
-        goal: str,
-        *,
-        vehicle: Vehicle | None = None,
-        avoid: Collection[str] = frozenset(),
-        burden: Mapping[str, float] | None = None,
-    ) -> Route:
-        """Find the cheapest route between two points; see :meth:`Router.route`."""
-        return self._router.route(start, goal, vehicle=vehicle, avoid=avoid, burden=burden)
-
-    def costs(self, start: str, *, vehicle: Vehicle | None = None) -> Mapping[str, float]:
-        """Return what it costs to reach each point that can be reached."""
-        return self._router.costs_from(start, vehicle=vehicle)
-
-    def costs_to(
-        self, point: str, *, vehicle: Vehicle | None = None, avoid: Collection[str] = frozenset()
-    ) -> CostMap:
-        """Return what it costs to reach a point from each point."""
-        return self._router.costs_to(point, vehicle=vehicle, avoid=avoid)
-
-    def kind(self, vehicle: Vehicle | None) -> int:
-        """Return a number for the kind of a vehicle: those of one kind have the same ways."""
-        return self._router.kind(vehicle)
 
     def nearest(self, coordinate: Coordinate) -> str:
         """Return the point from which the way goes on after a coordinate."""
@@ -255,7 +229,7 @@ class RouteCosts:
         for destination in reversed(destinations):
             entries = tuple(
                 _Entry(
-                    self._finder.costs_to(point, vehicle=vehicle, avoid=avoid),
+                    self._finder.router.costs_to(point, vehicle=vehicle, avoid=avoid),
                     later.source(point).complete if later else 0.0,
                 )
                 for point in access_points(destination, self._plant)
@@ -280,9 +254,9 @@ ROUTES_KEPT = 2_000
 class VehicleRoutes:
     """Finds routes as the plant model's data of each vehicle let it drive, and remembers them."""
 
-    def __init__(self, finder: RouteFinder, model_of: Callable[[str], Vehicle | None]) -> None:
+    def __init__(self, router: Router, model_of: Callable[[str], Vehicle | None]) -> None:
         """``model_of`` returns the plant model's data of the vehicle of this name; None if it has none."""
-        self._finder = finder
+        self._router = router
         self._model_of = model_of
         self._route = lru_cache(ROUTES_KEPT)(self._find)
 
@@ -298,7 +272,7 @@ class VehicleRoutes:
         """Return the cheapest route; raises NoRouteError. One with a ``burden`` is not remembered."""
         if burden:
             model = self._model_of(vehicle)
-            return self._finder.route(start, goal, vehicle=model, avoid=avoid, burden=burden)
+            return self._router.route(start, goal, vehicle=model, avoid=avoid, burden=burden)
         found = self._route(self._model(vehicle), start, goal, frozenset(avoid))
         if isinstance(found, NoRouteError):
             raise found.with_traceback(None)
@@ -306,7 +280,7 @@ class VehicleRoutes:
 
     def costs(self, vehicle: str, start: str) -> Mapping[str, float]:
         """Return what it costs to reach each point that can be reached."""
-        return self._finder.costs(start, vehicle=self._model_of(vehicle))
+        return self._router.costs_from(start, vehicle=self._model_of(vehicle))
 
     def forget(self) -> None:
         """Forget all routes: the plant has changed."""
@@ -321,6 +295,6 @@ class VehicleRoutes:
         """Return what is remembered: that there is no way costs as much to find out as one."""
         model = self._model_of(vehicle) if vehicle else None
         try:
-            return self._finder.route(start, goal, vehicle=model, avoid=avoid)
+            return self._router.route(start, goal, vehicle=model, avoid=avoid)
         except NoRouteError as error:
             return error
