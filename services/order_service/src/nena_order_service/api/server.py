@@ -53,63 +53,46 @@ METHODS = ["GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"]
 
 
 def make_standby_app(active_url: Callable[[], str], problem: Callable[[], str]) -> FastAPI:
-    """Make the ASGI application.
+    """Make the ASGI application of a standby.
 
     Args:
         active_url: returns the URL of the active order service; empty while it is not known.
         problem: returns why the database does not answer; empty while it does.
 
     """
-    app = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
-    problems.install(app)
 
-    @app.get("/healthz")
-    async def alive() -> Response:
-        return Response("ok\n", media_type="text/plain")
-
-    @app.get("/readyz")
-    async def ready() -> Response:
+    def readiness() -> Readiness:
         where = f"The active one is {active_url()}." if active_url() else "The active one is not known."
         said = [f"This order service is a standby. {where}"]
         if problem():
             said.append(f"The database does not answer ({problem()}): no takeover is possible now.")
-        body = Readiness(
+        return Readiness(
             ready=False,
             role="standby",
             broker_connected=False,
             store_ready=not problem(),
             problems=tuple(said),
         )
-        status = HTTPStatus.SERVICE_UNAVAILABLE
-        return Response(body.model_dump_json(by_alias=True), status, media_type="application/json")
 
-    @app.api_route("/{path:path}", methods=METHODS)
-    async def elsewhere(request: Request) -> Response:
+    def elsewhere(request: Request) -> Response:
         raw: bytes = request.scope["raw_path"]  # as it came: names may have letters that no header holds
         return _go_there(active_url(), raw.decode("ascii"))
 
-    return app
+    return _make_waiting_app(readiness, elsewhere)
 
 
 def _go_there(active_url: str, path: str) -> Response:
-    status = HTTPStatus.SERVICE_UNAVAILABLE
     where = (
         f"Send the request to the active one: {active_url}{path}"
         if active_url
         else "The active one is not known yet. Retry in a moment, here and at the others"
     )
-    problem = Problem(title="Standing by", status=status, detail=f"This order service is a standby. {where}.")
-    headers = {"Retry-After": RETRY_AFTER}
-    if active_url:
-        headers["Link"] = f'<{active_url}{path}>; rel="alternate"'
-    return answer(problem, headers)
+    links = {"Link": f'<{active_url}{path}>; rel="alternate"'} if active_url else {}
+    return _retry("Standing by", f"This order service is a standby. {where}.", links)
 
 
 def make_starting_app(problem: Callable[[], str]) -> FastAPI:
-    """Make the ASGI application; ``problem`` returns why the store cannot be written."""
-    app = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
-    problems.install(app)
-    status = HTTPStatus.SERVICE_UNAVAILABLE
+    """Make the ASGI application of the start; ``problem`` returns why the store cannot be written."""
 
     def said() -> str:
         why = f" ({problem()})" if problem() else ""
@@ -118,21 +101,36 @@ def make_starting_app(problem: Callable[[], str]) -> FastAPI:
             "Check the disk or server of store.url; it continues automatically."
         )
 
+    def readiness() -> Readiness:
+        return Readiness(
+            ready=False, role="starting", broker_connected=False, store_ready=False, problems=(said(),)
+        )
+
+    return _make_waiting_app(readiness, lambda _: _retry("Starting", said(), {}))
+
+
+def _retry(title: str, detail: str, headers: dict[str, str]) -> Response:
+    problem = Problem(title=title, status=HTTPStatus.SERVICE_UNAVAILABLE, detail=detail)
+    return answer(problem, {"Retry-After": RETRY_AFTER, **headers})
+
+
+def _make_waiting_app(readiness: Callable[[], Readiness], other: Callable[[Request], Response]) -> FastAPI:
+    """Make an application that is alive, but not ready, and answers all requests by ``other``."""
+    app = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
+    problems.install(app)
+
     @app.get("/healthz")
     async def alive() -> Response:
         return Response("ok\n", media_type="text/plain")
 
     @app.get("/readyz")
     async def ready() -> Response:
-        body = Readiness(
-            ready=False, role="starting", broker_connected=False, store_ready=False, problems=(said(),)
-        )
-        return Response(body.model_dump_json(by_alias=True), status, media_type="application/json")
+        body = readiness().model_dump_json(by_alias=True)
+        return Response(body, HTTPStatus.SERVICE_UNAVAILABLE, media_type="application/json")
 
     @app.api_route("/{path:path}", methods=METHODS)
-    async def later() -> Response:
-        problem = Problem(title="Starting", status=status, detail=said())
-        return answer(problem, {"Retry-After": RETRY_AFTER})
+    async def rest(request: Request) -> Response:
+        return other(request)
 
     return app
 
