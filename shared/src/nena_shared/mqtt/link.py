@@ -70,6 +70,9 @@ CONNECT_TIMEOUT = 10.0
 IN_FLIGHT_LIMIT = 200
 """Messages of QoS 1 that may be without the broker's answer at the same time."""
 
+FIRST_AT_ONCE = 50
+"""Messages of those that are published first that are made at once: in large fleets there are thousands."""
+
 TERM_POLL = 0.25
 """Seconds between two looks at whether the program still has the right to publish."""
 
@@ -85,7 +88,7 @@ class LinkHooks:
     """Returns the last will, at each connect; None: there is none."""
     on_connected: Callable[[], Iterable[Outbound]] = tuple
     """Returns what is published first, before the subscriptions are made; called at each connect, so its
-    messages are never kept over a break."""
+    messages are never kept over a break. It is taken in parts, between which other tasks run."""
     on_lost: Callable[[], None] = lambda: None
     """Called when a connection has ended."""
     on_subscribed: Callable[[], None] = lambda: None
@@ -302,7 +305,10 @@ class MqttLink:
 
     async def _begin(self, session: _Session) -> None:
         """Publish what comes first, subscribe, then publish what waits."""
-        session.first.extend(replace(first, keep=False) for first in self._hooks.on_connected())
+        for number, first in enumerate(self._hooks.on_connected(), start=1):
+            session.first.append(replace(first, keep=False))
+            if number % FIRST_AT_ONCE == 0:
+                await asyncio.sleep(0)
         self._send_waiting(session)
         self.state.refused = ()
         await self._subscribe(session)

@@ -19,6 +19,7 @@ from nena_shared.mqtt import Inbound, LinkHooks, MqttLink, Outbound
 from nena_shared.mqtt import link as link_module
 from nena_shared.settings import ConfigurationError, MqttSettings
 from support.broker import Broker, MqttPeer, free_port
+from support.pausing import turn_passes
 from support.waiting import PATIENCE, until
 
 pytestmark = pytest.mark.broker
@@ -544,6 +545,28 @@ async def test_who_has_just_said_that_he_is_there_can_say_farewell(
             await asyncio.wait_for(greeted.wait(), PATIENCE)
             assert await link.drain(PATIENCE)
         await until(lambda: peer.payloads() == [b"here", b"gone"])
+
+
+async def test_a_long_greeting_holds_nobody_up(broker: Broker, interface_name: str) -> None:
+    made: list[int] = [0]
+
+    def greeting() -> Iterator[Outbound]:
+        for number in range(4 * link_module.FIRST_AT_ONCE):
+            made[-1] += 1
+            yield Outbound(f"{interface_name}/status/{number}", b"here", retain=True)
+
+    async def count() -> None:
+        while True:
+            made.append(0)
+            await turn_passes()
+
+    counting = asyncio.create_task(count())
+    link = MqttLink(broker.settings, client_id=interface_name, hooks=LinkHooks(on_connected=greeting))
+    with MqttPeer(broker, f"{interface_name}/status/+") as peer:
+        async with running(link):
+            await until(lambda: len(peer.payloads()) == 4 * link_module.FIRST_AT_ONCE)
+    counting.cancel()
+    assert max(made) <= link_module.FIRST_AT_ONCE
 
 
 async def test_it_can_be_ended_while_its_subscriptions_are_not_answered(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import asyncio
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
 from itertools import pairwise
 from typing import Any
 
@@ -11,6 +13,7 @@ import pytest
 from nena_order_service.dispatching.settings import Chooser, DispatchSettings
 from nena_order_service.engine.context import EngineSettings
 from nena_order_service.engine.dispatching import (
+    EXPLAINED_AT_ONCE,
     ORDERS_FOR_EACH,
     ORDERS_FOR_MANY,
     ORDERS_FOR_ONE,
@@ -25,6 +28,7 @@ from support.order_service import request
 from support.pausing import turn_passes
 from support.plants import path, point
 from support.scripted_fleet import MemoryStore, ScriptedFleet, make_engine
+from support.waiting import until
 
 NAMES = "ABCDEFGH"
 PLANT = PlantModel(
@@ -194,9 +198,15 @@ async def test_a_vehicle_that_becomes_free_in_mid_offer_takes_the_most_urgent_or
     assert [vda_order.order_id for _, vda_order in fleet.sent] == [f"T{TOLD_FIRST}-0"]
 
 
-async def test_a_large_fleet_is_looked_at_in_slices(monkeypatch: pytest.MonkeyPatch) -> None:
+async def large_fleet(monkeypatch: pytest.MonkeyPatch) -> tuple[Engine, list[int]]:
+    """Start an engine with many vehicles; the numbers are of those looked at before each pause."""
     names = [f"V{index}" for index in range(3 * LOOKED_AT_ONCE)]
-    plant = PlantModel(name="p", points=(point("A"),), vehicles=tuple(Vehicle(name=each) for each in names))
+    plant = PlantModel(
+        name="p",
+        points=(point("A"), point("B", 4000)),
+        paths=(path("A B", 4000),),
+        vehicles=tuple(Vehicle(name=each) for each in names),
+    )
     engine = await make_engine(plant, ForgetfulStore(), ScriptedFleet({}))
     looks: list[int] = [0]
     consider = engine._dispatching.consider
@@ -205,9 +215,51 @@ async def test_a_large_fleet_is_looked_at_in_slices(monkeypatch: pytest.MonkeyPa
         looks[-1] += 1
         return consider(vehicle)
 
-    monkeypatch.setattr(engine._dispatching._candidates, "_consider", counted)
+    for owner, name in ((engine._dispatching._candidates, "_consider"), (engine._dispatching, "consider")):
+        monkeypatch.setattr(owner, name, counted)
+    return engine, looks
+
+
+@asynccontextmanager
+async def turns_counted(looks: list[int]) -> AsyncIterator[None]:
+    """Begin a new number whenever other tasks have had their turn."""
+
+    async def count() -> None:
+        while True:
+            looks.append(0)
+            await turn_passes()
+
+    task = asyncio.create_task(count())
+    try:
+        yield
+    finally:
+        task.cancel()
+
+
+async def test_after_a_path_was_locked_a_large_fleet_is_looked_at_in_slices(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    engine, looks = await large_fleet(monkeypatch)
+    running = asyncio.create_task(engine.run())
+    async with turns_counted(looks):
+        engine.plant_changed()
+        await until(lambda: sum(looks) >= 3 * LOOKED_AT_ONCE)
+    running.cancel()
+    assert max(looks) <= LOOKED_AT_ONCE
+
+
+async def test_an_order_is_explained_in_slices(monkeypatch: pytest.MonkeyPatch) -> None:
+    engine, looks = await large_fleet(monkeypatch)
+    order = engine.create(request("A"), "T")
+    async with turns_counted(looks):
+        assert len(await engine.explain(order)) == 3 * LOOKED_AT_ONCE
+    assert max(looks) <= EXPLAINED_AT_ONCE
+
+
+async def test_a_large_fleet_is_looked_at_in_slices(monkeypatch: pytest.MonkeyPatch) -> None:
+    engine, looks = await large_fleet(monkeypatch)
     parts = engine._look()
     while next(parts, parts) is not parts:
         looks.append(0)
-    assert sum(looks) == len(names)
-    assert max(looks) <= LOOKED_AT_ONCE
+    assert sum(looks) >= 3 * LOOKED_AT_ONCE
+    assert max(looks) <= 2 * LOOKED_AT_ONCE, "once to compare them, once to publish"

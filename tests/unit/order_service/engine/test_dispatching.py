@@ -61,7 +61,7 @@ async def test_a_vehicle_that_kept_a_load_drops_it_before_it_picks_up_another_on
     assert order
     carries = "carries a load, and has no room for another one"
     assert order.status.reason == f"waits for vehicle 'V1', which {carries}"
-    assert [each.reason for each in engine.explain(order) if each.vehicle == "V1"] == [carries]
+    assert [each.reason for each in await engine.explain(order) if each.vehicle == "V1"] == [carries]
 
     engine.create(request("B:Unload", intendedVehicle="V1"), "drop")
     assert [vda_order.order_id for _, vda_order in fleet.sent] == ["drop-0"]
@@ -184,13 +184,13 @@ async def test_another_decision_needs_no_other_search(monkeypatch: pytest.Monkey
     assert order
     assert order.state is TransportOrderState.DISPATCHABLE
     fleet.out_of_order.clear()
-    assert [each.cost for each in engine.explain(order)] == [4000, 4000]
+    assert [each.cost for each in await engine.explain(order)] == [4000, 4000]
 
     def no_search(*_: object) -> None:
         pytest.fail("the costs were known")
 
     monkeypatch.setattr(graph.RoutingGraph, "costs_to", no_search)
-    assert [each.fits for each in engine.explain(order)] == [True, True]
+    assert [each.fits for each in await engine.explain(order)] == [True, True]
 
 
 async def test_an_order_that_avoids_what_the_plant_has_lost_waits_and_says_so() -> None:

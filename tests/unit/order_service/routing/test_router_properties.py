@@ -133,3 +133,18 @@ def test_no_other_choice_of_access_points_is_cheaper(
     assert sum(route.cost for route in routes) == cheapest
     assert [route.source for route in routes] == [source, *(route.destination for route in routes[:-1])]
     assert all(route.destination in choice for route, choice in zip(routes, choices, strict=True))
+
+
+@given(plants(), st.lists(st.dictionaries(st.sampled_from([f"path {n}" for n in range(14)]), st.booleans())))
+def test_locks_that_change_leave_the_ways_that_a_new_router_finds(
+    plant: PlantModel, changes: list[dict[str, bool]]
+) -> None:
+    router = Router(plant)
+    for locks in changes:
+        router.costs_from("A")
+        router.set_locks(locks)
+        fresh = Router(plant)
+        fresh.set_locks(locks)
+        for name in NAMES:
+            assert router.costs_from(name) == fresh.costs_from(name)
+            assert router.costs_to(name).costs == fresh.costs_to(name).costs

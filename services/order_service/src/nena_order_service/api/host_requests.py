@@ -226,7 +226,7 @@ class HostRequests:
     async def assignment(self, name: str, limit: int = VEHICLES_EXPLAINED) -> AssignmentStatus:
         """Return why vehicles do not do an order, for at most ``limit`` of them."""
         status, order = await self.order(name), self._engine.state.orders.named(name)
-        found = [] if order is None or order.state.final else self._engine.explain(order)
+        found = [] if order is None or order.state.final else await self._engine.explain(order)
         return AssignmentStatus(
             transport_order=status.name,
             state=status.state,

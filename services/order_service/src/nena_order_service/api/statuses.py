@@ -88,13 +88,16 @@ class StatusPublisher:
         self._ended = EndedOrders(end_kept, self._clear)
 
     def greeting(self) -> Iterator[Outbound]:
-        """Return what is published at each connect, for the broker may have lost its data."""
+        """Yield what is published at each connect, for the broker may have lost its data.
+
+        The link takes it in parts: what changes meanwhile is published behind it.
+        """
         yield Outbound(self.topics.plant_model, self._plant_json, retain=True)
-        for vehicle in self._engine.registry:
+        for vehicle in tuple(self._engine.registry):
             yield self._of_vehicle(self._engine.status(vehicle))
-        for sequence in self._engine.state.sequences.unfinished():
+        for sequence in tuple(self._engine.state.sequences.unfinished()):
             yield self._of_sequence(sequence.status)
-        for order in self._engine.state.orders.unfinished():
+        for order in tuple(self._engine.state.orders.unfinished()):
             yield self._of_order(order.status)
         for status in self._ended.statuses():
             yield self._of_order(status)

@@ -628,8 +628,12 @@ def explain(
     kept: Mapping[int, str] = NOBODY,
 ) -> list[VehicleFit]:
     """Say of each vehicle why it does not get this order, or that it could; the best ones first."""
-    found = [_fit(order, each, knowledge, kept.get(order.number)) for each in vehicles]
-    return sorted(found, key=lambda each: (not each.fits, each.cost or 0.0, each.vehicle))
+    return best_first(_fit(order, each, knowledge, kept.get(order.number)) for each in vehicles)
+
+
+def best_first(fits: Iterable[VehicleFit]) -> list[VehicleFit]:
+    """Sort by who could do an order at the least cost."""
+    return sorted(fits, key=lambda each: (not each.fits, each.cost or 0.0, each.vehicle))
 
 
 def _fit(

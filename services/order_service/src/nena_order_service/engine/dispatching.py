@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections import OrderedDict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,6 +19,7 @@ from nena_order_service.dispatching.dispatcher import (
     Energy,
     VehicleFit,
     acceptable,
+    best_first,
     carried,
     explain,
     why_nobody,
@@ -192,6 +194,8 @@ TOLD_FIRST = 20
 """Orders at the head of the queue that are told at once why they wait; the others by and by."""
 LOOKED_AT_ONCE = 500
 """Orders further back of which each look finds out whether they wait for other reasons than they say."""
+EXPLAINED_AT_ONCE = 50
+"""Vehicles of which it is found out at once why they do not do an order; others wait meanwhile."""
 TOLD_AT_ONCE = 100
 """Those of them that are told so."""
 ORDERS_FOR_ONE = 32
@@ -317,15 +321,22 @@ class Dispatching:
                 told += 1
                 yield order, reason
 
-    def explain(self, order: TransportOrder) -> list[VehicleFit]:
-        """Return for each vehicle why it does not execute this order, or that it could."""
-        candidates = {each.name: self.consider(each) for each in self._registry if not each.obstacle}
-        seen = (each.seen for each in candidates.values())
-        return explain(order, seen, self._knowledge(candidates), kept=self._kept)
+    async def explain(self, order: TransportOrder) -> list[VehicleFit]:
+        """Return for each vehicle why it does not execute this order, or that it could; best ones first."""
+        vehicles = [each for each in self._registry if not each.obstacle]
+        found: list[VehicleFit] = []
+        for start in range(0, len(vehicles), EXPLAINED_AT_ONCE):
+            part = vehicles[start : start + EXPLAINED_AT_ONCE]
+            candidates = {each.name: self.consider(each) for each in part}
+            seen = (each.seen for each in candidates.values())
+            found += explain(order, seen, self._knowledge(candidates), kept=self._kept)
+            await asyncio.sleep(0)
+        return best_first(found)
 
     def forget(self) -> None:
         """Look for each way again: the plant has changed."""
         self._costs.forget()
+        self._candidates.fresh.clear()
         self._candidates.offer_all()
 
     def has_changed(self, vehicle: FleetVehicle) -> bool:

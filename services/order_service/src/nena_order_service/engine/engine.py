@@ -10,7 +10,7 @@ from __future__ import annotations
 import asyncio
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Protocol
 
 from nena_order_service.dispatching.dispatcher import VehicleFit
@@ -260,6 +260,7 @@ class Engine:
             timeout=self.settings.commit_timeout,
         )
         self._asked_for_state: set[RobotKey] = set()
+        self._look_due = asyncio.Event()
 
     def prepare(self) -> None:
         """Build what takes long in large plants, in any thread: before :meth:`start`."""
@@ -287,7 +288,10 @@ class Engine:
     async def run(self) -> None:
         """Look regularly at what changes without an event, until cancelled."""
         while True:
-            await asyncio.sleep(LOOK_INTERVAL if self._gate.is_open else FIRST_LOOKS)
+            with suppress(TimeoutError):
+                async with asyncio.timeout(LOOK_INTERVAL if self._gate.is_open else FIRST_LOOKS):
+                    await self._look_due.wait()
+            self._look_due.clear()
             for _ in self._look():
                 await asyncio.sleep(0)
 
@@ -346,9 +350,10 @@ class Engine:
             self._dispatching.offer_all()
             self._life_cycle.tell_why()
         yield
-        if self._gate.is_open:
+        for part in parts if self._gate.is_open else ():
             with self.change():
-                self._idle.attend()
+                self._idle.attend(part)
+            yield
         for part in parts:
             with self.unit_of_work.begin():
                 for vehicle in part:
@@ -423,13 +428,14 @@ class Engine:
         return end
 
     def plant_changed(self) -> None:
-        """Find all routes again, also behind the bases of vehicles under way."""
+        """Find all routes again, also behind the bases of vehicles under way; then look at all, in parts."""
         self.context.routes.forget()
         self.traffic.forget_routes()
         self._dispatching.forget()
         with self.change():
             self._rerouting.keep_off_locked_paths()
-        self.look()
+            self.state.dispatch_due = self.state.drive_due = True
+        self._look_due.set()
 
     # Queries
 
@@ -449,9 +455,9 @@ class Engine:
         """Return where vehicles will be in the next minute, and for whom they wait."""
         return self._plans.plan()
 
-    def explain(self, order: TransportOrder) -> list[VehicleFit]:
+    async def explain(self, order: TransportOrder) -> list[VehicleFit]:
         """Return for each vehicle why it does not get an order, or that it could."""
-        return self._dispatching.explain(order)
+        return await self._dispatching.explain(order)
 
     # What the fleet reports
 

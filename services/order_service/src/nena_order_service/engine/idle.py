@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 from nena_order_service.dispatching.candidates import LocatedCandidate
@@ -76,12 +76,12 @@ class IdleVehicles:
         self._life_cycle = life_cycle
         self._idle: dict[str, _Idle] = {}
 
-    def attend(self) -> None:
-        """Send those to recharge who need it, and those to park who are in the way."""
+    def attend(self, vehicles: Iterable[FleetVehicle]) -> None:
+        """Send those of these to recharge who need it, and those to park who are in the way."""
         if not (self._settings.recharging.enabled or self._settings.parking.enabled):
             return
         round_ = _IdleRound(self._context.clock.monotonic(), self._goals())
-        for vehicle in self._registry:
+        for vehicle in vehicles:
             candidate = self._dispatching.consider(vehicle)
             known = self._idle.setdefault(vehicle.name, _Idle())
             if not _has_nothing_to_do(candidate):

@@ -258,7 +258,7 @@ def _burdened(burden: Mapping[str, float]) -> Callable[[Step], float]:
 
 
 class RoutingGraph:
-    """The drivable edges of a plant for one routing profile; built once, then only read.
+    """The drivable edges of a plant for one routing profile; only :meth:`lock` changes it.
 
     It has the edges that are open to the profile (see `Access`). A cost that is infinite or NaN excludes an
     edge too. Raises ValueError for a cost below 0, which no evaluator may return.
@@ -271,15 +271,29 @@ class RoutingGraph:
         profile: RoutingProfile,
         locks: Mapping[str, bool] | None = None,
     ) -> None:
-        access = Access(plant, profile, locks)
+        self._plant = plant
+        self._costs = costs
+        self._profile = profile
         self._indices = {point.name: index for index, point in enumerate(plant.points)}
         self._backward: rx.PyDiGraph[str, Step] | None = None
         self._graph: rx.PyDiGraph[str, Step] = rx.PyDiGraph()
         self._graph.add_nodes_from(list(self._indices))
+        self._add(plant.edges(), locks)
+
+    def lock(self, paths: Iterable[Path], locks: Mapping[str, bool]) -> None:
+        """Take out or put in the edges of those paths whose locks have changed."""
+        for path in paths:
+            for index in {*self._path_indices(path)}:
+                self._graph.remove_edge_from_index(index)
+            self._add(path.edges(), locks)
+        self._backward = None
+
+    def _add(self, edges: Iterable[DirectedEdge], locks: Mapping[str, bool] | None) -> None:
+        allowed = filter(Access(self._plant, self._profile, locks).allows, edges)
         self._graph.add_edges_from(
             [
                 (self._indices[step.source], self._indices[step.destination], step)
-                for step in _steps(filter(access.allows, plant.edges()), costs, profile)
+                for step in _steps(allowed, self._costs, self._profile)
             ]
         )
 

@@ -47,8 +47,11 @@ class Router:
         """Lock or unlock paths by name, over what the plant model says; replaces what was set before."""
         if self._locks == locks:
             return
-        self._locks = dict(locks)
-        self._graphs.clear()
+        before, self._locks = self._locks, dict(locks)
+        names = {name for name in {*before, *locks} if before.get(name) is not locks.get(name)}
+        changed = [path for path in self._plant.paths if path.name in names]
+        for graph in self._graphs.values():
+            graph.lock(changed, self._locks)
         self._maps.clear()
 
     def route(
