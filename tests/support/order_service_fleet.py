@@ -99,7 +99,7 @@ class Fleet:
             *("--interface_name_v3", self.interface),
             *("--topic_prefix", self.prefix),
             *("--end_kept", END_KEPT),
-            *("--kernel.speed_limits", "false"),  # these robots are faster than the plant, for short tests
+            "--no-kernel.speed_limits",  # these robots are faster than the plant, for short tests
         ]
 
     def settings(self, **more: Any) -> OrderServiceSettings:
