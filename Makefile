@@ -80,8 +80,9 @@ test-all: $(STAMP) action-types broker browser ## all tests, with long and quara
 conformance: $(STAMP) ## regenerate docs/vda5050.md: conformance clause by clause, with its tests
 	PYTHONPATH=tests $(BIN)/python -m conformance.table
 
-reference: $(STAMP) ## regenerate docs/configuration.md: every setting of every program
+reference: $(STAMP) ## regenerate docs/configuration.md and docs/metrics.md: every setting and every metric of every program
 	PYTHONPATH=tests $(BIN)/python -m reference.configuration
+	PYTHONPATH=tests $(BIN)/python -m reference.metrics
 
 soak: soak-site soak-pauses soak-cores ## soak-site, soak-pauses, then soak-cores
 

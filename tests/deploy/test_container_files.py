@@ -26,7 +26,7 @@ ROOT = Path(__file__).parents[2]
 COMPOSE: dict[str, Any] = yaml.safe_load((ROOT / "docker-compose.yml").read_text())
 SERVICES: dict[str, dict[str, Any]] = COMPOSE["services"]
 DOCKERFILES = sorted((ROOT / "services").glob("*/Dockerfile*"))
-OF_OTHERS = {"broker", "postgres", "prometheus"}
+OF_OTHERS = {"broker", "postgres", "prometheus", "grafana"}
 
 
 def ids(paths: list[Path]) -> list[str]:
@@ -149,6 +149,18 @@ def test_profiles_hold_what_they_say() -> None:
         "robot-02",
     }
     assert {name for name, each in profiles.items() if each == ("postgres",)} == {"postgres"}
+    assert {name for name, each in profiles.items() if each == ("grafana",)} == {"grafana"}
+
+
+def test_grafana_has_the_provisioning_and_the_dashboards_where_that_expects_them() -> None:
+    grafana = SERVICES["grafana"]
+    places = {source: place for source, place, *_ in (each.split(":") for each in grafana["volumes"])}
+    provider = yaml.safe_load((ROOT / "deploy/grafana/provisioning/dashboards/nena.yml").read_text())
+    source = yaml.safe_load((ROOT / "deploy/grafana/provisioning/datasources/nena.yml").read_text())
+
+    assert places["./deploy/grafana/provisioning"] == "/etc/grafana/provisioning"
+    assert places["./deploy/grafana/dashboards"] == provider["providers"][0]["options"]["path"]
+    assert source["datasources"][0]["url"].removeprefix("$") in grafana["environment"]
 
 
 def test_no_password_stands_in_the_file() -> None:

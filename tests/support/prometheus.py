@@ -42,12 +42,13 @@ def program(name: str) -> str:
 class Prometheus:
     """Scrapes and evaluates each second, and is asked by its API."""
 
-    def __init__(self, folder: Path, *aggregators: str) -> None:
+    def __init__(self, folder: Path, *aggregators: str, order_service: str = "") -> None:
         """Start over the aggregators at these addresses (host and port), with its files in ``folder``."""
         text = (CONFIGURATION / "prometheus.yml").read_text(encoding="utf-8")
         text = text.replace('"127.0.0.1:8080"', ", ".join(f'"{each}"' for each in aggregators)).replace(
             "15s", "1s"
         )
+        text = text.replace('"127.0.0.1:55200"', f'"{order_service}"' if order_service else "")
         text = text.replace("rules/*.yml", f"{CONFIGURATION}/rules/*.yml")
         (folder / "prometheus.yml").write_text(text, encoding="utf-8")
         port = free_port()

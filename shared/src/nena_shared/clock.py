@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from typing import Protocol
@@ -72,3 +73,28 @@ def in_utc(value: datetime) -> datetime:
 def iso(moment: datetime) -> str:
     """Return a UTC time as ISO 8601 with milliseconds and a four-digit year."""
     return f"{moment.isoformat(timespec='milliseconds')[:23]}Z"
+
+
+SAMPLES = 8
+
+
+class ClockSkew:
+    """Estimates the deviation of another program's clock from the timestamps of its messages.
+
+    Latency only makes the other clock look slow, so the greatest of the last differences is the best
+    estimate.
+    """
+
+    __slots__ = ("_differences",)
+
+    def __init__(self) -> None:
+        self._differences: deque[float] = deque(maxlen=SAMPLES)
+
+    def measure(self, sent: datetime, arrived: datetime) -> None:
+        """Add a message."""
+        self._differences.append((sent - arrived).total_seconds())
+
+    @property
+    def seconds(self) -> float | None:
+        """The other clock minus this computer's, s; None before the first message."""
+        return max(self._differences, default=None)

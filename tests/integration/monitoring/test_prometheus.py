@@ -6,18 +6,20 @@ import json
 import re
 import subprocess
 from collections.abc import Iterator
-from datetime import timedelta
+from datetime import UTC, datetime, timedelta
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from nena_shared.fleet_api.service_status import ServiceStatus
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.vda5050.topics import RobotKey, Topic
 from nena_status_aggregator.settings import HistorySettings
 from support.broker import Broker, MqttPeer
 from support.fleet_examples import ROBOT, START, connection, order_status, position, state, way
+from support.order_service_fleet import Fleet, running
 from support.prometheus import CONFIGURATION, Prometheus, eventually, program
 from support.reference import PROJECT
 from support.served_aggregator import Served, serving
@@ -53,6 +55,18 @@ def test_every_alert_has_a_test_and_says_what_to_do() -> None:
     fired = re.findall(r"alertname: (\w+)\n +exp_alerts:\n", tests)
     assert set(names) == set(fired)
     assert rules.count("description:") == rules.count("severity:") == len(names)
+
+
+def test_every_alert_has_an_entry_in_the_runbook_to_which_it_points() -> None:
+    rules = (CONFIGURATION / "rules" / "alerts.yml").read_text(encoding="utf-8")
+    names = re.findall(r"- alert: (\w+)", rules)
+    runbook = (PROJECT / "docs" / "runbook.md").read_text(encoding="utf-8")
+    entries = dict(re.findall(r"^### (\w+)\n(.*?)(?=^##|\Z)", runbook, re.MULTILINE | re.DOTALL))
+    assert sorted(entries) == sorted(names)
+    for name, entry in entries.items():
+        assert re.findall(r"^\*\*(\w+)\.\*\*", entry, re.MULTILINE) == ["Meaning", "Look", "Do"], name
+    pointers = re.findall(r'runbook: "docs/runbook.md#(\w+)"', rules)
+    assert pointers == [name.lower() for name in names]
 
 
 def test_rules_and_dashboards_name_only_metrics_that_there_are() -> None:
@@ -125,6 +139,8 @@ def say_everything(served: Served, peer: MqttPeer, turn: int) -> None:
     ended = order_status(
         f"TO-{turn}", state=TransportOrderState.FINISHED, finished=START + timedelta(seconds=45)
     )
+    alive = ServiceStatus(online=True, timestamp=datetime.now(UTC), store_ready=True)
+    peer.publish(served.fleet.service_status, alive.model_dump_json(by_alias=True))
     for status in (ended, order_status(f"TO-living-{turn}")):
         peer.publish(served.fleet.order_status(status.name), status.model_dump_json(by_alias=True))
 
@@ -134,9 +150,10 @@ async def test_every_query_of_rules_and_dashboards_finds_something(
     broker: Broker, interface_name: str, tmp_path: Path
 ) -> None:
     history = HistorySettings.model_validate({"url": f"sqlite:///{tmp_path / 'history.db'}"})
-    async with serving(broker, interface_name, history=history) as served:
+    orders = Fleet(broker, interface_name, tmp_path).settings()
+    async with serving(broker, interface_name, history=history) as served, running(orders):
         address = served.http.base_url.netloc.decode()
-        async with Prometheus(tmp_path, address) as prometheus:
+        async with Prometheus(tmp_path, address, order_service=f"127.0.0.1:{orders.http.port}") as prometheus:
             with MqttPeer(broker) as peer:
                 say_everything(served, peer, 1)
                 ended = 'nena_transport_orders_ended_total{state="FINISHED"}'

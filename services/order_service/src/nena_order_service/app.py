@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Mapping
 from typing import Any
 
 from nena_order_service.api.server import RestServer, make_standby_app, make_starting_app
@@ -90,7 +90,7 @@ async def _serve_alone(settings: OrderServiceSettings, plant: PlantFile, stop: a
     server = RestServer(make_starting_app(lambda: store.why_not_ready), settings.http)
     async with Supervisor() as supervisor:
         election = _start_election(settings, supervisor, store_id(engine), epoch, always)
-        runner = _runner(settings, plant, store, supervisor, election=election)
+        runner = _runner(settings, plant, store, supervisor, election=election, answers=server.answers)
         await _begin_and_serve(runner, store, server, supervisor, stop)
     store.close()
 
@@ -104,8 +104,15 @@ async def _serve_shared(settings: OrderServiceSettings, plant: PlantFile, stop: 
         try:
             if await lead.take(stop):
                 store, election = await _take_over(settings, lead, supervisor, server.url)
-                term = lead.lease.term
-                runner = _runner(settings, plant, store, supervisor, election=election, term=term)
+                runner = _runner(
+                    settings,
+                    plant,
+                    store,
+                    supervisor,
+                    election=election,
+                    term=lead.lease.term,
+                    answers=server.answers,
+                )
                 await _begin_and_serve(runner, store, server, supervisor, stop)
         finally:
             await server.close()
@@ -151,6 +158,7 @@ def _runner(
     *,
     election: LeaderElection,
     term: Term = always,
+    answers: Mapping[int, int],
 ) -> ServiceRunner[OrderService]:
     def make(model: PlantModel) -> OrderService:
         return build(
@@ -161,6 +169,7 @@ def _runner(
             term=term,
             change_plant=runner.change_plant,
             elected=election.won,
+            answers=answers,
         )
 
     runner = ServiceRunner(plant, store, supervisor, make=make)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from secrets import token_hex
 
@@ -18,13 +18,14 @@ from nena_order_service.api.host_requests import HostRequests, HostServices, Seq
 from nena_order_service.api.mqtt import MqttApi, MqttLimits
 from nena_order_service.api.operations import HostOperations
 from nena_order_service.api.rest import Service, make_app
-from nena_order_service.api.statuses import RetainedSweep, StatusPublisher
+from nena_order_service.api.statuses import Heartbeat, RetainedSweep, StatusPublisher
 from nena_order_service.engine.context import Context
 from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.path_locks import PathLocks
 from nena_order_service.engine.zone_sets import ZoneSets
 from nena_order_service.fleet.link import FleetLink, RobotAddresses
 from nena_order_service.fleet.vda_order import OperationMap
+from nena_order_service.metrics import SECTIONS, Monitored
 from nena_order_service.orders.vda_orders import OrderPlanner
 from nena_order_service.plant_change import ChangePlant
 from nena_order_service.routing.graph import evaluators
@@ -37,6 +38,7 @@ from nena_shared.clock import Clock, SystemClock
 from nena_shared.fleet_api.requests import Readiness
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.loop_lag import LoopLag
+from nena_shared.metrics import Exposition
 from nena_shared.mqtt import LinkHooks, MqttLink, Term, always
 from nena_shared.plant import PlantModel
 from nena_shared.vda5050.topics import TopicScheme
@@ -46,10 +48,10 @@ from nena_shared.vda5050.topics import TopicScheme
 class OrderService:
     """All parts of the order service, wired up; nothing runs yet."""
 
-    store: Store
     engine: Engine
     fleet: FleetLink
     publisher: StatusPublisher
+    heartbeat: Heartbeat
     sweep: RetainedSweep
     mqtt: MqttLink
     app: FastAPI
@@ -60,6 +62,11 @@ class OrderService:
     elected: asyncio.Event | None = None
     """Set once this order service leads the fleet: nothing is sent before. None: no other can lead it."""
 
+    @property
+    def store(self) -> Store:
+        """The store of the orders."""
+        return self.engine.store
+
     async def begin(self, start: Callable[..., asyncio.Task[None]]) -> None:
         """Take up what is in the store, then let all parts run; ``start`` starts their tasks."""
         await self.hosts.load()
@@ -69,6 +76,7 @@ class OrderService:
         start("fleet control", self.fleet.run())
         start("kernel", self.engine.run())
         start("loop lag", self.loop_lag.run())
+        start("heartbeat", self.heartbeat.run(self.mqtt))
         start("zone sets", self.hosts.zones.run())
         start("retained sweep", self.sweep.run(), vital=False)
 
@@ -81,6 +89,7 @@ class OrderService:
         """End all that clients wait for."""
         self.stream.close()
         self.publisher.close()
+        self.heartbeat.end(self.mqtt)
         await self.mqtt_api.close()
 
 
@@ -93,6 +102,7 @@ def build(
     term: Term = always,
     change_plant: ChangePlant | None = None,
     elected: asyncio.Event | None = None,
+    answers: Mapping[int, int] | None = None,  # over HTTP, by status: for the metrics
 ) -> OrderService:
     """Wire up the order service; for ``epoch`` and ``term`` see :class:`StatusPublisher` and :data:`Term`.
 
@@ -103,15 +113,12 @@ def build(
     clock = SystemClock()
     engine = make_engine(settings, plant, store, clock)
     client_id = _client_id(settings, epoch)
-    mqtt = MqttLink(
-        settings.mqtt,
-        client_id=client_id,
-        hooks=LinkHooks(on_connected=lambda: publisher.greeting()),  # noqa: PLW0108 - made below, of this link
-        term=term,
-    )
+    topics = FleetTopics(settings.topic_prefix)
+    heartbeat = Heartbeat(topics, clock, epoch=epoch, store_ready=lambda: store.ready)
+    hooks = LinkHooks(heartbeat.will, lambda: publisher.greeting())  # noqa: PLW0108 - made below, of this link
+    mqtt = MqttLink(settings.mqtt, client_id=client_id, hooks=hooks, term=term)
     fleet = make_fleet(settings, mqtt, engine, clock, epoch=epoch)
     hosts = _make_host_services(engine, fleet)
-    topics = FleetTopics(settings.topic_prefix)
     plant_json, end_kept = plant.to_json().encode(), settings.end_kept
     publisher = StatusPublisher(mqtt, topics, engine, plant_json=plant_json, end_kept=end_kept, epoch=epoch)
     stream = EventStream(engine, settings.events)
@@ -121,17 +128,19 @@ def build(
     limits = MqttLimits(settings.hosts, clock)
     mqtt_api = MqttApi(mqtt, topics, operations, limits=limits, max_body=settings.max_body)
     loop_lag = LoopLag(clock)
+    parts = Monitored(engine, fleet, mqtt, mqtt_api, stream, loop_lag, {} if answers is None else answers)
     service = Service(
         plant_json=plant_json,
         change_plant=change_plant,
         asyncapi=json.dumps(document(topics)).encode(),
         readiness=lambda: readiness(mqtt, store, loop_lag.longest),
         max_body=settings.max_body,
+        metrics=Exposition(parts, SECTIONS).text,
         mounted=_mounted(settings, plant, engine, hosts, operations),
     )
     app = make_app(operations, stream, service)
     return OrderService(
-        store, engine, fleet, publisher, sweep, mqtt, app, mqtt_api, stream, hosts, loop_lag, elected
+        engine, fleet, publisher, heartbeat, sweep, mqtt, app, mqtt_api, stream, hosts, loop_lag, elected
     )
 
 

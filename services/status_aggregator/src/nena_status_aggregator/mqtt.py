@@ -13,6 +13,7 @@ from pydantic import TypeAdapter, ValidationError
 from nena_shared.clock import Clock
 from nena_shared.fleet_api.epoch import EpochFilter
 from nena_shared.fleet_api.plant import PAYLOAD_LIMIT, MapImage, robot_of_map, topics_of_maps
+from nena_shared.fleet_api.service_status import ServiceStatus
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
@@ -128,6 +129,7 @@ class FleetSubscriber:
             (fleet.plant_model, MessageKind.PLANT_MODEL, self._read_plant_model),
             (fleet.all_vehicle_statuses, MessageKind.VEHICLE_STATUS, self._read_vehicle_status),
             (fleet.all_order_statuses, MessageKind.ORDER_STATUS, self._read_order_status),
+            (fleet.service_status, MessageKind.SERVICE_STATUS, self._read_service_status),
         ):
             self.mqtt.subscribe(topic_filter, partial(self._on_fleet_message, kind, take))
 
@@ -220,6 +222,11 @@ class FleetSubscriber:
         status = VehicleStatus.model_validate_json(inbound.payload)
         if self._share.has(RobotKey(status.manufacturer, status.serial_number)):
             self._model.on_vehicle_status(status, at)
+
+    def _read_service_status(self, inbound: Inbound, at: Timestamp) -> None:
+        if inbound.payload and self._epochs.is_current(inbound.payload):
+            status = ServiceStatus.model_validate_json(inbound.payload)
+            self._model.on_service_status(status, at, retained=inbound.retained)
 
     def _read_order_status(self, inbound: Inbound, at: Timestamp) -> None:
         if not self._epochs.is_current(inbound.payload):

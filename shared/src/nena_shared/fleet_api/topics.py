@@ -75,6 +75,11 @@ class FleetTopics:
         return self.vehicle_status("+")
 
     @property
+    def service_status(self) -> str:
+        """Topic of the order service's signs of life and last will, as :class:`ServiceStatus`, retained."""
+        return f"{self.prefix}/orderService/status"
+
+    @property
     def plant_model(self) -> str:
         """Where the plant model is, as JSON, retained."""
         return f"{self.prefix}/plantModel"

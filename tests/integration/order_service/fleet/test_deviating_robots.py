@@ -69,7 +69,7 @@ async def test_a_robot_that_deviates_finishes_its_order(
         await fleet.wait_for("VdaOrderFinished")
         found = {(each.field, each.kind) for each in fleet.fleet.deviations.of(ROBOT)}
     assert ("state.agvPosition.theta", RepairKind.ANGLE_WRAPPED) in found
-    assert fleet.fleet.malformed == 0
+    assert sum(fleet.fleet.statistics.malformed.values()) == 0
 
 
 async def test_a_robot_that_cannot_be_understood_is_not_called_silent(

@@ -176,7 +176,7 @@ async def test_malformed_messages_are_counted_and_change_nothing(
     for topic in (Topic.STATE, Topic.CONNECTION, Topic.FACTSHEET):
         robot.say(topic, b'{"headerId": "one"')
     robot.say(Topic.STATE, b"{}")
-    await until(lambda: fleet.fleet.malformed == 4, what="four malformed messages")
+    await until(lambda: sum(fleet.fleet.statistics.malformed.values()) == 4, what="four malformed messages")
     after = fleet.fleet.view(ROBOT)
     assert (after.state, after.link, after.malformed) == (before.state, before.link, 4)
     fleet.fleet.start_vda_order(ROBOT, make_vda_order("m", "A"))
@@ -194,7 +194,7 @@ async def test_there_is_a_limit_to_the_robots_that_are_listened_to(
     ):
         await free(fleet)
         async with WiredRobot(broker, interface_name, one_too_many).connected():
-            await until(lambda: fleet.fleet.ignored >= 2, what="its two messages")
+            await until(lambda: fleet.fleet.statistics.robot_limit >= 2, what="its two messages")
         assert fleet.fleet.robots() == (ROBOT,)
 
 
@@ -203,7 +203,7 @@ async def test_a_robot_whose_name_the_store_cannot_hold_is_not_listened_to(
 ) -> None:
     long = HonestRobot(key=RobotKey("Honest", "r" * KEY_LENGTH))
     async with WiredRobot(broker, interface_name, long).connected():
-        await until(lambda: fleet.fleet.too_long >= 2, what="its two messages")
+        await until(lambda: fleet.fleet.statistics.name_too_long >= 2, what="its two messages")
     robot.report()
     await free(fleet)
     assert fleet.fleet.robots() == (ROBOT,)
@@ -344,9 +344,9 @@ async def test_commands_of_somebody_else_raise_the_alarm(
     await fleet.wait_for("VdaOrderAccepted")
     topic = robot.scheme.of(ROBOT, Topic.ORDER)
     with MqttPeer(broker, f"{interface_name}/#") as peer, capture_logs() as logs:
-        assert fleet.fleet.foreign == 0
+        assert fleet.fleet.statistics.foreign == 0
         peer.publish(topic, b'{"orderId": "of another fleet control"}')
-        await until(lambda: fleet.fleet.foreign == 1)
+        await until(lambda: fleet.fleet.statistics.foreign == 1)
 
     (alarm,) = [each for each in logs if each["event"].startswith("somebody else")]
     assert alarm["topic"] == topic

@@ -3,8 +3,8 @@ from __future__ import annotations
 import httpx
 import pytest
 
+from nena_shared.web.metrics import takes_gzip
 from nena_status_aggregator.aggregator import Aggregator
-from nena_status_aggregator.api.app import takes_gzip
 
 
 async def test_files_outside_the_page_are_out_of_reach(client: httpx.AsyncClient) -> None:

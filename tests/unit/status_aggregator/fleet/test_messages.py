@@ -5,7 +5,8 @@ from datetime import timedelta
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from nena_status_aggregator.fleet.messages import GREATEST_HEADER_ID, SAMPLES, ClockSkew, Sequence, Verdict
+from nena_shared.clock import SAMPLES, ClockSkew
+from nena_status_aggregator.fleet.messages import GREATEST_HEADER_ID, Sequence, Verdict
 from support.fleet_examples import START
 
 

@@ -3,11 +3,11 @@ from __future__ import annotations
 from datetime import timedelta
 
 from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.metrics import Histogram
 from nena_status_aggregator.fleet.statistics import (
     DURATION_BOUNDS,
     LABEL_LENGTH,
     BoundedLabels,
-    Histogram,
     Statistics,
 )
 from support.fleet_examples import START, order_status
@@ -25,7 +25,7 @@ def test_labels_that_make_no_sense_are_other() -> None:
 
 
 def test_durations_fall_into_classes() -> None:
-    histogram = Histogram()
+    histogram = Histogram(DURATION_BOUNDS)
     for seconds in (5.0, 5.1, 1e9):
         histogram.observe(seconds)
     assert histogram.counts == [1, 1, *[0] * (len(DURATION_BOUNDS) - 2), 1]

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import asyncio
-import re
 import shutil
 import subprocess
 from collections.abc import Iterator
@@ -15,15 +14,13 @@ from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.fleet.messages import MessageKind
-from nena_status_aggregator.metrics.exposition import Exposition
-from nena_status_aggregator.metrics.robot_series import OF_ROBOT, OF_STATE
+from nena_status_aggregator.metrics.exposition import SECTIONS, Exposition
+from nena_status_aggregator.metrics.robot_series import OF_ROBOT, OF_STATE, documented
 from nena_status_aggregator.settings import AggregatorSettings
 from support.fleet_examples import ROBOT, START, connection, order_status, position
 from support.fleet_records import state
 from support.pausing import turn_passes
-from support.reference import PROJECT
 
-ROW = re.compile(r"^\| `(?P<name>nena_\w+)` \| (?P<type>\w+) \|(?P<labels>[^|]*)\|", re.MULTILINE)
 PARTS_OF_HISTOGRAM = {"le"}
 
 
@@ -81,11 +78,8 @@ def value(aggregator: Aggregator, name: str, **labels: str) -> float | None:
     return None
 
 
-def test_the_documentation_names_exactly_what_is_exposed(aggregator: Aggregator) -> None:
-    documented = {
-        row["name"]: (row["type"], frozenset(re.findall(r"`(\w+)`", row["labels"])))
-        for row in ROW.finditer((PROJECT / "docs" / "metrics.md").read_text(encoding="utf-8"))
-    }
+def test_the_tables_name_exactly_what_is_exposed(aggregator: Aggregator) -> None:
+    tables = [*(each for section in SECTIONS for each in section.metrics), *documented()]
     found = {
         f"{family.name}_total" if family.type == "counter" else family.name: (
             family.type,
@@ -93,7 +87,7 @@ def test_the_documentation_names_exactly_what_is_exposed(aggregator: Aggregator)
         )
         for family in families(aggregator)
     }
-    assert found == documented
+    assert found == {each.name: (each.kind.value, frozenset(each.labels)) for each in tables}
 
 
 def test_robots_by_condition(aggregator: Aggregator) -> None:

@@ -11,6 +11,7 @@ from pydantic.json_schema import JsonSchemaMode, models_json_schema
 
 from nena_order_service.api.mqtt import COMMANDS, CommandAnswer
 from nena_shared.fleet_api import operations as table
+from nena_shared.fleet_api.service_status import HEARTBEAT, ServiceStatus
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import (
     CreationAnswer,
@@ -57,6 +58,13 @@ def channels(topics: FleetTopics) -> tuple[Channel, ...]:
         _command("create", topics.creation_request(host), TransportOrderRequest, table.CREATE_ORDER),
         Channel("createAnswer", topics.creation_answer(host), "send", CreationAnswer, "Answers create."),
         *_commands(topics),
+        *_statuses(topics),
+    )
+
+
+def _statuses(topics: FleetTopics) -> tuple[Channel, ...]:
+    """Return what the order service publishes retained."""
+    return (
         Channel(
             "transportOrderStatus",
             topics.order_status("{transportOrder}"),
@@ -83,6 +91,15 @@ def channels(topics: FleetTopics) -> tuple[Channel, ...]:
             "Each change of a vehicle.",
             retained=True,
             parameters=("serialNumber",),
+        ),
+        Channel(
+            "serviceStatus",
+            topics.service_status,
+            "send",
+            ServiceStatus,
+            f"Sign of life of the order service, each {HEARTBEAT:g} s; also its last will.",
+            retained=True,
+            parameters=(),
         ),
         Channel(
             "plantModel",

@@ -7,6 +7,7 @@ refused: the broker would deliver it again at each connect.
 from __future__ import annotations
 
 import asyncio
+from collections import Counter
 from collections.abc import Callable, Mapping
 from http import HTTPStatus
 from typing import Any, Final, TypeVar, cast
@@ -136,6 +137,8 @@ class MqttApi:
         self._max_body = max_body
         self._creations: set[asyncio.Task[None]] = set()
         self._commands: set[asyncio.Task[None]] = set()
+        self.answers: Counter[int] = Counter()
+        """How many requests were answered, by status."""
         mqtt.subscribe(topics.creation_requests, self._on_creation)
         mqtt.subscribe(topics.commands, self._on_command)
 
@@ -220,6 +223,7 @@ class MqttApi:
         else:
             found = {"status": reply.status, operation.result: reply.body}
         answer = CommandAnswer(request_id=command.request_id, **found)
+        self.answers[answer.status] += 1
         self._mqtt.publish(Outbound(topic, await encode(answer, exclude_none=True)))
 
     def _refuse(self, host: str, name: str, message: Inbound, problem: Problem) -> None:
@@ -227,7 +231,8 @@ class MqttApi:
         answer = CommandAnswer(status=problem.status, request_id=request_id, problem=problem)
         self._publish(self._topics.command_answer(host, name), answer)
 
-    def _publish(self, topic: str, answer: BaseModel) -> None:
+    def _publish(self, topic: str, answer: CreationAnswer | Answer) -> None:
+        self.answers[answer.status] += 1
         self._mqtt.publish(Outbound(topic, answer.model_dump_json(by_alias=True, exclude_none=True).encode()))
 
 

@@ -39,9 +39,11 @@ from nena_shared.fleet_api.operations import (
 )
 from nena_shared.fleet_api.plant import PlantModelChange
 from nena_shared.fleet_api.requests import BY_LIMIT, SOMEBODY, Readiness
-from nena_shared.web.access import KnownUser
+from nena_shared.web.access import KnownUser, RoleNeeded
+from nena_shared.web.metrics import METRICS, metrics_response
 from nena_shared.web.problem import describe_problems, problem_response, refusal
 from nena_shared.web.server_sent_events import HEADERS
+from nena_shared.web.settings import HttpSettings
 
 OPEN = frozenset({"/healthz", "/readyz"})
 READING = frozenset({"GET", "HEAD", "OPTIONS"})
@@ -80,6 +82,8 @@ class Service:
     readiness: Callable[[], Readiness]
     max_body: int
     """Longest body of a request, bytes."""
+    metrics: Callable[[], bytes]
+    """Returns the metrics in the text format of Prometheus."""
     mounted: Mapping[str, ASGIApp]
     """Other applications, by the paths below which they answer."""
 
@@ -121,6 +125,15 @@ def role_needed(method: str, path: str) -> Role | None:
     alike = (each for each in GUARDED if (each.method in READING) == reads and path.startswith(each.prefix))
     least = Role.VIEWER if reads else Role.OPERATOR
     return max((each.role for each in alike), default=least)
+
+
+def rule_of(settings: HttpSettings) -> RoleNeeded:
+    """Return which role a request needs under these settings."""
+
+    def needed(method: str, path: str) -> Role | None:
+        return None if path == METRICS and settings.open_metrics else role_needed(method, path)
+
+    return needed
 
 
 def _add_route(router: APIRouter, operation: Operation[Any], handler: Handler) -> None:
@@ -301,6 +314,11 @@ def _probes(service: Service) -> APIRouter:
     async def asyncapi() -> Response:
         """Describe the MQTT API (AsyncAPI 3.0)."""
         return Response(service.asyncapi, media_type="application/json")
+
+    @router.get(METRICS, operation_id="metrics", response_class=PlainTextResponse)
+    async def metrics(request: Request) -> Response:
+        """Return all metrics in the Prometheus text format, compressed for who takes gzip."""
+        return metrics_response(request, service.metrics())
 
     @router.get("/healthz", operation_id="healthz", response_class=PlainTextResponse)
     async def alive() -> Response:

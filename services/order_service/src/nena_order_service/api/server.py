@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import asyncio
+from collections import Counter
 from collections.abc import Callable
 from http import HTTPStatus
 
 from fastapi import FastAPI, Request, Response
 from starlette.datastructures import Headers
-from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from nena_order_service.api import problems
 from nena_order_service.api.opentcs import AccessKey
-from nena_order_service.api.rest import READING, role_needed
+from nena_order_service.api.rest import READING, rule_of
+from nena_order_service.metrics import Waiting, standing_by
 from nena_shared.fleet_api.requests import Readiness
 from nena_shared.fleet_api.transport_order import Problem
 from nena_shared.tasks import Supervisor
 from nena_shared.web.access import protect
+from nena_shared.web.metrics import METRICS, metrics_response
 from nena_shared.web.problem import answer, refusal
 from nena_shared.web.server import SHUTDOWN_TIMEOUT, HttpServer
 from nena_shared.web.settings import HttpSettings
@@ -44,6 +47,24 @@ class NoPages:
             await refusal(HTTPStatus.FORBIDDEN, DETAIL)(scope, receive, send)
         else:
             await self._app(scope, receive, send)
+
+
+class CountedAnswers:
+    """ASGI middleware: counts the answers by their status, refused ones too."""
+
+    def __init__(self, app: ASGIApp, counts: Counter[int]) -> None:
+        self._app = app
+        self._counts = counts
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass the request on."""
+
+        async def counted(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                self._counts[message["status"]] += 1
+            await send(message)
+
+        await self._app(scope, receive, counted)
 
 
 RETRY_AFTER = "1"
@@ -123,6 +144,10 @@ def _make_waiting_app(readiness: Callable[[], Readiness], other: Callable[[Reque
     async def alive() -> Response:
         return Response("ok\n", media_type="text/plain")
 
+    @app.get(METRICS)
+    async def metrics(request: Request) -> Response:
+        return metrics_response(request, standing_by(Waiting(store_ready=readiness().store_ready)))
+
     @app.get("/readyz")
     async def ready() -> Response:
         body = readiness().model_dump_json(by_alias=True)
@@ -149,9 +174,12 @@ class RestServer:
             StartError: the port is taken, or the address is not one of this machine.
 
         """
-        self._guard = protect(app, settings, role_needed)
+        self.answers: Counter[int] = Counter()
+        """How many requests were answered, by status."""
+        self._guard = protect(app, settings, rule_of(settings))
         has_users = settings.users is not None or settings.oidc is not None
-        self._http = HttpServer(AccessKey(self._guard if has_users else NoPages(self._guard)), settings)
+        guarded = AccessKey(self._guard if has_users else NoPages(self._guard))
+        self._http = HttpServer(CountedAnswers(guarded, self.answers), settings)
         self._answering: asyncio.Task[None] | None = None
 
     @property

@@ -5,13 +5,15 @@ from __future__ import annotations
 import asyncio
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from pydantic import BaseModel
 
 from nena_order_service.engine.engine import Engine
+from nena_shared.clock import Clock
 from nena_shared.fleet_api.epoch import epoch_of, with_epoch
+from nena_shared.fleet_api.service_status import HEARTBEAT, ServiceStatus
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import OrderSequenceStatus, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
@@ -137,6 +139,42 @@ class StatusPublisher:
     def _status(self, topic: str, status: BaseModel) -> Outbound:
         body = status.model_dump_json(by_alias=True).encode()
         return Outbound(topic, with_epoch(body, self.epoch), retain=True)
+
+
+class Heartbeat:
+    """Shows each :data:`HEARTBEAT` seconds that the event loop turns and the broker is connected."""
+
+    def __init__(
+        self, topics: FleetTopics, clock: Clock, *, epoch: int, store_ready: Callable[[], bool]
+    ) -> None:
+        self._topic = topics.service_status
+        self._clock = clock
+        self._epoch = epoch
+        self._store_ready = store_ready
+        self._ended = False
+
+    def will(self) -> Outbound:
+        """Return what the broker publishes when the connection breaks."""
+        return self._status(online=False)
+
+    async def run(self, mqtt: MqttLink) -> None:
+        """Publish until cancelled; while the broker is not connected, nothing."""
+        while True:
+            if mqtt.state.connected and not self._ended:
+                mqtt.publish(replace(self._status(online=True), keep=False))
+            await asyncio.sleep(HEARTBEAT)
+
+    def end(self, mqtt: MqttLink) -> None:
+        """Publish that this is an orderly end."""
+        self._ended = True
+        mqtt.publish(self.will())
+
+    def _status(self, *, online: bool) -> Outbound:
+        status = ServiceStatus(
+            online=online, timestamp=self._clock.now(), store_ready=online and self._store_ready()
+        )
+        body = status.model_dump_json(by_alias=True).encode()
+        return Outbound(self._topic, with_epoch(body, self._epoch), retain=True)
 
 
 TERM_POLL = 0.25

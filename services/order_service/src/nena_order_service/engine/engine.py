@@ -11,6 +11,7 @@ import asyncio
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
 from typing import Protocol
 
 from nena_order_service.dispatching.dispatcher import VehicleFit
@@ -55,6 +56,7 @@ from nena_shared.fleet_api.transport_order import (
 )
 from nena_shared.fleet_api.vehicle import AcceptableOrderType, IntegrationLevel, ReroutingType, VehicleStatus
 from nena_shared.log import get_logger
+from nena_shared.metrics import SHORT, Histogram
 from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.own_actions import transforms_itself
 from nena_shared.vda5050.topics import RobotKey
@@ -187,6 +189,11 @@ class UnitOfWork:
         """Return whether this is what was published of a vehicle last, or what is about to be."""
         return name in self._unpublished or self._published.get(name) == now
 
+    @property
+    def published(self) -> Iterable[Essentials]:
+        """What was published of each vehicle last."""
+        return self._published.values()
+
     def _committed(self, changes: PendingChanges) -> None:
         self._state.orders.committed(changes.orders)
         self._state.sequences.committed(changes.sequences)
@@ -226,6 +233,14 @@ class UnitOfWork:
         return due
 
 
+@dataclass(frozen=True, slots=True)
+class Timings:
+    """How long the engine takes for what."""
+
+    dispatch: Histogram = field(default_factory=lambda: Histogram(SHORT))
+    traffic: Histogram = field(default_factory=lambda: Histogram(SHORT))
+
+
 class Engine:
     """Owns the state and the flows that change it."""
 
@@ -252,6 +267,7 @@ class Engine:
         self._reporter = StatusReporter(
             context, self._positions, self._dispatching, self.sequences, self._idle
         )
+        self.timings = Timings()
         self.unit_of_work = UnitOfWork(
             self.state,
             store,
@@ -320,12 +336,14 @@ class Engine:
         while self._life_cycle.settle_due or self.state.dispatch_due or self.state.drive_due:
             self._life_cycle.settle()
             if self.state.dispatch_due:
-                self._life_cycle.dispatch()
-            for outcome in self._driving.let_drive():
-                if isinstance(outcome, Stuck):
-                    self._life_cycle.stuck(outcome)
-                else:
-                    self._life_cycle.update_reason(outcome)
+                with self.timings.dispatch.timed():
+                    self._life_cycle.dispatch()
+            with self.timings.traffic.timed():
+                for outcome in self._driving.let_drive():
+                    if isinstance(outcome, Stuck):
+                        self._life_cycle.stuck(outcome)
+                    else:
+                        self._life_cycle.update_reason(outcome)
 
     def look(self) -> None:
         """Try again whatever waits, and publish vehicles whose status has changed without an event."""

@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from nena_order_service.fleet.outputs import FleetOutput, InstantActionEnded
 from nena_order_service.orders.order_sequence import OrderSequence
+from nena_order_service.orders.statistics import OrderStatistics
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.vda_orders import SentOrder
 from nena_order_service.orders.waiting import WaitingOrders
@@ -68,6 +69,7 @@ class Orders:
         self.last_number = 0
         """The greatest number of an order in the store."""
         self.waiting = WaitingOrders()
+        self.statistics = OrderStatistics()
         self._pending = pending
         self._touched = touched
         self._orders: dict[int, TransportOrder] = {}
@@ -86,6 +88,7 @@ class Orders:
         """Add an order that the store has as it is."""
         self._index(order)
         self._committed[order.number] = order
+        self.statistics.loaded(order)
 
     def put(self, order: TransportOrder) -> None:
         """Add a new order, or the new version of one; the same version again changes nothing."""
@@ -114,6 +117,7 @@ class Orders:
     def committed(self, orders: Iterable[TransportOrder]) -> None:
         """Show these versions to hosts: they are in the store."""
         for order in orders:
+            self.statistics.changed(self._committed.get(order.number), order)
             self._committed[order.number] = order
             if order.state.final:
                 self._recent[order.number] = None

@@ -24,6 +24,7 @@ from nena_order_service.fleet.outputs import (
 )
 from nena_order_service.fleet.robot import MessageOrder, RobotView
 from nena_order_service.fleet.settings import FleetSettings
+from nena_order_service.fleet.statistics import FleetStatistics
 from nena_order_service.fleet.vda_order import VdaOrder
 from nena_shared.clock import Clock
 from nena_shared.log import get_logger
@@ -259,14 +260,7 @@ class FleetLink:
         self._term = 0
         self._undated: dict[RobotKey, MessageOrder] = {}
         """Robots whose timestamps cannot be read: their states are judged by headerId alone."""
-        self.malformed = 0
-        """How many messages could not be read."""
-        self.ignored = 0
-        """How many messages came from robots beyond the limit of robots."""
-        self.too_long = 0
-        """How many messages came from robots whose names are longer than the store can hold."""
-        self.foreign = 0
-        """How many commands to robots were not sent by this program."""
+        self.statistics = FleetStatistics()
         self._sent: dict[int, None] = {}
         """Marks of the last commands that this program has sent, oldest first."""
         self.deviations = Deviations(clock)
@@ -286,12 +280,14 @@ class FleetLink:
 
     def start_vda_order(self, robot: RobotKey, vda_order: VdaOrder) -> None:
         """See :meth:`FleetController.start_vda_order`; the same holds for the following methods."""
+        self.statistics.begun(vda_order.order_id, self._now())
         self._hand_out(self._controller.start_vda_order(robot, vda_order, self._now()))
 
     def adopt_vda_order(
         self, robot: RobotKey, vda_order: VdaOrder, *, accepted: bool, update_id: int = 0
     ) -> None:
         """See :meth:`FleetController.adopt_vda_order`."""
+        self.statistics.begun(vda_order.order_id, self._now())
         self._hand_out(
             self._controller.adopt_vda_order(
                 robot, vda_order, self._now(), accepted=accepted, update_id=update_id
@@ -312,7 +308,7 @@ class FleetLink:
 
     def send_zone_set(self, robot: RobotKey, zone_set: ZoneSet) -> None:
         """Bring a robot a zone set; its states show whether it has taken it (section 6.4)."""
-        self._publish(PublishZoneSet(robot, zone_set))
+        self._publish(PublishZoneSet(robot, zone_set), self._now())
 
     def all_known(self) -> bool:
         """See :meth:`FleetController.all_known`."""
@@ -354,15 +350,15 @@ class FleetLink:
         """Raise the alarm when somebody else commands robots; the broker returns our own commands as well."""
         if not inbound.payload or _mark(inbound.topic, inbound.payload) in self._sent:
             return
-        if self.foreign % MALFORMED_LOGGED_EACH == 0:
+        if self.statistics.foreign % MALFORMED_LOGGED_EACH == 0:
             log.error(
                 "somebody else commands robots of this fleet",
                 topic=inbound.topic,
                 retained=inbound.retained,
                 message=inbound.payload[:LOGGED_OF_COMMAND].decode(errors="replace"),
-                so_far=self.foreign + 1,
+                so_far=self.statistics.foreign + 1,
             )
-        self.foreign += 1
+        self.statistics.foreign += 1
 
     def _remember(self, topic: str, payload: bytes) -> None:
         if len(self._sent) >= SENT_REMEMBERED:
@@ -373,6 +369,7 @@ class FleetLink:
         """Subscribe to a topic of all robots; ``take`` gets what is well-formed and says something of now."""
 
         def handle(scheme: TopicScheme, inbound: Inbound) -> None:
+            self.statistics.received[topic] += 1
             read = self._read(kind, scheme, inbound)
             if read:
                 self._hand_out(take(*read, self._now()))
@@ -390,7 +387,7 @@ class FleetLink:
             self._note_long_name(robot)
             return None
         if not self._controller.has_room_for(robot):
-            self.ignored += 1
+            self.statistics.robot_limit += 1
             return None
         try:
             message = self._reader.read(kind, inbound.topic, inbound.payload, scheme.major_version)
@@ -415,19 +412,19 @@ class FleetLink:
 
     def _note_long_name(self, robot: RobotKey) -> None:
         """Refuse a robot that cannot be stored."""
-        if self.too_long % MALFORMED_LOGGED_EACH == 0:
+        if self.statistics.name_too_long % MALFORMED_LOGGED_EACH == 0:
             log.warning(
                 "a robot is not listened to: manufacturer and serial number are too long",
                 robot=f"{str(robot)[:LOGGED_OF_NAME]}...",
                 characters=len(str(robot)),
                 limit=KEY_LENGTH,
-                so_far=self.too_long + 1,
+                so_far=self.statistics.name_too_long + 1,
             )
-        self.too_long += 1
+        self.statistics.name_too_long += 1
 
     def _note_malformed(self, robot: RobotKey, topic: str, error: MalformedMessageError) -> None:
-        self.malformed += 1
         name = topic.rpartition("/")[2]
+        self.statistics.malformed[Topic(name)] += 1
         problem = f"sends {_PLURALS[name]} that cannot be read: {error.reason}" if name in _PLURALS else None
         self._hand_out(self._controller.on_malformed(robot, problem, self._now()))
         count = self.view(robot).malformed
@@ -447,15 +444,17 @@ class FleetLink:
 
     def _hand_out(self, outputs: Iterable[FleetOutput]) -> None:
         events: list[FleetOutput] = []
+        now = self._now()
         for output in outputs:
             if isinstance(output, Publish):
-                self._publish(output)
+                self._publish(output, now)
             else:
+                self.statistics.happened(output, now)
                 events.append(output)
         if events:
             self._on_events(*events)
 
-    def _publish(self, output: Publish) -> None:
+    def _publish(self, output: Publish, now: float) -> None:
         address = self._addresses.of(output.robot)
         if address is None:
             log.warning("nothing is sent to a robot that has said nothing yet", robot=str(output.robot))
@@ -469,6 +468,7 @@ class FleetLink:
         place = address.scheme.of(output.robot, topic)
         if topic in COMMANDS:
             self._remember(place, payload)
+        self.statistics.published(topic, output, now)
         self._mqtt.publish(Outbound(place, payload, qos=self._settings.qos, keep=False))
 
     def _now(self) -> float:

@@ -74,6 +74,11 @@ class WaitingOrders:
         """Yield the numbers of the orders that wait, most urgent first."""
         return (urgency[-1] for urgency in self._queue)
 
+    @property
+    def longest(self) -> int | None:
+        """The number of the order that has been in the queue for longest; None: it is empty."""
+        return next(iter(self._urgencies), None)
+
     def put(self, order: TransportOrder) -> None:
         """Note an order exactly while it is dispatchable; its urgency and its kind never change meanwhile."""
         number, waits = order.number, order.state is TransportOrderState.DISPATCHABLE

@@ -12,6 +12,7 @@ from typing import NamedTuple
 from nena_order_service.routing.graph import CostMap, NoRouteError, Route
 from nena_order_service.routing.router import Router
 from nena_shared.fleet_api.transport_order import Coordinate, Destination
+from nena_shared.metrics import SHORT, Histogram
 from nena_shared.plant import PlantModel, Point, Vehicle
 
 MM_PER_M = 1000.0
@@ -61,6 +62,8 @@ class RouteFinder:
         self.router = router
         self._any_day = any_day or router
         self._locks: Mapping[str, bool] = {}
+        self.planning = Histogram(SHORT)
+        """How long :meth:`find` takes."""
 
     def set_locks(self, locks: Mapping[str, bool]) -> None:
         """Lock or unlock paths by name, over what the plant model says.
@@ -111,7 +114,8 @@ class RouteFinder:
             NoRouteError: some destination cannot be reached from the one before.
 
         """
-        return self._find(self.router, start, destinations, vehicle=vehicle, avoid=avoid)
+        with self.planning.timed():
+            return self._find(self.router, start, destinations, vehicle=vehicle, avoid=avoid)
 
     def _find(
         self,

@@ -20,6 +20,7 @@ from nena_order_service.store.leadership import Fence
 from nena_order_service.store.schema import PASSING, StoreLostError, reason_of
 from nena_shared.database_lines import hang_up
 from nena_shared.log import get_logger
+from nena_shared.metrics import SHORT, Histogram
 
 log = get_logger(__name__)
 
@@ -71,6 +72,9 @@ class Store:
         """Why the database file is not the one that was opened; empty while it is."""
         self._answers: set[asyncio.Future[None]] = set()
         self.commits = 0
+        self.failures = 0
+        """How often a commit failed and was tried again."""
+        self.commit_seconds = Histogram(SHORT)
         self.numbers = ChangeNumbers()
 
     @property
@@ -83,6 +87,11 @@ class Store:
     def why_not_answered(self) -> str:
         """Why a change is not committed after all the time that it had."""
         return self.why_not_ready or "it has not answered in time"
+
+    @property
+    def waiting(self) -> int:
+        """How many units of work wait to be committed."""
+        return len(self._then)
 
     @property
     def ready(self) -> bool:
@@ -210,8 +219,12 @@ class Store:
         loop = asyncio.get_running_loop()
         while True:
             try:
-                await loop.run_in_executor(self._writer, database.write, self._engine, changes, self._fence)
+                with self.commit_seconds.timed():
+                    await loop.run_in_executor(
+                        self._writer, database.write, self._engine, changes, self._fence
+                    )
             except PASSING as error:
+                self.failures += 1
                 self._set_problem(reason_of(error))
                 await asyncio.sleep(RETRY_PAUSE)
             else:

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import asyncio
-import re
-import zlib
-from collections.abc import AsyncIterator
 from http import HTTPStatus
 from importlib.metadata import version
 from pathlib import Path
 
 from fastapi import APIRouter, FastAPI, Request
-from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4
 from starlette.datastructures import MutableHeaders
 from starlette.responses import PlainTextResponse, Response, StreamingResponse
 from starlette.staticfiles import StaticFiles
@@ -19,6 +14,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from nena_shared.clock import SystemClock
 from nena_shared.web.access import AccessControl, access_tokens_of
+from nena_shared.web.metrics import METRICS, metrics_stream
 from nena_shared.web.problem import describe_problems
 from nena_shared.web.settings import HttpSettings
 from nena_shared.web.users import users_of
@@ -36,11 +32,6 @@ CONTENT_SECURITY_POLICY = (
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
 """Only content from this server; nothing inline."""
-
-GZIP_LEVEL = 4
-"""Names and labels repeat: a higher level gains little and takes longer."""
-GZIP_SLICE = 256 * 1024
-"""Bytes that are compressed at once, in some milliseconds."""
 
 HEADERS = {
     "content-security-policy": CONTENT_SECURITY_POLICY,
@@ -68,26 +59,6 @@ class SecurityHeaders:
         await self._app(scope, receive, send_with_headers)
 
 
-def takes_gzip(accept_encoding: str) -> bool:
-    """Return whether a client takes gzip, by its header Accept-Encoding."""
-    for each in accept_encoding.lower().split(","):
-        name, *parameters = (part.strip() for part in each.split(";"))
-        refused = any(re.fullmatch(r"q=0(\.0*)?", parameter) for parameter in parameters)
-        if name in ("gzip", "*") and not refused:
-            return True
-    return False
-
-
-async def gzipped(parts: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
-    """Compress parts of an answer as they come; the event loop runs other tasks in between."""
-    compressor = zlib.compressobj(GZIP_LEVEL, zlib.DEFLATED, zlib.MAX_WBITS | 16)
-    async for part in parts:
-        for start in range(0, len(part), GZIP_SLICE):
-            yield compressor.compress(part[start : start + GZIP_SLICE])
-            await asyncio.sleep(0)
-    yield compressor.flush()
-
-
 def make_health_router(aggregator: Aggregator, exposition: Exposition) -> APIRouter:
     """Make the routes."""
     router = APIRouter(tags=["operation"])
@@ -112,15 +83,10 @@ def make_health_router(aggregator: Aggregator, exposition: Exposition) -> APIRou
             raise ProblemError(HTTPStatus.SERVICE_UNAVAILABLE, detail)
         return {"status": "ready"}
 
-    @router.get("/metrics", response_class=PlainTextResponse)
+    @router.get(METRICS, response_class=PlainTextResponse)
     async def metrics(request: Request) -> StreamingResponse:
         """Return all metrics in the Prometheus text format, compressed for who takes gzip."""
-        headers = {"vary": "Accept-Encoding"}
-        parts = exposition.stream()
-        if takes_gzip(request.headers.get("accept-encoding", "")):
-            headers["content-encoding"] = "gzip"
-            parts = gzipped(parts)
-        return StreamingResponse(parts, media_type=CONTENT_TYPE_PLAIN_0_0_4, headers=headers)
+        return metrics_stream(request, exposition.stream())
 
     return router
 

@@ -13,11 +13,11 @@ from typing_extensions import TypedDict
 
 from nena_shared.fleet_api.base import Role
 from nena_shared.web.access import COOKIE, KnownUser, RoleNeeded, token_of
+from nena_shared.web.metrics import METRICS
 from nena_shared.web.settings import HttpSettings
 from nena_status_aggregator.api.problems import ProblemError
 
 API = "/api/"
-METRICS = "/metrics"
 SESSION = "/api/v1/session"
 SIGN_IN = f"{SESSION}/oidc"
 """OIDC sign-in, available without authentication."""

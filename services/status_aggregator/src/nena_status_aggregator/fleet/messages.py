@@ -15,7 +15,6 @@ VDA 5050 (3.0, 7.2) counts headerId per topic and does not define restarts; some
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass
 from datetime import datetime
 from enum import Enum, StrEnum, auto
@@ -32,6 +31,7 @@ class MessageKind(StrEnum):
     ORDER_STATUS = "orderStatus"
     VEHICLE_STATUS = "vehicleStatus"
     PLANT_MODEL = "plantModel"
+    SERVICE_STATUS = "serviceStatus"
 
 
 GREATEST_HEADER_ID = 2**32 - 1
@@ -98,28 +98,3 @@ class Sequence:
         self.timestamp = timestamp
         self.late = None
         return Verdict.NEW
-
-
-SAMPLES = 8
-
-
-class ClockSkew:
-    """Estimates the deviation of a robot's clock from the timestamps of its messages.
-
-    Latency only makes the robot's clock look slow, so the greatest of the last differences is the best
-    estimate.
-    """
-
-    __slots__ = ("_differences",)
-
-    def __init__(self) -> None:
-        self._differences: deque[float] = deque(maxlen=SAMPLES)
-
-    def measure(self, sent: datetime, arrived: datetime) -> None:
-        """Add a message."""
-        self._differences.append((sent - arrived).total_seconds())
-
-    @property
-    def seconds(self) -> float | None:
-        """Robot's clock minus this computer's, s; None before the first message."""
-        return max(self._differences, default=None)

@@ -9,6 +9,7 @@ from weakref import WeakValueDictionary
 
 from nena_shared.clock import iso
 from nena_shared.fleet_api.plant import MapImage
+from nena_shared.fleet_api.service_status import ServiceStatus
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.plant.model import PlantModel
@@ -19,6 +20,7 @@ from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.visualization import Visualization
 from nena_status_aggregator.fleet.event_log import EventLog, Publish
 from nena_status_aggregator.fleet.messages import MessageKind, Verdict
+from nena_status_aggregator.fleet.order_service import OrderServiceWatch
 from nena_status_aggregator.fleet.orders import OrderRegistry
 from nena_status_aggregator.fleet.publication import Delta, Publication
 from nena_status_aggregator.fleet.robot import PlantFrame, Robot, Timestamp
@@ -117,6 +119,7 @@ class FleetModel:
         self.limits = limits
         self.robots = RobotRegistry(limits.robots, limits.silence)
         self.orders = OrderRegistry(limits.orders)
+        self.order_service = OrderServiceWatch()
         self.statistics = Statistics()
         self._maps = MapCache()
         self._event_log = EventLog(self.statistics, publish, track_distance=limits.track_distance)
@@ -227,6 +230,11 @@ class FleetModel:
         if self.orders.clear(name):
             self._public.orders.touch(name)
 
+    def on_service_status(self, status: ServiceStatus, at: Timestamp, *, retained: bool) -> None:
+        """Apply a sign of life of the order service, or its last will."""
+        self.statistics.received[MessageKind.SERVICE_STATUS] += 1
+        self.order_service.hear(status, at, retained=retained)
+
     def on_plant_model(self, plant: PlantModel | None) -> None:
         """Apply the plant model, or its removal."""
         self.statistics.received[MessageKind.PLANT_MODEL] += 1
@@ -247,6 +255,7 @@ class FleetModel:
         for robot in self.robots:
             self._touch(robot.key)
         if not connected:
+            self.order_service.lose()
             self.orders.mark_unconfirmed()
             for order in self.orders:
                 self._public.orders.touch(order.status.name)

@@ -8,7 +8,7 @@ from datetime import datetime, timedelta
 from math import hypot, inf
 from typing import NamedTuple
 
-from nena_shared.clock import Clock
+from nena_shared.clock import Clock, ClockSkew
 from nena_shared.fleet_api.plant import MapImage
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.log import get_logger
@@ -21,7 +21,7 @@ from nena_shared.vda5050.state import MobileRobotPosition, State, Velocity
 from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.visualization import Visualization
 from nena_status_aggregator.fleet.condition import Condition, ConditionInputs, Reason, assess
-from nena_status_aggregator.fleet.messages import ClockSkew, MessageKind, Sequence
+from nena_status_aggregator.fleet.messages import MessageKind, Sequence
 
 
 class Timestamp(NamedTuple):

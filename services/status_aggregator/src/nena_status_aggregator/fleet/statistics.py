@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
+from nena_shared.metrics import Histogram
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.error import ErrorType
 from nena_shared.vda5050.v2_1.state import WRITTEN
@@ -37,20 +38,6 @@ class BoundedLabels:
             return OTHER
         self._known[value] = None
         return value
-
-
-@dataclass(slots=True)
-class Histogram:
-    """Durations by bucket."""
-
-    counts: list[int] = field(default_factory=lambda: [0] * (len(DURATION_BOUNDS) + 1))
-    total: float = 0.0
-
-    def observe(self, seconds: float) -> None:
-        """Count a duration."""
-        position = next((at for at, bound in enumerate(DURATION_BOUNDS) if seconds <= bound), -1)
-        self.counts[position] += 1
-        self.total += seconds
 
 
 def _per_kind() -> dict[MessageKind, int]:
@@ -114,4 +101,4 @@ class Statistics:
         self.orders_ended[state] = self.orders_ended.get(state, 0) + 1
         if order.finished is not None:
             seconds = max(0.0, (order.finished - order.created).total_seconds())
-            self.order_durations.setdefault(state, Histogram()).observe(seconds)
+            self.order_durations.setdefault(state, Histogram(DURATION_BOUNDS)).observe(seconds)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from math import hypot
 from typing import Generic, TypeVar
 
+from nena_shared.metrics import Metric, MetricKind, gauge
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.state import EmergencyStop, State
 from nena_shared.vda5050.topics import RobotKey
@@ -75,7 +76,12 @@ def _connected(robot: Robot, _: Timestamp) -> float | None:
 
 OF_ROBOT: tuple[Series[Robot], ...] = (
     Series("nena_robot_connected", "gauge", "1 while the connection state is ONLINE.", _connected),
-    Series("nena_robot_state_age_seconds", "gauge", "Time since the last state.", _state_age),
+    Series(
+        "nena_robot_state_age_seconds",
+        "gauge",
+        "Time since the last state; absent before the first.",
+        _state_age,
+    ),
     Series(
         "nena_robot_condition_age_seconds",
         "gauge",
@@ -88,8 +94,13 @@ OF_ROBOT: tuple[Series[Robot], ...] = (
         "Robot clock minus aggregator clock.",
         _skew,
     ),
-    Series("nena_robot_speed_meters_per_second", "gauge", "Speed over the ground.", _speed),
-    Series("nena_robot_order_progress_ratio", "gauge", "Progress of the order by nodes, 0 to 1.", _progress),
+    Series("nena_robot_speed_meters_per_second", "gauge", "Speed over the ground, if reported.", _speed),
+    Series(
+        "nena_robot_order_progress_ratio",
+        "gauge",
+        "Progress of the order by nodes, 0 to 1; absent without an order.",
+        _progress,
+    ),
     Series(
         "nena_robot_distance_meters_total",
         "counter",
@@ -111,8 +122,14 @@ OF_STATE: tuple[Series[State], ...] = (
         "State of charge, 0 to 1.",
         lambda state, _: state.power_supply.state_of_charge / 100,
     ),
-    of_state("nena_robot_battery_volts", "Voltage.", lambda state, _: state.power_supply.battery_voltage),
-    of_state("nena_robot_range_meters", "Remaining range.", lambda state, _: state.power_supply.range),
+    of_state(
+        "nena_robot_battery_volts",
+        "Voltage, if reported.",
+        lambda state, _: state.power_supply.battery_voltage,
+    ),
+    of_state(
+        "nena_robot_range_meters", "Remaining range, if reported.", lambda state, _: state.power_supply.range
+    ),
     of_state(
         "nena_robot_charging", "1 while the robot charges.", lambda state, _: int(state.power_supply.charging)
     ),
@@ -137,7 +154,7 @@ OF_STATE: tuple[Series[State], ...] = (
     of_state("nena_robot_errors_active", "Active errors.", lambda state, _: len(state.errors)),
     of_state(
         "nena_robot_loads",
-        "Loads on the robot.",
+        "Loads on the robot, if reported.",
         lambda state, _: None if state.loads is None else len(state.loads),
     ),
 )
@@ -166,10 +183,23 @@ def _labels_of(key: RobotKey) -> str:
     return labels_text(manufacturer=key.manufacturer, serial_number=key.serial_number)
 
 
+CONDITION = "nena_robot_condition"
+CONDITION_TEXT = "1 for the current condition; the others are absent."
+ROBOT_LABELS = ("manufacturer", "serial_number")
+
+
+def documented() -> Iterator[Metric[object]]:
+    """Yield what the documentation says of each metric."""
+    yield gauge(CONDITION, CONDITION_TEXT, lambda _: None, *ROBOT_LABELS, "condition")
+    heads = [(each.name, each.kind, each.text) for each in OF_ROBOT]
+    heads += [(each.name, each.kind, each.text) for each in OF_STATE]
+    for name, kind, text in heads:
+        yield Metric(name, MetricKind(kind), text, ROBOT_LABELS, lambda _: None)
+
+
 def _conditions(rows: list[tuple[Robot, str]]) -> str:
-    name = "nena_robot_condition"
-    lines = [f'{name}{{{labels},condition="{robot.condition}"}} 1\n' for robot, labels in rows]
-    return head(name, "gauge", "1 for the current condition.") + "".join(lines)
+    lines = [f'{CONDITION}{{{labels},condition="{robot.condition}"}} 1\n' for robot, labels in rows]
+    return head(CONDITION, "gauge", CONDITION_TEXT) + "".join(lines)
 
 
 def _family(series: Series[S], rows: list[tuple[S, str]], now: Timestamp) -> str:

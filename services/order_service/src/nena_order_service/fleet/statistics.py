@@ -1,0 +1,129 @@
+"""Counts what passes between the order service and its robots, for the metrics."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass
+from typing import Final
+
+from nena_order_service.fleet.failures import FailureKind
+from nena_order_service.fleet.outputs import (
+    FleetOutput,
+    NodePassed,
+    Publish,
+    PublishInstantActions,
+    PublishOrder,
+    VdaOrderAccepted,
+    VdaOrderCancelled,
+    VdaOrderFailed,
+    VdaOrderFinished,
+)
+from nena_shared.metrics import ANSWERS, LONG, Histogram
+from nena_shared.vda5050.topics import Topic
+
+HEARD: Final = (Topic.CONNECTION, Topic.FACTSHEET, Topic.STATE)
+SENT: Final = (Topic.ORDER, Topic.INSTANT_ACTIONS, Topic.RESPONSES, Topic.ZONE_SET)
+RESENT: Final = (Topic.ORDER, Topic.INSTANT_ACTIONS)
+
+ACTIONS_REMEMBERED: Final = 1000
+"""Ids of the last instant actions: one that is sent again is known by them."""
+
+
+@dataclass(slots=True)
+class _Delivery:
+    """How far a VDA order has come; moments in monotonic seconds."""
+
+    begun: float
+    sent: float | None = None
+    accepted: float | None = None
+    update_id: int = -1
+    """The last update that was sent."""
+
+
+class FleetStatistics:
+    """Counts since the start of the program, and how long VDA orders take from step to step."""
+
+    def __init__(self) -> None:
+        self.received = dict.fromkeys(HEARD, 0)
+        self.malformed = dict.fromkeys(HEARD, 0)
+        self.sent = dict.fromkeys(SENT, 0)
+        self.resent = dict.fromkeys(RESENT, 0)
+        self.robot_limit = 0
+        """Messages from robots beyond the limit of robots."""
+        self.name_too_long = 0
+        """Messages from robots whose names are longer than the store can hold."""
+        self.foreign = 0
+        """Commands to robots that were not sent by this program."""
+        self.nodes_passed = 0
+        self.ended = {"finished": 0, "cancelled": 0, "failed": 0}
+        """VDA orders by their outcome."""
+        self.failures = dict.fromkeys(FailureKind, 0)
+        """VDA orders that have failed, by how."""
+        self.sending = Histogram(ANSWERS)
+        """From the decision to send a VDA order to its first sending: the robot could not be sent it."""
+        self.acknowledgement = Histogram(ANSWERS)
+        """From the first sending to the first state that echoes it."""
+        self.execution = Histogram(LONG)
+        """From there to the end, of VDA orders that were finished."""
+        self._deliveries: dict[str, _Delivery] = {}
+        self._actions: OrderedDict[str, None] = OrderedDict()
+
+    @property
+    def undelivered(self) -> int:
+        """How many VDA orders no robot has echoed yet."""
+        return sum(each.accepted is None for each in self._deliveries.values())
+
+    def begun(self, order_id: str, now: float) -> None:
+        """Note a VDA order that is to be sent."""
+        self._deliveries[order_id] = _Delivery(now)
+
+    def published(self, topic: Topic, output: Publish, now: float) -> None:
+        """Count a message to a robot."""
+        self.sent[topic] += 1
+        if isinstance(output, PublishOrder):
+            self._note_order(output, now)
+        elif isinstance(output, PublishInstantActions):
+            self._note_actions(output)
+
+    def happened(self, event: FleetOutput, now: float) -> None:
+        """Count an event of the core."""
+        match event:
+            case NodePassed():
+                self.nodes_passed += 1
+            case VdaOrderAccepted(order_id=order_id):
+                delivery = self._deliveries.get(order_id)
+                if delivery and delivery.accepted is None:
+                    delivery.accepted = now
+                    if delivery.sent is not None:
+                        self.acknowledgement.observe(now - delivery.sent)
+            case VdaOrderFinished(order_id=order_id):
+                self.ended["finished"] += 1
+                delivery = self._deliveries.pop(order_id, None)
+                if delivery and delivery.accepted is not None:
+                    self.execution.observe(now - delivery.accepted)
+            case VdaOrderCancelled(order_id=order_id):
+                self.ended["cancelled"] += 1
+                self._deliveries.pop(order_id, None)
+            case VdaOrderFailed(order_id=order_id, kind=kind):
+                self.ended["failed"] += 1
+                self.failures[kind] += 1
+                self._deliveries.pop(order_id, None)
+            case _:
+                pass
+
+    def _note_order(self, output: PublishOrder, now: float) -> None:
+        delivery = self._deliveries.get(output.vda_order.order_id)
+        if delivery is None:
+            return
+        if delivery.sent is None and delivery.accepted is None:
+            delivery.sent = now
+            self.sending.observe(now - delivery.begun)
+        self.resent[Topic.ORDER] += output.order_update_id == delivery.update_id
+        delivery.update_id = output.order_update_id
+
+    def _note_actions(self, output: PublishInstantActions) -> None:
+        ids = [each.action_id for each in output.actions]
+        self.resent[Topic.INSTANT_ACTIONS] += any(each in self._actions for each in ids)
+        self._actions.update(dict.fromkeys(ids))
+        while len(self._actions) > ACTIONS_REMEMBERED:
+            self._actions.popitem(last=False)

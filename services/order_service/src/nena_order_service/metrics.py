@@ -1,0 +1,364 @@
+"""The metrics of the order service: each stands here once, with the place that it is read from.
+
+To add one: count it where it happens, read it here, and run ``make reference``.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+from time import time
+from typing import Final, Protocol
+
+from nena_order_service.api.events import EventStream
+from nena_order_service.api.mqtt import MqttApi
+from nena_order_service.engine.engine import Engine
+from nena_order_service.fleet.link import FleetLink
+from nena_order_service.fleet.robot import LinkStatus
+from nena_order_service.store.store import Store
+from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.fleet_api.vehicle import IntegrationLevel, VehicleState
+from nena_shared.loop_lag import LoopLag
+from nena_shared.metrics import Exposition, LabelValues, Section, counter, gauge, histogram, link_metrics
+from nena_shared.mqtt import MqttLink
+
+DISTRIBUTION = "nena-order-service"
+
+
+class Running(Protocol):
+    """An order service in any role."""
+
+    @property
+    def leads(self) -> bool:
+        """Whether it is the one that takes orders and commands robots."""
+        ...
+
+    @property
+    def store_ready(self) -> bool:
+        """Whether the store can be written."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Waiting:
+    """An order service that starts or stands by."""
+
+    store_ready: bool
+    leads: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Monitored:
+    """The parts of the leading order service that metrics are read from."""
+
+    engine: Engine
+    fleet: FleetLink
+    mqtt: MqttLink
+    mqtt_api: MqttApi
+    stream: EventStream
+    loop_lag: LoopLag
+    answers: Mapping[int, int]
+    """Answers over HTTP, by status."""
+
+    @property
+    def store(self) -> Store:
+        """The store of the orders."""
+        return self.engine.store
+
+    @property
+    def leads(self) -> bool:
+        """Whether it is sure that no other order service has the store now."""
+        return not self.store.lead_problem
+
+    @property
+    def store_ready(self) -> bool:
+        """Whether new orders may be taken."""
+        return self.store.ready
+
+
+def _answers(service: Monitored) -> Mapping[LabelValues, float]:
+    doors = (("rest", service.answers), ("mqtt", service.mqtt_api.answers))
+    return {(door, str(status)): count for door, counts in doors for status, count in counts.items()}
+
+
+def _waits(service: Monitored) -> Mapping[LabelValues, float]:
+    traffic = service.engine.traffic
+    return {
+        **{cause.value: count for cause, count in service.engine.state.orders.statistics.waits.items()},
+        "robot": service.fleet.statistics.undelivered,
+        "traffic": sum(bool(traffic.why_waiting(each)) for each in traffic.waiting),
+    }
+
+
+def _oldest_wait(service: Monitored) -> float:
+    orders = service.engine.state.orders
+    first = orders.waiting.longest
+    return max(0.0, time() - orders.get(first).status.created.timestamp()) if first is not None else 0.0
+
+
+def _by_value(values: Iterable[str], known: Iterable[str]) -> Mapping[LabelValues, float]:
+    counts = Counter(values)
+    return {each: counts[each] for each in known}
+
+
+def _listed(values: Iterable[str]) -> str:
+    return ", ".join(f"`{each}`" for each in values) + "."
+
+
+PROGRAM: Final[Section[Running]] = Section(
+    "Program",
+    (
+        gauge("nena_build_info", "Always 1.", lambda _: {version(DISTRIBUTION): 1}, "version"),
+        gauge(
+            "nena_order_service_leader",
+            "1 in the order service that takes orders and commands robots; 0 in a standby, and while it "
+            "starts or is not sure of its lead.",
+            lambda s: s.leads,
+        ),
+        gauge("nena_order_service_store_ready", "1 while the store can be written.", lambda s: s.store_ready),
+    ),
+    "These are there in every role. A standby, and an order service that waits for its store, has no others.",
+)
+
+ORDERS: Final[Section[Monitored]] = Section(
+    "Transport orders",
+    (
+        gauge(
+            "nena_order_service_orders",
+            "Orders that have not ended.",
+            lambda s: s.engine.state.orders.statistics.present,
+            "state",
+        ),
+        counter(
+            "nena_order_service_orders_created_total",
+            "Orders created by hosts or by the order service itself.",
+            lambda s: s.engine.state.orders.statistics.created,
+        ),
+        counter(
+            "nena_order_service_orders_ended_total",
+            "Orders that ended.",
+            lambda s: s.engine.state.orders.statistics.ended,
+            "state",
+        ),
+        counter(
+            "nena_order_service_orders_late_total",
+            "Orders whose deadline passed before their end.",
+            lambda s: s.engine.state.orders.statistics.late,
+        ),
+        counter(
+            "nena_order_service_order_events_total",
+            "Entries of the orders' histories, by their event codes: what was retried, rerouted, held.",
+            lambda s: s.engine.state.orders.statistics.events,
+            "event",
+        ),
+        gauge(
+            "nena_order_service_queue_length",
+            "Orders that wait for a vehicle, held ones included.",
+            lambda s: len(s.engine.state.orders.waiting),
+        ),
+        gauge(
+            "nena_order_service_queue_oldest_seconds",
+            "Time since the creation of the order that has been in the queue for longest; 0: none waits.",
+            _oldest_wait,
+        ),
+        gauge(
+            "nena_order_service_waiting",
+            "What waits, by cause: orders for a `dependency`, a `vehicle`, a `retry` or the end of a `hold`; "
+            "VDA 5050 orders for the `robot` that takes them; robots for `traffic`.",
+            _waits,
+            "cause",
+        ),
+        histogram(
+            "nena_order_service_order_assignment_seconds",
+            "Time from an order's creation to its first assignment.",
+            lambda s: s.engine.state.orders.statistics.assignment,
+        ),
+        histogram(
+            "nena_order_service_order_duration_seconds",
+            "Time from an order's creation to its end.",
+            lambda s: s.engine.state.orders.statistics.durations,
+            "state",
+        ),
+    ),
+    "`state` is the openTCS state: "
+    + _listed(TransportOrderState)
+    + " The codes of `event` are those of [order-service.md](order-service.md).",
+)
+
+ROBOTS: Final[Section[Monitored]] = Section(
+    "Vehicles and their VDA 5050 orders",
+    (
+        gauge(
+            "nena_order_service_vehicles",
+            "Vehicles by state: " + _listed(VehicleState),
+            lambda s: _by_value((each.state for each in s.engine.unit_of_work.published), VehicleState),
+            "state",
+        ),
+        gauge(
+            "nena_order_service_vehicle_connections",
+            "Vehicles by connection: " + _listed(LinkStatus),
+            lambda s: _by_value((each.connection for each in s.engine.unit_of_work.published), LinkStatus),
+            "connection",
+        ),
+        gauge(
+            "nena_order_service_vehicle_levels",
+            "Vehicles by integration level: "
+            + ", ".join(f"`{each.value}`" for each in IntegrationLevel)
+            + ".",
+            lambda s: _by_value(
+                (each.integration_level for each in s.engine.unit_of_work.published), IntegrationLevel
+            ),
+            "level",
+        ),
+        counter(
+            "nena_order_service_nodes_passed_total",
+            "Nodes that robots have passed.",
+            lambda s: s.fleet.statistics.nodes_passed,
+        ),
+        counter(
+            "nena_order_service_vda_orders_ended_total",
+            "VDA 5050 orders by outcome: `finished`, `cancelled`, `failed`.",
+            lambda s: s.fleet.statistics.ended,
+            "outcome",
+        ),
+        counter(
+            "nena_order_service_vda_order_failures_total",
+            "VDA 5050 orders that failed, by how (`FailureKind` of the code).",
+            lambda s: s.fleet.statistics.failures,
+            "kind",
+        ),
+        histogram(
+            "nena_order_service_vda_order_sending_seconds",
+            "Time from the decision to send a VDA 5050 order to its first sending; more than a moment where "
+            "the robot could not be sent it.",
+            lambda s: s.fleet.statistics.sending,
+        ),
+        histogram(
+            "nena_order_service_vda_order_acknowledgement_seconds",
+            "Time from the first sending to the first state of the robot that echoes the order.",
+            lambda s: s.fleet.statistics.acknowledgement,
+        ),
+        histogram(
+            "nena_order_service_vda_order_execution_seconds",
+            "Time from there to the end, of orders that were finished.",
+            lambda s: s.fleet.statistics.execution,
+        ),
+    ),
+)
+
+MESSAGES: Final[Section[Monitored]] = Section(
+    "Messages and requests",
+    (
+        counter(
+            "nena_order_service_messages_received_total",
+            "Messages of robots.",
+            lambda s: s.fleet.statistics.received,
+            "topic",
+        ),
+        counter(
+            "nena_order_service_messages_malformed_total",
+            "Those that could not be read.",
+            lambda s: s.fleet.statistics.malformed,
+            "topic",
+        ),
+        counter(
+            "nena_order_service_messages_repaired_total",
+            "Values that violated VDA 5050 and were repaired.",
+            lambda s: s.fleet.deviations.totals,
+            "field",
+            "kind",
+        ),
+        counter(
+            "nena_order_service_messages_ignored_total",
+            "Messages of robots beyond `fleet.robots_limit` (`robot_limit`), or with too long a name "
+            "(`name_too_long`).",
+            lambda s: {
+                "robot_limit": s.fleet.statistics.robot_limit,
+                "name_too_long": s.fleet.statistics.name_too_long,
+            },
+            "reason",
+        ),
+        counter(
+            "nena_order_service_messages_sent_total",
+            "Messages to robots.",
+            lambda s: s.fleet.statistics.sent,
+            "topic",
+        ),
+        counter(
+            "nena_order_service_messages_resent_total",
+            "Messages sent again because no state of the robot echoed them.",
+            lambda s: s.fleet.statistics.resent,
+            "topic",
+        ),
+        counter(
+            "nena_order_service_foreign_commands_total",
+            "Commands to robots of this fleet that another program sent.",
+            lambda s: s.fleet.statistics.foreign,
+        ),
+        counter(
+            "nena_order_service_requests_total",
+            "Requests of hosts by the status of their answer, over REST or MQTT; 429 are rate limits.",
+            _answers,
+            "door",
+            "status",
+        ),
+        *link_metrics("nena_mqtt_", lambda s: s.mqtt.state),
+        gauge("nena_event_clients", "Clients of the event stream.", lambda s: s.stream.clients),
+        counter(
+            "nena_order_service_event_overflows_total",
+            "Clients of the event stream that were further behind than its backlog.",
+            lambda s: s.stream.overflows,
+        ),
+    ),
+)
+
+WORK: Final[Section[Monitored]] = Section(
+    "Store and computing time",
+    (
+        counter(
+            "nena_order_service_commits_total",
+            "Commits; each holds all changes that waited.",
+            lambda s: s.store.commits,
+        ),
+        counter(
+            "nena_order_service_commit_failures_total",
+            "Commits that failed and were tried again.",
+            lambda s: s.store.failures,
+        ),
+        gauge(
+            "nena_order_service_commits_waiting",
+            "Units of work that wait to be committed.",
+            lambda s: s.store.waiting,
+        ),
+        histogram("nena_order_service_commit_seconds", "Time of a commit.", lambda s: s.store.commit_seconds),
+        histogram(
+            "nena_order_service_dispatch_seconds",
+            "Time to decide which vehicles get which of the orders that are due.",
+            lambda s: s.engine.timings.dispatch,
+        ),
+        histogram(
+            "nena_order_service_planning_seconds",
+            "Time to find a way through the destinations of an order.",
+            lambda s: s.engine.context.finder.planning,
+        ),
+        histogram(
+            "nena_order_service_traffic_seconds",
+            "Time to decide which vehicles may drive on.",
+            lambda s: s.engine.timings.traffic,
+        ),
+        gauge(
+            "nena_event_loop_lag_seconds",
+            "Longest time in the last minute for which the event loop kept work waiting.",
+            lambda s: s.loop_lag.longest,
+        ),
+    ),
+)
+
+SECTIONS: Final = (PROGRAM, ORDERS, ROBOTS, MESSAGES, WORK)
+
+
+def standing_by(role: Waiting) -> bytes:
+    """Return the metrics of an order service that does not lead."""
+    return Exposition(role, (PROGRAM,)).text()

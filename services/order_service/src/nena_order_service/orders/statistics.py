@@ -1,0 +1,80 @@
+"""Counts what becomes of transport orders, for the metrics: of committed versions only."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+from nena_order_service.orders.transport_order import EventCode, TransportOrder
+from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.metrics import LONG, Histogram
+
+S = TransportOrderState
+
+
+class Wait(StrEnum):
+    """What an order waits for that no vehicle works on now."""
+
+    DEPENDENCY = "dependency"
+    """Other orders, which have to be finished first."""
+    VEHICLE = "vehicle"
+    RETRY = "retry"
+    """The time of its next try, after a failure."""
+    HOLD = "hold"
+    """Somebody who resumes it."""
+
+
+def wait_of(order: TransportOrder) -> Wait | None:
+    """Return what an order waits for; None: it is at its end, or a vehicle works on it."""
+    status = order.status
+    if status.state.final:
+        return None
+    if status.held:
+        return Wait.HOLD
+    if status.next_try:
+        return Wait.RETRY
+    return {S.ACTIVE: Wait.DEPENDENCY, S.DISPATCHABLE: Wait.VEHICLE}.get(status.state)
+
+
+class OrderStatistics:
+    """Counts since the start of the program, and how many orders are in each state now."""
+
+    def __init__(self) -> None:
+        self.present = {each: 0 for each in TransportOrderState if not each.final}
+        self.waits = dict.fromkeys(Wait, 0)
+        self.ended = {each: 0 for each in TransportOrderState if each.final}
+        self.created = 0
+        self.late = 0
+        self.events = dict.fromkeys((each.value for each in EventCode), 0)
+        """Entries of the orders' histories, by their codes."""
+        self.assignment = Histogram(LONG)
+        """From the creation to the first assignment."""
+        self.durations = {each: Histogram(LONG) for each in TransportOrderState if each.final}
+        """From the creation to the end, by the final state."""
+
+    def loaded(self, order: TransportOrder) -> None:
+        """Count an order from before the restart as it is."""
+        self._move(None, order)
+
+    def changed(self, before: TransportOrder | None, order: TransportOrder) -> None:
+        """Count the new version of an order; ``before`` is its last one, None: it is new."""
+        self._move(before, order)
+        status, was = order.status, before.status if before else None
+        for entry in status.history[len(was.history) if was else 0 :]:
+            if entry.event_code in self.events:
+                self.events[entry.event_code] += 1
+        self.created += was is None
+        self.late += status.late and not (was and was.late)
+        if status.assigned and not (was and was.assigned):
+            self.assignment.observe((status.assigned - status.created).total_seconds())
+        if status.state.final and not (was and was.state.final):
+            self.ended[status.state] += 1
+            if status.finished:
+                self.durations[status.state].observe((status.finished - status.created).total_seconds())
+
+    def _move(self, before: TransportOrder | None, order: TransportOrder) -> None:
+        for version, step in ((before, -1), (order, 1)):
+            if version is None or version.state.final:
+                continue
+            self.present[version.state] += step
+            if wait := wait_of(version):
+                self.waits[wait] += step

@@ -1,0 +1,171 @@
+from __future__ import annotations
+
+import gzip
+import sys
+from collections import Counter
+from http import HTTPStatus
+
+import httpx
+import pytest
+from prometheus_client.parser import text_string_to_metric_families
+
+from nena_order_service.api.rest import role_needed, rule_of
+from nena_order_service.api.server import CountedAnswers, make_standby_app, make_starting_app
+from nena_order_service.metrics import SECTIONS
+from nena_order_service.service import OrderService
+from nena_shared.fleet_api.base import Role
+from nena_shared.fleet_api.transport_order import TransportOrderRequest
+from nena_shared.vda5050.topics import RobotKey
+from nena_shared.web.settings import HttpSettings
+
+MOVE = {"destinations": [{"locationName": "Goods in", "operation": "Load cargo"}]}
+ORDER = TransportOrderRequest.model_validate(MOVE)
+
+
+async def shown(client: httpx.AsyncClient) -> dict[str, float]:
+    """Return all samples, by name and labels as the text has them."""
+    text = (await client.get("/metrics")).raise_for_status().text
+    return {
+        each.name + "".join(f" {key}={value}" for key, value in each.labels.items()): each.value
+        for family in text_string_to_metric_families(text)
+        for each in family.samples
+    }
+
+
+async def test_every_metric_of_the_tables_is_shown(client: httpx.AsyncClient) -> None:
+    text = (await client.get("/metrics")).text
+    types = {
+        line.split()[2]: line.split()[3] for line in text.splitlines() if line.startswith("# TYPE nena_")
+    }
+    assert types == {each.name: each.kind.value for section in SECTIONS for each in section.metrics}
+
+
+async def test_orders_are_counted_by_state_and_by_what_they_wait_for(client: httpx.AsyncClient) -> None:
+    before = await shown(client)
+    for name in ("waits", "held", "gone"):
+        (await client.post("/v1/transportOrders", json={**MOVE, "name": name})).raise_for_status()
+    for path in ("held/hold", "gone/withdrawal"):
+        (await client.post(f"/v1/transportOrders/{path}", json={"reason": "a test"})).raise_for_status()
+
+    after = await shown(client)
+
+    assert before["nena_order_service_orders state=DISPATCHABLE"] == 0
+    assert after["nena_order_service_orders state=DISPATCHABLE"] == 2
+    assert after["nena_order_service_queue_length"] == 2
+    assert after["nena_order_service_waiting cause=vehicle"] == 1
+    assert after["nena_order_service_waiting cause=hold"] == 1
+    assert after["nena_order_service_orders_created_total"] == 3
+    assert after["nena_order_service_orders_ended_total state=FAILED"] == 1
+    assert after["nena_order_service_order_duration_seconds_count state=FAILED"] == 1
+    assert after["nena_order_service_order_events_total event=nena:held"] == 1
+    assert after["nena_order_service_queue_oldest_seconds"] > 0
+    assert after["nena_order_service_commits_total"] > before["nena_order_service_commits_total"]
+    assert after["nena_order_service_commit_seconds_count"] == after["nena_order_service_commits_total"]
+    assert after["nena_order_service_dispatch_seconds_count"] > 0
+
+
+async def test_orders_from_before_a_restart_are_in_their_states_and_count_as_no_new_ones(
+    service: OrderService, client: httpx.AsyncClient
+) -> None:
+    (await client.post("/v1/transportOrders", json=MOVE)).raise_for_status()
+    orders = service.engine.state.orders
+    again = type(orders)(service.engine.state.pending, set())
+    for each in orders.unfinished():
+        again.load(each)
+
+    assert again.statistics.present == orders.statistics.present
+    assert again.statistics.waits == orders.statistics.waits
+    assert again.statistics.created == 0
+
+
+async def test_the_answer_is_compressed_for_who_takes_gzip(client: httpx.AsyncClient) -> None:
+    async with client.stream("GET", "/metrics", headers={"accept-encoding": "gzip"}) as answer:
+        raw = b"".join([part async for part in answer.aiter_raw()])
+    plain = await client.get("/metrics", headers={"accept-encoding": "identity"})
+
+    assert answer.headers["content-encoding"] == "gzip"
+    assert b"# TYPE nena_order_service_orders gauge" in gzip.decompress(raw)
+    assert "content-encoding" not in plain.headers
+    assert len(raw) < len(plain.content) / 3
+
+
+@pytest.mark.parametrize(
+    "app", [make_standby_app(lambda: "", lambda: "gone"), make_starting_app(lambda: "gone")]
+)
+async def test_who_does_not_lead_says_so(app: object) -> None:
+    transport = httpx.ASGITransport(app)  # type: ignore[arg-type]
+    async with httpx.AsyncClient(transport=transport, base_url="http://standby") as client:
+        samples = await shown(client)
+
+    assert samples["nena_order_service_leader"] == 0
+    assert samples["nena_order_service_store_ready"] == 0
+
+
+async def test_who_leads_says_so_until_it_is_not_sure(
+    service: OrderService, client: httpx.AsyncClient
+) -> None:
+    assert (await shown(client))["nena_order_service_leader"] == 1
+    service.store.lead_problem = "the connection to the database was lost"
+    assert (await shown(client))["nena_order_service_leader"] == 0
+
+
+async def test_one_metric_that_fails_does_not_hide_the_others(
+    service: OrderService, client: httpx.AsyncClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delattr(type(service.store), "waiting")
+
+    samples = await shown(client)
+
+    assert "nena_order_service_commits_waiting" not in samples
+    assert "nena_order_service_commits_total" in samples
+
+
+def test_viewers_read_metrics_and_everybody_where_the_settings_say_so() -> None:
+    assert role_needed("GET", "/metrics") is Role.VIEWER
+    assert rule_of(HttpSettings(port=0))("GET", "/metrics") is Role.VIEWER
+    assert rule_of(HttpSettings(port=0, open_metrics=True))("GET", "/metrics") is None
+    assert rule_of(HttpSettings(port=0, open_metrics=True))("GET", "/v1/vehicles") is Role.VIEWER
+
+
+async def test_answers_are_counted_by_status_refused_ones_too() -> None:
+    counts: Counter[int] = Counter()
+    transport = httpx.ASGITransport(CountedAnswers(make_standby_app(lambda: "", lambda: ""), counts))
+    async with httpx.AsyncClient(transport=transport, base_url="http://standby") as client:
+        await client.get("/healthz")
+        await client.get("/v1/vehicles")
+
+    assert counts == {HTTPStatus.OK: 1, HTTPStatus.SERVICE_UNAVAILABLE: 1}
+
+
+async def cost(client: httpx.AsyncClient) -> tuple[int, int]:
+    """Return the samples of a scrape, and the function calls that it takes to write them."""
+    calls = 0
+
+    def count(_frame: object, event: str, _argument: object) -> None:
+        nonlocal calls
+        calls += event in ("call", "c_call")
+
+    await client.get("/metrics")
+    sys.setprofile(count)
+    try:
+        answer = await client.get("/metrics")
+    finally:
+        sys.setprofile(None)
+    return len([line for line in answer.text.splitlines() if not line.startswith("#")]), calls
+
+
+async def test_a_scrape_grows_by_no_sample_and_few_calls_with_the_fleet_and_its_orders(
+    service: OrderService, client: httpx.AsyncClient
+) -> None:
+    few_samples, few_calls = await cost(client)
+    for number in range(1000):
+        service.engine.registry.discover(RobotKey("ACME", f"r{number}"))
+        service.engine.create(ORDER, f"order-{number}")
+    service.engine.look()
+    await service.engine.unit_of_work.committed()
+
+    samples, calls = await cost(client)
+
+    assert len([*service.engine.unit_of_work.published]) >= 1000
+    assert samples == few_samples
+    assert calls - few_calls < 10 * 1000
