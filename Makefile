@@ -27,7 +27,7 @@ STAMP := $(VENV)/.set-up
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help setup action-types lock format lint test test-unit test-all soak soak-cores soak-site soak-pauses compose-test colcon-test nav2-test smoke demo bench conversations hooks clean broker browser sbom fuzz faults conformance reference
+.PHONY: help setup action-types lock format lint test test-unit test-all soak soak-cores soak-site soak-pauses soak-nemesis oidc-test compose-test colcon-test nav2-test smoke demo bench conversations hooks clean broker browser sbom fuzz faults conformance reference
 
 help: ## list these commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F':.*## ' '{printf "  make %-13s %s\n", $$1, $$2}'
@@ -84,7 +84,7 @@ reference: $(STAMP) ## regenerate docs/configuration.md and docs/metrics.md: eve
 	PYTHONPATH=tests $(BIN)/python -m reference.configuration
 	PYTHONPATH=tests $(BIN)/python -m reference.metrics
 
-soak: soak-site soak-pauses soak-cores ## soak-site, soak-pauses, then soak-cores
+soak: soak-site soak-pauses soak-nemesis soak-cores ## soak-site, soak-pauses, soak-nemesis, then soak-cores
 
 soak-cores: $(STAMP) broker ## property tests of the cores with many more examples: about two hours on two cores
 	NENA_EXAMPLES=100000 NENA_MESSAGES=2000 NENA_PLANTS=400 NENA_KERNEL_PLANTS=400 NENA_RESTARTS=1000 NENA_KILLS=40 NENA_SESSIONS=200 NENA_ORDER_KILLS=50 $(BIN)/pytest --long -n $(WORKERS) --timeout 7200 $(SOAK)
@@ -103,6 +103,11 @@ PAUSES ?= 50
 soak-pauses: $(STAMP) broker ## suspend the active order service for 1 to 60 s, 50 times (or PAUSES=8), with robots of three kinds
 	PYTHONPATH=tests $(BIN)/python -m faults.pauses --pauses $(PAUSES)
 
+SEEDS ?= 200
+FIRST ?= 1
+soak-nemesis: $(STAMP) broker ## 200 sites (or SEEDS=10 FIRST=1) under faults that a seed draws, with robots of three kinds: two hours
+	PYTHONPATH=tests $(BIN)/python -m faults.nemesis --seeds $(SEEDS) --first $(FIRST)
+
 # The damage is the same on each run; NENA_FUZZ_SEED=anything chooses other damage.
 fuzz: $(STAMP) broker ## fuzz every parser and both HTTP interfaces, for a long time
 	NENA_FUZZ_EXAMPLES=200 NENA_FUZZ_MESSAGES=20000 NENA_FUZZ_FILES=5000 $(BIN)/pytest --long -n $(WORKERS) --timeout 7200 $(FUZZED)
@@ -112,6 +117,12 @@ IMAGES ?=
 compose-test: $(STAMP) ## build every image, start the stack with docker-compose, and run orders on a robot in it
 	$(IMAGES)
 	NENA_COMPOSE_TEST=1 $(BIN)/pytest tests/deploy/test_compose.py tests/deploy/test_compose_site.py tests/deploy/test_image_on_ros.py tests/deploy/test_images_of_others.py
+
+# From npm, with the hashes of its lock file; needs Node.js 20.
+oidc-test: $(STAMP) broker ## sign in at the panel and use tokens with a real OpenID Connect issuer (npm's oidc-provider)
+	mkdir -p $(VENV)/oidc-provider && cp tests/security/oidc_provider/package*.json $(VENV)/oidc-provider
+	cd $(VENV)/oidc-provider && npm ci --ignore-scripts --no-audit --no-fund
+	NENA_OIDC_PROVIDER=$(abspath $(VENV))/oidc-provider $(BIN)/pytest tests/security/test_real_issuer.py
 
 # At a site: NAV2="--domain 7 --namespace r1 --start 0,0 --end 4,0 --kill '...' --revive '...'".
 NAV2 ?= --simulator

@@ -15,7 +15,7 @@ from faults.host import Host
 from faults.site import Site
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.mqtt import Inbound
-from support.executions import Execution, executions
+from support.executions import Execution, ended_actions, executions
 from support.waiting import awaited, until
 
 ENDED_WITHIN = 240.0
@@ -36,7 +36,8 @@ class Account:
     told: dict[str, list[TransportOrderStatus]]
     """By MQTT, in the order in which it came."""
     done: list[Execution]
-    """Loads that robots have taken up and set down."""
+    """Loads that robots have taken up and set down: by their states, and by their logs, which have no holes
+    where the broker was away."""
 
 
 async def settled(site: Site, host: Host) -> Account:
@@ -48,9 +49,9 @@ async def settled(site: Site, host: Host) -> Account:
     """
 
     async def not_ended() -> dict[str, str]:
-        stored = await _stored(site)
-        lost = dict.fromkeys(host.answered - stored.keys(), "is not in the store")
-        return lost | {name: each.reason for name, each in stored.items() if not each.state.final}
+        known = await stored(site)
+        lost = dict.fromkeys(host.answered - known.keys(), "is not in the store")
+        return lost | {name: each.reason for name, each in known.items() if not each.state.final}
 
     await awaited(
         not_ended,
@@ -65,7 +66,7 @@ async def settled(site: Site, host: Host) -> Account:
     )
     account = await account_of(site)
     assert not host.refused, f"refused: {host.refused}"
-    check(account, host.answered, complete=not site.wire_broke)
+    check(account, host.answered)
     _check_programs(site)
     check_journals(site.journals)
     failed = [each for each in account.store.values() if each.state != "FINISHED"]
@@ -80,11 +81,13 @@ async def account_of(site: Site) -> Account:
     """Give what is known of all orders by now."""
     own = {f"{site.interface}/v2/NeNa/{each}/state" for each in site.vehicles}
     states = (each for each in site.wire.history if each.topic in own)
-    return Account(await _stored(site), told_in(_statuses(site)), executions(states))
+    done = executions(states)
+    logged = set().union(*(ended_actions(each.log) for each in site.programs.values()))
+    return Account(await stored(site), told_in(_statuses(site)), [*done, *(logged - set(done))])
 
 
-def check(account: Account, answered: set[str], *, complete: bool) -> None:
-    """See that the accounts agree; where our own line broke they are not ``complete``.
+def check(account: Account, answered: set[str]) -> None:
+    """See that the accounts agree.
 
     Raises:
         AssertionError: an order is lost, done twice, or told otherwise than it was.
@@ -94,11 +97,11 @@ def check(account: Account, answered: set[str], *, complete: bool) -> None:
     lost, strange = answered - account.store.keys(), account.store.keys() - answered
     assert not lost, f"lost: {lost}"
     assert not strange, f"orders that nobody gave: {strange}"
-    _check_work(account, complete=complete)
+    _check_work(account)
     _check_told(account)
 
 
-def _check_work(account: Account, *, complete: bool) -> None:
+def _check_work(account: Account) -> None:
     """See that each leg was worked off once, and all legs of an order by one robot, which has the load."""
     ordered = {f"{name}-{leg}" for name in account.store for leg in range(2)}
     ended_well = [name for name, each in account.store.items() if each.state == "FINISHED"]
@@ -113,7 +116,7 @@ def _check_work(account: Account, *, complete: bool) -> None:
     shared = {name: each for name, each in robots.items() if len(each) > 1}
     assert not shared, f"set down by another robot: {shared}"
     assert done.keys() <= ordered, f"done without an order: {done.keys() - ordered}"
-    missing = finished - done.keys() if complete else set()
+    missing = finished - done.keys()
     assert not missing, f"told as done, and not done: {missing}"
 
 
@@ -144,7 +147,8 @@ def check_journals(files: Iterable[Path]) -> None:
     assert not large, f"journals have grown: {large}"
 
 
-async def _stored(site: Site) -> dict[str, TransportOrderStatus]:
+async def stored(site: Site) -> dict[str, TransportOrderStatus]:
+    """Return all orders, page by page."""
     found: dict[str, TransportOrderStatus] = {}
     after: dict[str, str] = {}
     while True:

@@ -151,12 +151,15 @@ class StandardRobot(OutsideRobot):
         self._delayed: set[asyncio.Task[None]] = set()
 
     async def run(self) -> None:
-        """Announce the robot, then report its state from time to time."""
-        self._publish("connection", {"connectionState": "ONLINE"}, retain=True)
-        self._publish("factsheet", OWN_FACTSHEET, retain=True)
+        """Report the state from time to time."""
         while True:
             self.report()
             await time_passes(STATE_INTERVAL)
+
+    def announce(self) -> None:
+        """Tell that the robot is there and what it can do, at each connect."""
+        self._publish("connection", {"connectionState": "ONLINE"}, retain=True)
+        self._publish("factsheet", OWN_FACTSHEET, retain=True)
 
     def take(self, topic: str, payload: bytes) -> None:
         """Take an order or instant actions."""
@@ -295,7 +298,16 @@ async def standard_robot(
     def take(message: Inbound) -> None:
         loop.call_soon_threadsafe(robot.take, message.topic, message.payload)
 
-    peer = MqttPeer(broker, f"{own}/order", f"{own}/instantActions", on_message=take)
+    def announce() -> None:
+        robot.announce()
+
+    peer = MqttPeer(
+        broker,
+        f"{own}/order",
+        f"{own}/instantActions",
+        on_message=take,
+        on_connected=lambda: loop.call_soon_threadsafe(announce),
+    )
     robot = StandardRobot(standing, history, peer, interface)
     with peer:
         tasks = [asyncio.create_task(robot.run()), asyncio.create_task(robot.work())]

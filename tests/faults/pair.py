@@ -5,13 +5,14 @@ from __future__ import annotations
 import asyncio
 import signal
 from collections.abc import AsyncIterator, Iterator
-from contextlib import AsyncExitStack, asynccontextmanager
+from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import httpx
 
 from faults import history as judge
-from faults.checker import told_in
+from faults.checker import stored, told_in
 from faults.hall import MAP_ID, start_of
 from faults.history import Event, History, Kind
 from faults.host import Host
@@ -21,7 +22,7 @@ from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.v2_1 import CODEC
 from support.broker import free_port
-from support.executions import executions
+from support.executions import ended_actions, executions
 from support.pausing import time_passes
 from support.programs import Program
 from support.waiting import PATIENCE, awaited
@@ -33,6 +34,8 @@ ANSWERED_WITHIN = 2.0
 LOOK_EVERY = 0.25
 """Seconds between two questions for the role of an order service: more often is a load of its own."""
 ROLE_WITHIN = 5 * PATIENCE
+LONGEST_SILENCE = 1.0
+"""Seconds between two states of a robot that drives; where there are more, states are missing."""
 ENDED_WITHIN = 240.0
 ECHO = 0.3
 """Seconds after which the plain robot reports that it has an order."""
@@ -68,9 +71,9 @@ class _Either(httpx.AsyncBaseTransport):
 class PairSite(Site):
     """Robots: ``loop-...`` are NeNa's, ``single-1`` is a library's, ``single-2`` from the standard alone."""
 
-    def __init__(self, folder: Path, store_url: str, *, library: bool = True) -> None:
+    def __init__(self, folder: Path, store_url: str, *, library: bool = True, **layout: Any) -> None:
         """Prepare it; ``library``: whether the robot on the library is there."""
-        super().__init__(folder, Layout(loopback=LOOPBACK, singles=2, store_url=store_url))
+        super().__init__(folder, Layout(loopback=LOOPBACK, singles=2, store_url=store_url, **layout))
         self._stores = store_url
         self._library = library
         self._own_ports = {name: free_port() for name in NAMES}
@@ -79,6 +82,8 @@ class PairSite(Site):
         )
         self._roles = httpx.AsyncClient(timeout=ANSWERED_WITHIN)
         self.history = History()
+        self.clocks_jumped = False
+        """Whether the times in states of NeNa's robots tell nothing."""
         self._robots = AsyncExitStack()
 
     async def start(self) -> None:
@@ -104,7 +109,7 @@ class PairSite(Site):
             "nena-order-service",
             *("--plant", self.plant, "--store.url", self._stores),
             *("--http.port", self._own_ports[name], "--http.burst", 100_000),
-            *("--mqtt.port", self.broker.port, "--mqtt.reconnect_max", 1.0),
+            *("--mqtt.port", self.port_for(name), "--mqtt.reconnect_max", 1.0),
         )
 
     async def role_of(self, name: str) -> str:
@@ -171,26 +176,37 @@ class PairSite(Site):
         await super().close()
 
     def complete_history(self) -> History:
-        """Return the history of all robots; that of NeNa's own one is read from its states."""
+        """Return the history of all robots; that of NeNa's own ones is read from their states and log.
+
+        What the states do not show, because the broker was away, the log does.
+        """
         found = list(self.history.events)
+        logged = ended_actions(self.programs["loopback"].log)
         for serial in self.serials:
             states = self.wire.received(f"{self.interface}/v2/NeNa/{serial}/state")
-            found += _places(serial, [CODEC.decode(State, each.payload) for each in states])
-            done = executions(states)
+            if not self.clocks_jumped:
+                found += places(serial, [CODEC.decode(State, each.payload) for each in states])
+            seen = executions(states)
+            more = {each for each in logged if each.robot == serial} - set(seen)
+            done = [*seen, *more]
             found += (Event(0.0, serial, Kind.ENDED, each.action_id, each.drive_order) for each in done)
         return History(found)
 
 
-def _places(robot: str, states: list[State]) -> Iterator[Event]:
-    """Yield where a robot was by its states: on its last node, until it tells of the next one."""
-    here = ""
+def places(robot: str, states: list[State]) -> Iterator[Event]:
+    """Yield where a robot was by its states: on its last node, until it tells of the next one.
+
+    Where states are missing, it is known to have been there as long as it said so.
+    """
+    here, last = "", 0.0
     for state in sorted(states, key=lambda each: each.timestamp):
+        at = state.timestamp.timestamp()
         if state.last_node_id != here:
-            at = state.timestamp.timestamp()
             if here:
-                yield Event(at, robot, Kind.LEFT, here)
+                yield Event(at if at - last < LONGEST_SILENCE else last, robot, Kind.LEFT, here)
             yield Event(at, robot, Kind.ENTERED, state.last_node_id)
             here = state.last_node_id
+        last = at
 
 
 async def judged(site: PairSite, host: Host) -> list[str]:
@@ -216,13 +232,8 @@ async def _ended(site: PairSite) -> dict[str, TransportOrderStatus]:
     try:
         async with asyncio.timeout(ENDED_WITHIN):
             while not store or not all(each.state.final for each in store.values()):
-                try:
-                    answer = await site.orders.get("/v1/transportOrders", params={"limit": 1000})
-                    orders = answer.raise_for_status().json()["transportOrders"]
-                except (httpx.HTTPError, KeyError, ValueError):
-                    await time_passes(0.5)
-                    continue
-                store = {each["name"]: TransportOrderStatus.model_validate(each) for each in orders}
+                with suppress(httpx.HTTPError, KeyError, ValueError):
+                    store = await stored(site)
                 await time_passes(0.5)
     except TimeoutError:
         pass

@@ -16,8 +16,10 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
+from faults.checker import stored
 from faults.host import Host
 from faults.pair import LOOK_EVERY, ROLE_WITHIN, PairSite, judged
+from nena_shared.fleet_api.transport_order import TransportOrderState
 from support.pausing import time_passes
 from support.postgres import Postgres
 from support.waiting import PATIENCE, awaited
@@ -77,11 +79,10 @@ async def run(pauses: list[float], folder: Path, store_url: str) -> Result:
         await asyncio.wait_for(ordering, PATIENCE)
         findings = [*stuck, *await judged(site, host)]
         done = [each.robot for each in site.complete_history().events if each.kind == "ended"]
-        answer = await site.orders.get("/v1/transportOrders", params={"limit": 1000})
-        states = [each["state"] for each in answer.json()["transportOrders"]]
+        states = [each.state for each in (await stored(site)).values()]
         return Result(
             len(states),
-            states.count("FINISHED"),
+            states.count(TransportOrderState.FINISHED),
             takeovers,
             time.monotonic() - begun,
             findings,

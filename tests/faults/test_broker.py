@@ -22,7 +22,6 @@ FROZEN = 25.0
 )
 async def test_killed_and_started_again(trial: Callable[..., Any], *, persistence: bool) -> None:
     async with trial(persistence=persistence) as running:
-        running.site.wire_broke = True
         for _ in range(2 * TIMES):
             running.site.broker.restart()
             await running.recovers("broker killed")
@@ -31,7 +30,6 @@ async def test_killed_and_started_again(trial: Callable[..., Any], *, persistenc
 @only_in_whole
 async def test_frozen(trial: Callable[..., Any]) -> None:
     async with trial() as running:
-        running.site.wire_broke = True
         for _ in range(TIMES):
             running.site.broker.freeze()
             try:

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
+import httpx
 import pytest
 
-from faults.checker import MOST_JOURNAL_KB, Account, check, check_journals, told_in
+from faults.checker import MOST_JOURNAL_KB, Account, check, check_journals, stored, told_in
+from faults.site import Site
 from nena_shared.fleet_api.transport_order import TransportOrderState, TransportOrderStatus
 from nena_shared.mqtt import Inbound
 from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.v2_1 import CODEC
-from support.executions import executions
+from support.executions import ended_actions, executions
 from support.fleet_examples import order_status, state
 
 NAME = "T-1"
@@ -68,17 +72,19 @@ def judge(
     *,
     store: Iterable[TransportOrderStatus] | None = None,
     told: Iterable[TransportOrderStatus] | None = None,
+    log: str = "",
     answered: Iterable[str] = (NAME,),
-    complete: bool = True,
 ) -> None:
     """Let the checker judge an order that was stored and told as finished, unless said otherwise."""
-    stored = [status()] if store is None else list(store)
+    known = [status()] if store is None else list(store)
     messages = [
         Inbound(STATUS, each.model_dump_json(by_alias=True).encode(), retained=False)
-        for each in (stored if told is None else told)
+        for each in (known if told is None else told)
     ]
-    account = Account({each.name: each for each in stored}, told_in(messages), executions(states))
-    check(account, set(answered), complete=complete)
+    done = executions(states)
+    done += ended_actions(log) - set(done)
+    account = Account({each.name: each for each in known}, told_in(messages), done)
+    check(account, set(answered))
 
 
 def both_legs(robot: Robot) -> list[Inbound]:
@@ -165,7 +171,7 @@ def test_what_is_done_twice_is_found(again: Callable[[Robot], list[Inbound]], en
     first = both_legs(robot)
 
     with pytest.raises(AssertionError, match="done twice"):
-        judge([*first, *again(robot)], store=[status(end)], complete=False)
+        judge([*first, *again(robot)], store=[status(end)])
 
 
 def test_a_load_that_another_robot_sets_down_is_found() -> None:
@@ -233,7 +239,31 @@ def test_what_is_told_as_done_and_is_not_done_is_found() -> None:
 
     with pytest.raises(AssertionError, match=r"told as done, and not done: .*T-1-1"):
         judge(said)
-    judge(said, complete=False)
+
+
+def logged(order: str, *, robot: str = "loop-1", status: str = "FINISHED", action: str = "a") -> str:
+    """Return a line of the edge agent's log."""
+    return (
+        "2026-11-23T06:32:04.586512Z [info     ] action ended                   "
+        f"action={action} module=nena_edge_agent.agent order={order} "
+        f"robot=NeNa/{robot} status={status} type=pick\n"
+    )
+
+
+def test_what_the_broker_has_lost_is_read_from_the_robots_logs() -> None:
+    said = Robot().does(f"{NAME}-0")
+
+    judge(said, log=logged(f"{NAME}-1~1"))
+    for log in (logged(f"{NAME}-1", status="FAILED"), logged(f"{NAME}-10")):
+        with pytest.raises(AssertionError, match=r"not done|without an order"):
+            judge(said, log=log)
+
+
+def test_what_is_done_twice_by_the_logs_is_found() -> None:
+    said = both_legs(Robot())
+
+    with pytest.raises(AssertionError, match="done twice"):
+        judge(said, log=logged(f"{NAME}-1", robot="loop-2"))
 
 
 @pytest.mark.parametrize(
@@ -259,3 +289,18 @@ def test_a_journal_that_has_grown_is_found(tmp_path: Path) -> None:
         check_journals(tmp_path.iterdir())
     with pytest.raises(AssertionError, match="no robot has a journal"):
         check_journals([])
+
+
+async def test_the_store_is_read_to_its_last_page() -> None:
+    """A run of hours has more orders than a page."""
+    names = [f"T-{number}" for number in range(7)]
+
+    def answer(request: httpx.Request) -> httpx.Response:
+        begin = names.index(request.url.params["after"]) + 1 if "after" in request.url.params else 0
+        page = names[begin : begin + 3]
+        orders = [status(name=name).model_dump(mode="json", by_alias=True) for name in page]
+        more = page[-1] if page[-1] != names[-1] else None
+        return httpx.Response(200, json={"transportOrders": orders, "next": more})
+
+    async with httpx.AsyncClient(transport=httpx.MockTransport(answer), base_url="http://site") as client:
+        assert list(await stored(cast("Site", SimpleNamespace(orders=client)))) == names

@@ -50,7 +50,6 @@ async def test_order_service_broker_and_database_killed_in_any_order(
     chance = Random(51)
     site = {"loopback": ROBOTS, "on_ros": False, "store_url": own_postgres.url}
     async with trial(seed=51, at_once=AT_ONCE, **site) as running:
-        running.site.wire_broke = True
         for _ in range(ORDER_KILLS):
             await _life(chance)
             begin = len(running.site.wire.history)

@@ -187,8 +187,9 @@ class MqttPeer:
         broker: BrokerAddress,
         *topic_filters: str,
         on_message: Callable[[Inbound], None] = lambda _: None,
+        on_connected: Callable[[], object] = lambda: None,
     ) -> None:
-        self._on_message = on_message
+        self._on_message, self._on_connected = on_message, on_connected
         """Called in the thread of the client."""
         self._order: list[Inbound] = []
         self.history: list[Inbound] = []
@@ -258,6 +259,7 @@ class MqttPeer:
             client.subscribe([(each, 1) for each in self._topic_filters])
         else:
             self._subscribed.set()
+        self._on_connected()
 
     def _record(self, _client: Client, _userdata: Any, message: MQTTMessage) -> None:
         inbound = Inbound(message.topic, bytes(message.payload), message.retain)

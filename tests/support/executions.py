@@ -54,6 +54,18 @@ def executions(states: Iterable[Inbound]) -> list[Execution]:
     return found
 
 
+def ended_actions(log: str) -> set[Execution]:
+    """Return what was done by the log of robots, which has no holes where the broker was away."""
+    found = set()
+    for line in log.splitlines():
+        if " action ended " in line:
+            said = dict(part.split("=", 1) for part in line.split() if "=" in part)
+            if said["status"] == ActionStatus.FINISHED and said["type"] in WORK:
+                robot = said["robot"].partition("/")[2]
+                found.add(Execution(robot, drive_order_of(said["order"]), said["action"]))
+    return found
+
+
 def _said_once(states: Iterable[Inbound]) -> Iterator[tuple[str, State]]:
     """Yield each robot's states as they came, which MQTT keeps in order, without what is said again.
 

@@ -21,20 +21,30 @@ READY_SECONDS = 30
 class Postgres:
     """A PostgreSQL server; it refuses to run as root, so as root it is given to the user `postgres`."""
 
-    def __init__(self) -> None:
+    def __init__(self, superuser: str = "nena") -> None:
+        self._superuser = superuser
         self._programs = _programs()
         self._folder = Path(tempfile.mkdtemp(prefix="nena-test-postgres-"))
         self._user: dict[str, Any] = {}
         if os.geteuid() == 0:
             shutil.chown(self._folder, "postgres")
             self._user = {"user": "postgres"}
-        self._run("initdb", "-A", "trust", "-U", "nena", "--no-sync", "-D", str(self._data))
+        self._run("initdb", "-A", "trust", "-U", superuser, "--no-sync", "-D", str(self._data))
         self.start()
 
     @property
     def url(self) -> str:
         """Where SQLAlchemy finds it."""
-        return f"postgresql+psycopg://nena@/postgres?host={self._folder}"
+        return self.url_of(self._superuser, "postgres")
+
+    def url_of(self, user: str, database: str) -> str:
+        """Return where SQLAlchemy finds a database of it."""
+        return f"postgresql+psycopg://{user}@/{database}?host={self._folder}"
+
+    @property
+    def environment(self) -> dict[str, str]:
+        """What its own programs need to find it."""
+        return {"PATH": f"{self._programs}:{os.environ['PATH']}", "PGHOST": str(self._folder)}
 
     @property
     def _data(self) -> Path:

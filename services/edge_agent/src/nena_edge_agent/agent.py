@@ -55,7 +55,7 @@ from nena_shared.mqtt import LinkHooks, MqttLink, Outbound
 from nena_shared.tasks import Supervisor, TaskFailedError
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.error import ErrorEntry
-from nena_shared.vda5050.state import Map
+from nena_shared.vda5050.state import Map, State
 from nena_shared.vda5050.topics import RobotKey, Topic
 from nena_shared.vda5050.visualization import Visualization
 
@@ -91,6 +91,9 @@ class RobotAgent:
     The rule is *durable before visible*: a change survives the end of the process before the driver is told,
     and a power cut before anything else has an effect, including the state that reports it.
     """
+
+    _logged_ends: frozenset[str] = frozenset()
+    """Actions of the present order whose end was logged."""
 
     def __init__(
         self,
@@ -315,8 +318,22 @@ class RobotAgent:
         if self._greeting or self._link.state.connected:
             state = self._core.state(self._messages.header(Topic.STATE))
             state = self._shown = state if self._recorded else as_recorded(state, self._shown)
+            self._log_ended_actions(state)
             self._link.publish(self._messages.state(state, keep=self._greeting))
             self._greeting = False
+
+    def _log_ended_actions(self, state: State) -> None:
+        """Log the end of each action once; after a restart, those that the journal has are logged again."""
+        ended = {each.action_id: each for each in state.action_states if each.action_status.ended}
+        for action_id in ended.keys() - self._logged_ends:
+            self._log.info(
+                "action ended",
+                order=state.order_id,
+                action=action_id,
+                type=ended[action_id].action_type,
+                status=ended[action_id].action_status.value,
+            )
+        self._logged_ends = frozenset(ended)
 
     def _visualization(self) -> Visualization:
         header = self._messages.header(Topic.VISUALIZATION)

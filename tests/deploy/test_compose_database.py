@@ -1,0 +1,61 @@
+"""The script by which docker-compose's PostgreSQL makes the services' user, at a real PostgreSQL."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from sqlalchemy import NullPool, create_engine, text
+from sqlalchemy.exc import DBAPIError
+
+from nena_order_service.store.schema import open_database
+from support.postgres import Postgres
+from support.waiting import PATIENCE
+
+SCRIPT = Path(__file__).parents[2] / "deploy/containers/postgres/nena.sh"
+
+pytestmark = pytest.mark.postgres
+
+
+@pytest.fixture(scope="module")
+def made() -> Iterator[Postgres]:
+    server = Postgres("postgres")
+    environment = {**server.environment, "POSTGRES_USER": "postgres", "POSTGRES_PASSWORD": "it's secret"}
+    done = subprocess.run(
+        ["sh", str(SCRIPT)], env=environment, capture_output=True, text=True, timeout=PATIENCE, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    yield server
+    server.close()
+
+
+def value(url: str, statement: str) -> object:
+    with create_engine(url, poolclass=NullPool, isolation_level="AUTOCOMMIT").connect() as connection:
+        return connection.execute(text(statement)).scalar()
+
+
+def test_the_services_user_is_no_superuser_and_has_its_database(made: Postgres) -> None:
+    rights = "rolsuper OR rolcreaterole OR rolcreatedb OR rolreplication OR rolbypassrls"
+    url = made.url_of("nena", "nena")
+    assert value(url, f"SELECT {rights} FROM pg_roles WHERE rolname = 'nena'") is False  # noqa: S608 - our own
+    for statement in (
+        "COPY (SELECT 1) TO PROGRAM 'id'",
+        "SELECT pg_read_file('/etc/passwd')",
+        "CREATE ROLE another SUPERUSER",
+        "ALTER ROLE nena SUPERUSER",
+    ):
+        with pytest.raises(DBAPIError, match="InsufficientPrivilege"):
+            value(url, statement)
+
+
+def test_both_passwords_are_as_they_should_be(made: Postgres) -> None:
+    password = "SELECT rolpassword LIKE 'SCRAM-SHA-256$%' FROM pg_authid WHERE rolname = '{}'"
+    assert value(made.url, password.format("nena")) is True
+    assert value(made.url, password.format("postgres")) is None, "the superuser has none"
+
+
+def test_the_order_service_makes_its_tables_there(made: Postgres) -> None:
+    open_database(made.url_of("nena", "nena")).dispose()
+    assert value(made.url_of("nena", "nena"), "SELECT count(*) FROM leadership") == 1
