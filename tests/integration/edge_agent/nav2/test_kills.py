@@ -14,7 +14,7 @@ from itertools import count
 from typing import Any
 
 import pytest
-from action_msgs.msg import GoalStatusArray
+from action_msgs.msg import GoalStatus, GoalStatusArray
 
 from nena_shared.vda5050.error import ErrorLevel
 from nena_shared.vda5050.order import Order
@@ -38,6 +38,8 @@ OPTIONS = (
     *("--operations", json.dumps(OPERATIONS), "--interval.visualization", "0.1"),
     *("--drive.strategy", "pass_through", "--drive.external_goals", "fail"),
 )
+SPEED = 0.4
+"""m/s, five times as fast by the simulator's clock: a drive lasts longer than the agent is away."""
 MOST_STATES = 8
 """Of an agent, until it is killed."""
 MOST_MORE = 15
@@ -116,7 +118,7 @@ async def test_an_agent_that_is_killed_again_and_again_does_its_orders(
     """``actions``: whether goals go to Nav2 by its action or by topic."""
     arrays = bench.ros.subscribe(GoalStatusArray, "navigate_to_pose/_action/status", LATCHED)
     chance, witness = random.Random(kills), Witness(bench)
-    with bench.simulator(actions), bench.agent_process(*OPTIONS) as agent:
+    with bench.simulator(actions, drive={"speed": SPEED}), bench.agent_process(*OPTIONS) as agent:
         await bench.fleet.state(ready)
         orders = asyncio.create_task(witness.serve())
         for _ in range(kills):
@@ -134,9 +136,13 @@ async def test_an_agent_that_is_killed_again_and_again_does_its_orders(
         assert {each.action_status.value for each in last.action_states} == {"FINISHED"}
         assert all(each.error_level is ErrorLevel.WARNING for each in last.errors)
     assert turns(bench.places) == len(witness.orders) - 1, "the robot has driven back"
-    given = {bytes(e.goal_info.goal_id.uuid) for a in arrays.messages for e in a.status_list}
-    needed = sum(len(each.nodes) - 1 for each in witness.orders)
-    assert needed <= len(given) <= needed + kills // 2, "goals under way are not taken up again"
+    ends = {bytes(e.goal_info.goal_id.uuid): e.status for a in arrays.messages for e in a.status_list}
+    assert len(ends) >= sum(len(each.nodes) - 1 for each in witness.orders)
+    # One that Nav2 says to have reached may be given again: at a hand-over it says so of a goal undriven, and
+    # the pose of a robot that has arrived comes late to a busy machine. One under way is not replaced but by
+    # the hand-over of each order.
+    broken_off = sum(status != GoalStatus.STATUS_SUCCEEDED for status in ends.values())
+    assert broken_off <= len(witness.orders), "goals under way are not taken up again"
 
 
 def turns(places: Sequence[float]) -> int:
