@@ -139,6 +139,38 @@ def every_other_block(before: bytes, after: bytes) -> bytes:
     )
 
 
+@pytest.mark.parametrize("restarted", [True, False])
+def test_blocks_of_two_records_that_failed_are_not_taken_for_one_record(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, restarted: bool
+) -> None:
+    bench, journal = busy(), Journal(tmp_path, ROBOT)
+    for _ in range(2):
+        record(journal, bench.core.memory())
+    old, before = bench.core.memory(), (tmp_path / FILE).read_bytes()
+
+    def fail(_: int) -> None:
+        raise OSError(errno.EIO, "Input/output error")
+
+    bench.arrive()
+    journal.write(bench.core.memory())
+    with monkeypatch.context() as disk:
+        disk.setattr(os, "fdatasync", fail)
+        with pytest.raises(OSError, match="Input/output"):
+            journal.sync()
+    (tmp_path / FILE).write_bytes(every_other_block(before, (tmp_path / FILE).read_bytes()))
+    if restarted:
+        journal = Journal(tmp_path, ROBOT)
+        assert journal.read() == old
+    first = (tmp_path / FILE).read_bytes()
+    bench.arrive()
+    journal.write(bench.core.memory())
+    new, after = bench.core.memory(), (tmp_path / FILE).read_bytes()
+    assert Journal(tmp_path, ROBOT).read() == new
+
+    (tmp_path / FILE).write_bytes(every_other_block(after, first))
+    assert Journal(tmp_path, ROBOT).read() == old
+
+
 @pytest.mark.parametrize("damage", ["one bit", "a block of zeros", "the first label", "all of it"])
 def test_a_damaged_newest_record_is_not_taken_for_one_whose_writing_was_interrupted(
     tmp_path: Path, damage: str

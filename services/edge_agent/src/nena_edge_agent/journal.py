@@ -72,6 +72,8 @@ class Journal:
         self._file = self._folder / f"{_file_name(robot)}.journal"
         self._number = 0
         """Of the newest record that is on the disk."""
+        self._begun = 0
+        """The highest number that blocks in the file may have, also of a record that failed."""
         self._made = False
 
     def read(self) -> Memory | None:
@@ -93,7 +95,9 @@ class Journal:
     def _read(self) -> Memory:
         remedy = f"remove {self._file} and start the agent again"
         try:
-            self._number, record = _newest(self._file.read_bytes())
+            content = self._file.read_bytes()
+            self._number, record = _newest(content)
+            self._begun = max(self._number, _highest(content))
             found = {"format": FORMAT} | json.loads(record)
             if found["format"] == FORMAT:
                 return Memory.model_validate_json(json.dumps(found))
@@ -116,9 +120,10 @@ class Journal:
 
         """
         record = memory.model_dump_json(exclude_defaults=True).encode()
-        if not self._overwrite(self._number + 1, record):
-            self._make_file(self._number + 1, record)
-            self._made = True
+        self._begun = number = self._next()
+        if not self._overwrite(number, record):
+            self._make_file(number, record)
+            self._number, self._made = number, True
 
     def sync(self) -> None:
         """Wait until the disk has the record that was written last.
@@ -132,7 +137,15 @@ class Journal:
         if self._made:
             sync_folder(self._folder)
             self._made = False
-        self._number += 1
+        self._number = self._begun
+
+    def _next(self) -> int:
+        """Return a number that no block has, and whose half is not that of the newest record.
+
+        After a record that failed, blocks of it and of the next one would else look like one record.
+        """
+        free = self._begun + 1
+        return free if (free - self._number) % 2 else free + 1
 
     def _overwrite(self, number: int, record: bytes) -> bool:
         """Write over the older record; return whether there is a file with room for it."""
@@ -226,6 +239,13 @@ def _number(block: bytes, count: int) -> int | None:
     body = block[CHECKSUM:]
     fits = len(block) == BLOCK and block[:CHECKSUM] == b"%08x " % crc32(body, count)
     return int(body[: LABEL - CHECKSUM]) if fits else None
+
+
+def _highest(content: bytes) -> int:
+    """Return the highest number of a block that is whole, be it of an interrupted record."""
+    half = len(content) // 2
+    numbers = (*_numbers(content[:half]), *_numbers(content[half:]))
+    return max((number for number in numbers if number), default=0)
 
 
 def _read(half: bytes) -> tuple[int, bytes] | None:
