@@ -1,10 +1,11 @@
 from __future__ import annotations
 
+import asyncio
 import sys
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import pytest
 
@@ -18,6 +19,7 @@ from nena_edge_agent.nav2.speed_limit import SpeedLimiter
 from nena_shared.clock import ManualClock
 from nena_shared.program import StartError
 from support.pausing import turn_passes
+from support.waiting import until
 
 READING = PoseReading(1.0, 2.0, 0.5, "map", 1, 0.01, 0.01, 0.01)
 
@@ -83,3 +85,85 @@ async def test_a_place_of_the_map_before_does_not_count_after_a_restart(
     assert [each.localized for each in poses] == [False]
     assert "its position there is not set" in poses[0].problem
     assert mark.exists()
+
+
+class Station:
+    """A map_server that answers when it is let, and a robot that notes the goals that it is given."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.let_answer = asyncio.Event()
+        self.asked: list[str] = []
+        self.goals: list[MapPose] = []
+        monkeypatch.setattr(MapServer, "_load_in_turn", self._load)
+        self.server = MapServer(RosSettings(), "hall")
+
+    async def _load(self, file: str) -> None:
+        self.asked.append(file)
+        await self.let_answer.wait()
+
+    def publish_goal(self, pose: MapPose) -> None:
+        self.goals.append(pose)
+
+
+def available(driver: Nav2Driver) -> None:
+    """Let a look find Nav2 there."""
+    driver._on_navigation(
+        frozenset({"navigator"}), driver._with_map(NavigationReport(available=True, reason=""))
+    )
+
+
+async def test_an_order_that_starts_while_a_map_is_being_enabled_drives_to_nothing_on_the_map_before(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    station, told = Station(monkeypatch), list[MapDriverEvent]()
+    async with started(monkeypatch, told, Nav2Options(map_server=station.server)) as driver:
+        monkeypatch.setattr(driver, "_node", station)
+        driver._on_statuses([])
+        available(driver)
+        enabling = asyncio.create_task(station.server.use("attic", "attic.yaml"))
+        await turn_passes()
+        driver.go_to(MapGoal(1, MapPose(1.0, 0.0, 0.0, "hall"), 0.3, None))
+        available(driver)
+        station.let_answer.set()
+        await enabling
+        available(driver)
+        await turn_passes()
+        assert station.goals == []
+        monkeypatch.setattr(driver, "_node", None)
+    reports = [each for each in told if isinstance(each, NavigationReport)]
+    assert [each.available for each in reports] == [False, True, False, True], "the core gives its goal again"
+    assert reports[2].reason == "map_server loads the map 'attic'"
+
+
+async def test_a_plugins_drive_that_waits_while_another_map_is_enabled_is_answered(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    station, told = Station(monkeypatch), list[MapDriverEvent]()
+    station.let_answer.set()
+    async with started(monkeypatch, told, Nav2Options(map_server=station.server)) as driver:
+        driver.go_to(MapGoal(-1, MapPose(1.0, 0.0, 0.0, "hall"), 0.3, None))
+        await station.server.use("attic", "attic.yaml")
+        await turn_passes()
+    (failed,) = (each for each in told if isinstance(each, DriveFailed))
+    assert (failed.generation, failed.failure) == (-1, DriveFailure.NOT_TAKEN_UP)
+
+
+async def test_a_map_server_that_is_there_again_is_told_its_map_beside_the_look(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    station = Station(monkeypatch)
+    server = station.server
+    server.expect("attic", "attic.yaml")
+    monkeypatch.setattr(server, "_session", object())
+    monkeypatch.setattr(server, "_node", SimpleNamespace(get_publishers_info_by_topic=lambda _: []))
+    monkeypatch.setattr(server, "_load", SimpleNamespace(service_is_ready=lambda: True), raising=False)
+    async with started(monkeypatch, [], Nav2Options(map_server=server)) as driver:
+        reasons = []
+        for _ in range(3):
+            reasons.append(driver._with_map(NavigationReport(available=True, reason="")).reason)
+            await turn_passes()
+        assert all("attic" in each for each in reasons), "it has not answered yet"
+        assert station.asked == ["attic.yaml"]
+        station.let_answer.set()
+        await until(lambda: not server.problem, what="the map")
+        assert driver._with_map(NavigationReport(available=True, reason="")).available

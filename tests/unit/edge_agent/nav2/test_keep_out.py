@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import asyncio
+import threading
+from collections.abc import Sequence
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from nena_edge_agent.driver.map_port import MapArea
 from nena_edge_agent.nav2 import keep_out
-from nena_edge_agent.nav2.keep_out import CLOSED, NOTHING, Mask, mask_of
+from nena_edge_agent.nav2.keep_out import CLOSED, NOTHING, KeepOutMask, Mask, mask_of
+from nena_edge_agent.nav2.settings import RosSettings
+from support.waiting import PATIENCE
 
 SQUARE = ((1.0, 1.0), (3.0, 1.0), (3.0, 2.0), (1.0, 2.0))
 
@@ -61,3 +68,21 @@ def test_each_place_inside_is_closed(along: float, up: float, resolution: float)
     mask = mask_of([SQUARE], resolution)
     assert len(mask.cells) == mask.width * mask.height
     assert closed(mask, 1.0 + 2.0 * along, 1.0 + up)
+
+
+async def test_a_mask_is_drawn_beside_the_event_loop_and_one_that_is_replaced_is_not_shown(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    let_draw = threading.Event()
+
+    def draw(polygons: Sequence[object], _: float) -> Mask:
+        assert let_draw.wait(PATIENCE), "the event loop waits for the mask"
+        return NOTHING if not polygons else Mask(0.0, 0.0, 1.0, 1, 1, b"d")
+
+    monkeypatch.setattr(keep_out, "mask_of", draw)
+    mask = KeepOutMask(RosSettings())
+    first = asyncio.create_task(mask.show([MapArea("hall", SQUARE)], "hall"))
+    second = asyncio.create_task(mask.show([], "hall"))
+    asyncio.get_running_loop().call_soon(let_draw.set)
+    await asyncio.gather(first, second)
+    assert mask._mask is NOTHING

@@ -235,7 +235,8 @@ class Nav2Driver:
         """Make Nav2 plan around areas; called only if it accepts a mask."""
         self._areas = areas
         if self._keep_out is not None:
-            self._keep_out.show(areas, self._map_id)
+            shown = self._keep_out.show(areas, self._map_id)
+            self._tasks.start("draw the keep-out mask", shown, vital=False)
 
     def initialize_position(self, pose: MapPose) -> None:
         """Set the robot's pose in the localisation.
@@ -250,11 +251,26 @@ class Nav2Driver:
 
     @property
     def drives(self) -> bool:
-        """Whether a goal of ours is under way."""
-        return self._tracker.driving
+        """Whether a goal of ours is under way, or may be."""
+        return self._tracker.may_drive
+
+    def await_map(self, reason: str) -> None:
+        """Give no goal before Nav2 has the map that is being loaded; :meth:`_watch` finds it there."""
+        report = NavigationReport(available=False, reason=reason)
+        self._apply(self._tracker.on_navigation(report, self._clock.monotonic()))
+        self._tell_navigation(report)
 
     def use_map(self, map_id: str) -> None:
-        """Work on another map: where the robot is on it, an initial position has to tell."""
+        """Work on another map: where the robot is on it, an initial position has to tell.
+
+        A goal that waits lies on the map before. The order's is made again once navigation is back.
+        """
+        waiting = self._tracker.wanted
+        if waiting is not None:
+            self._apply(self._tracker.drop(self._clock.monotonic()))
+            if waiting.generation < 0:  # a plug-in's drive, which is not given again
+                text = f"the map '{map_id}' was enabled before the drive began"
+                self._tell(DriveFailed(waiting.generation, DriveFailure.NOT_TAKEN_UP, text))
         report = self._localisation.report()
         self._map_id, self._unplaced = map_id, True
         self._forget_place()
@@ -361,7 +377,7 @@ class Nav2Driver:
                     pose_known=self._localisation.known,
                     seconds=self._clock.monotonic() - self._looking_since,
                 )
-                report = await self._with_map(self._with_limits(report))
+                report = self._with_map(self._with_limits(report))
                 await self._read_limits(report)
                 self._on_navigation(seen.servers, report)
                 self._watch_localiser(seen)
@@ -385,11 +401,12 @@ class Nav2Driver:
             return report
         return NavigationReport(available=False, reason=self._too_fast)
 
-    async def _with_map(self, report: NavigationReport) -> NavigationReport:
+    def _with_map(self, report: NavigationReport) -> NavigationReport:
         """Wait for Nav2 to have the map that is enabled."""
         if self._map_server is None:
             return report
-        await self._map_server.look()
+        if self._map_server.look():
+            self._tasks.start("load the map", self._map_server.load_again(), vital=False)
         if not report.available or not self._map_server.problem:
             return report
         return NavigationReport(available=False, reason=self._map_server.problem)

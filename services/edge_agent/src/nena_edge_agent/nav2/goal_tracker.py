@@ -165,6 +165,18 @@ class GoalTracker:
         drive = self._drive
         return drive is not None and drive.goal_id is not None and drive.reached_at is None
 
+    @property
+    def wanted(self) -> MapGoal | None:
+        """The goal that is driven or waits to be."""
+        return self._drive.goal if self._drive is not None else None
+
+    @property
+    def may_drive(self) -> bool:
+        """Whether Nav2 drives for us, or may yet take up a goal that was given."""
+        drive = self._drive
+        given = drive is not None and drive.reached_at is None and drive.tries > 0
+        return given or bool(self._registry.live)
+
     def wants(self, place: tuple[float, float]) -> bool:
         """Return whether a plan that ends at ``place`` (m) is for the goal that is wanted."""
         drive = self._drive

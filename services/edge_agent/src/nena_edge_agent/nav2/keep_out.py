@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import array
+import asyncio
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -94,6 +95,8 @@ class KeepOutMask:
     def __init__(self, settings: RosSettings) -> None:
         self._settings = settings
         self._mask: Mask | None = None
+        self._wanted: list[tuple[Point, ...]] = []
+        """What the newest mask is made of, or is to be."""
         self._session: RosSession | None = None
         self._info: Any = None
 
@@ -115,12 +118,20 @@ class KeepOutMask:
         if self._mask is not None:
             self._publish(self._mask)
 
-    def show(self, areas: Iterable[MapArea], map_id: str) -> None:
-        """Keep out of the areas of one map, and of nothing else."""
+    async def show(self, areas: Iterable[MapArea], map_id: str) -> None:
+        """Keep out of the areas of one map, and of nothing else.
+
+        A thread draws them: a large mask takes a tenth of a second. One that others replace meanwhile is
+        not shown.
+        """
         polygons = [each.points for each in areas if each.map_id == map_id]
-        if not polygons and self._mask is None:
+        if not polygons and self._mask is None and not self._wanted:
             return
-        self._mask = mask_of(polygons, self._settings.nav2.mask_resolution)
+        self._wanted = polygons
+        mask = await asyncio.to_thread(mask_of, polygons, self._settings.nav2.mask_resolution)
+        if polygons is not self._wanted:
+            return
+        self._mask = mask
         log.info("keep-out mask", areas=len(polygons), width=self._mask.width, height=self._mask.height)
         if self._session is not None and self._session.state is SessionState.ACTIVE:
             self._publish(self._mask)

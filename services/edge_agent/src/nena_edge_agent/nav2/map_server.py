@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from typing import TYPE_CHECKING, Any, Protocol
 
 from nena_edge_agent.nav2.offers import CLEAR_COSTMAP, LOAD_MAP, interface
@@ -34,7 +35,11 @@ class MapUser(Protocol):
 
     @property
     def drives(self) -> bool:
-        """Whether the robot drives on it now."""
+        """Whether the robot drives on it now, or has a goal that it may take up."""
+        ...
+
+    def await_map(self, reason: str) -> None:
+        """Take no goal up until Nav2 has the map that is being loaded."""
         ...
 
     def use_map(self, map_id: str) -> None:
@@ -55,10 +60,14 @@ class MapServer:
         self._own_file = ""
         self._publishers: frozenset[bytes] = frozenset()
         self._problem = ""
+        self._change = ""
+        """What is awaited while another map is being enabled."""
         self._user: MapUser | None = None
         self._mark: Path | None = None
         self._session: RosSession | None = None
         self._node: Any = None
+        self._turn = asyncio.Lock()
+        """Held while map_server is told to load a map: it takes one at a time."""
 
     def attach(self, user: MapUser) -> None:
         """Notify a driver of each change from now on."""
@@ -79,7 +88,7 @@ class MapServer:
     @property
     def problem(self) -> str:
         """Why Nav2 does not have the map that it should; empty: it has."""
-        return self._problem
+        return self._change or self._problem
 
     def expect(self, map_id: str, file: str) -> None:
         """Note which map was enabled in an earlier run of the program."""
@@ -115,36 +124,56 @@ class MapServer:
         if self._user is not None and self._user.drives:
             message = "the robot drives: enable the map while it stands"
             raise MapNotLoadedError(message)
+        self._change = f"map_server loads the map '{map_id}'"
         before, self.map_id = self.map_id, map_id
         try:
+            if self._user is not None:
+                self._user.await_map(self._change)
             await self._loaded(file)
         except MapNotLoadedError:
             self.map_id = before
             raise
+        finally:
+            self._change = ""
         self._file, self._problem = file, ""
         if self._user is not None and map_id != before:
             self._user.use_map(map_id)
 
-    async def look(self) -> None:
-        """Load the map into a map_server that has appeared since the last look, and has its own."""
+    def look(self) -> bool:
+        """Return whether :meth:`load_again` is due: a map_server has appeared, and has its own map.
+
+        While a map is being loaded nothing is due.
+        """
+        if self._turn.locked():
+            return False
         if self._session is None or not self._load.service_is_ready():
             self._publishers = frozenset()
-            return
+            return False
         found = self._node.get_publishers_info_by_topic(self._settings.names.map)
         publishers = frozenset(bytes(each.endpoint_gid) for each in found)
-        appeared = bool(publishers - self._publishers)
-        if not (appeared or self._problem) or not self._file:
-            self._publishers = publishers
-            return
+        appeared, self._publishers = bool(publishers - self._publishers), publishers
+        if not self._file or not (appeared or self._problem):
+            return False
+        self._problem = self._problem or f"map_server loads the map '{self.map_id}'"
+        return True
+
+    async def load_again(self) -> None:
+        """Load the map that is enabled; where that fails, it is due again at the next look."""
+        file = self._file
         try:
-            await self._loaded(self._file)
+            await self._loaded(file)
         except MapNotLoadedError as error:
             self._problem = str(error)
-            return
-        self._publishers, self._problem = publishers, ""
+        else:
+            if file == self._file:
+                self._problem = ""
 
     async def _loaded(self, file: str) -> None:
         """Make map_server load a file, and clear the costmaps of the map before."""
+        async with self._turn:
+            await self._load_in_turn(file)
+
+    async def _load_in_turn(self, file: str) -> None:
         session = self._session
         if session is None:
             message = "the robot's ROS session is not active"
