@@ -11,8 +11,8 @@ from sqlalchemy import Engine, text
 
 from nena_demo.plants import sample_plant_path
 from nena_order_service.app import serve
-from nena_order_service.plant_change import KIND, StoredPlant
 from nena_order_service.plant_file import load_plant
+from nena_order_service.service import PLANT_MODEL, StoredPlant
 from nena_order_service.store.changes import Changes
 from nena_order_service.store.database import write
 from nena_order_service.store.leadership import Fence
@@ -39,7 +39,7 @@ def full(fleet: Fleet, postgres: Postgres) -> Engine:
     engine = open_database(postgres.url)
     stored = StoredPlant(file="another", model=load_plant(sample_plant_path()).model.to_json())
     changes = Changes()
-    changes.documents[KIND, ""] = stored.model_dump_json(exclude_defaults=True)
+    changes.documents[PLANT_MODEL, ""] = stored.model_dump_json(exclude_defaults=True)
     write(engine, changes)
     told(engine, *FULL)
     return engine

@@ -6,9 +6,8 @@ import pytest
 
 from nena_demo.plants import sample_plant_path
 from nena_order_service.errors import InvalidPlantError, PlantInUseError, StoreNotReadyError
-from nena_order_service.plant_change import CHANGING, ServiceRunner
 from nena_order_service.plant_file import PlantFile, load_plant
-from nena_order_service.service import OrderService, build
+from nena_order_service.service import CHANGING, ServiceRunner, build
 from nena_order_service.settings import OrderServiceSettings
 from nena_order_service.store.schema import open_database
 from nena_order_service.store.store import Store
@@ -31,7 +30,7 @@ def without(point: str) -> PlantModel:
 
 def runner_of(
     settings: OrderServiceSettings, store: Store, supervisor: Supervisor, file: PlantFile = FILE
-) -> ServiceRunner[OrderService]:
+) -> ServiceRunner:
     return ServiceRunner(file, store, supervisor, make=lambda model: build(settings, model, store))
 
 

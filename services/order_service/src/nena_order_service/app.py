@@ -8,9 +8,8 @@ from typing import Any
 
 from nena_order_service.api.server import RestServer, make_standby_app, make_starting_app
 from nena_order_service.fleet.leader import LeaderElection
-from nena_order_service.plant_change import ServiceRunner
 from nena_order_service.plant_file import PlantFile, load_plant
-from nena_order_service.service import OrderService, build
+from nena_order_service.service import OrderService, ServiceRunner, build
 from nena_order_service.settings import OrderServiceSettings
 from nena_order_service.store.instance_lock import InstanceLock
 from nena_order_service.store.lead import Lead
@@ -122,7 +121,7 @@ async def _serve_shared(settings: OrderServiceSettings, plant: PlantFile, stop: 
 
 
 async def _begin_and_serve(
-    runner: ServiceRunner[OrderService],
+    runner: ServiceRunner,
     store: Store,
     server: RestServer,
     supervisor: Supervisor,
@@ -159,7 +158,7 @@ def _runner(
     election: LeaderElection,
     term: Term = always,
     answers: Mapping[int, int],
-) -> ServiceRunner[OrderService]:
+) -> ServiceRunner:
     def make(model: PlantModel) -> OrderService:
         return build(
             settings,

@@ -1,4 +1,4 @@
-"""The order service as a whole: what it consists of, and how it is put together."""
+"""The order service as a whole: its parts, how they are put together, and again for another plant model."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from secrets import token_hex
+from typing import Any
 
 from fastapi import FastAPI
+from pydantic import BaseModel, ConfigDict, ValidationError
 from starlette.types import ASGIApp
 
 from nena_order_service.api import opentcs
@@ -17,31 +19,45 @@ from nena_order_service.api.events import EventStream
 from nena_order_service.api.host_requests import HostRequests, HostServices, SequenceRequests
 from nena_order_service.api.mqtt import MqttApi, MqttLimits
 from nena_order_service.api.operations import HostOperations
-from nena_order_service.api.rest import Service, make_app
+from nena_order_service.api.rest import ChangePlant, Service, make_app
 from nena_order_service.api.statuses import Heartbeat, RetainedSweep, StatusPublisher
 from nena_order_service.engine.context import Context
 from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.path_locks import PathLocks
+from nena_order_service.engine.plant_change import conflicts
 from nena_order_service.engine.zone_sets import ZoneSets
+from nena_order_service.errors import InvalidPlantError, PlantInUseError, StoreNotReadyError
 from nena_order_service.fleet.link import FleetLink, RobotAddresses
 from nena_order_service.fleet.vda_order import OperationMap
 from nena_order_service.metrics import SECTIONS, Monitored
 from nena_order_service.orders.vda_orders import OrderPlanner
-from nena_order_service.plant_change import ChangePlant
+from nena_order_service.plant_file import PlantFile
 from nena_order_service.routing.graph import evaluators
 from nena_order_service.routing.order_routes import RouteFinder
 from nena_order_service.routing.router import Router
 from nena_order_service.settings import OrderServiceSettings
+from nena_order_service.store.changes import Changes
 from nena_order_service.store.store import Store
 from nena_order_service.vehicles.registry import VehicleRegistry
 from nena_shared.clock import Clock, SystemClock
 from nena_shared.fleet_api.requests import Readiness
 from nena_shared.fleet_api.topics import FleetTopics
+from nena_shared.log import get_logger
 from nena_shared.loop_lag import LoopLag
 from nena_shared.metrics import Exposition
 from nena_shared.mqtt import LinkHooks, MqttLink, Term, always
 from nena_shared.plant import PlantModel
+from nena_shared.settings import ConfigurationError
+from nena_shared.tasks import Supervisor, end
 from nena_shared.vda5050.topics import TopicScheme
+
+log = get_logger(__name__)
+
+PLANT_MODEL = "plantModel"
+"""The kind of the plant model among the documents of the store."""
+CHANGING = "the plant model is being changed; ask again in a moment"
+CHANGE_TIMEOUT = 20.0
+"""Seconds that a host waits for its change; after them it may still succeed."""
 
 
 @dataclass(slots=True)
@@ -239,3 +255,152 @@ def make_engine(settings: OrderServiceSettings, plant: PlantModel, store: Store,
     )
     context = Context(planner, registry, settings.kernel, clock, on_failure=settings.orders.on_failure)
     return Engine(context, store)
+
+
+class StoredPlant(BaseModel):
+    """A plant model that a host has put here in place of that of the file."""
+
+    model_config = ConfigDict(frozen=True)
+
+    file: str
+    """The digest of the file in place of which it counts."""
+    model: str
+
+
+@dataclass(slots=True)
+class _RequestedChange:
+    model: PlantModel
+    done: asyncio.Future[None]
+    check_only: bool
+
+
+class ServiceRunner:
+    """Runs an order service with the plant model of the file, or with one that a host has put in its place.
+
+    A host's model counts until the file changes. A change is checked and committed between two units of
+    work; then the service is built again over the same store, as after a restart: robots continue what
+    they have, and orders continue where they are.
+    """
+
+    def __init__(
+        self,
+        file: PlantFile,
+        store: Store,
+        supervisor: Supervisor,
+        *,
+        make: Callable[[PlantModel], OrderService],
+    ) -> None:
+        """Run the service that ``make`` builds for the model of ``file``, or for what replaces it."""
+        self.show: Callable[[ASGIApp], None] = lambda _: None
+        """Receives the REST application each time it is built."""
+        self.service: OrderService
+        self._file = file
+        self._store = store
+        self._supervisor = supervisor
+        self._make = make
+        self._tasks: list[asyncio.Task[None]] = []
+        self._asked: asyncio.Queue[_RequestedChange] = asyncio.Queue(maxsize=1)
+
+    async def begin(self) -> None:
+        """Start all tasks of the service.
+
+        Raises:
+            ConfigurationError: the plant model names an unsupported version.
+
+        """
+        self._supervisor.start("store", self._store.run())
+        self.service = self._make(await self._present())
+        await self.service.begin(self._start)
+        self._supervisor.start("plant model", self._change_when_asked())
+
+    async def change_plant(self, model: PlantModel, *, check_only: bool = False) -> None:
+        """Use another plant model, or only check whether that is possible.
+
+        Raises:
+            InvalidPlantError: this service cannot use it.
+            PlantInUseError: orders or vehicles use what it does not have.
+            StoreNotReadyError: it cannot be kept, or another change is under way.
+
+        """
+        asked = _RequestedChange(model, asyncio.get_running_loop().create_future(), check_only)
+        try:
+            self._asked.put_nowait(asked)
+            async with asyncio.timeout(CHANGE_TIMEOUT):
+                await asked.done
+        except (asyncio.QueueFull, TimeoutError):
+            raise StoreNotReadyError(CHANGING) from None
+
+    async def _change_when_asked(self) -> None:
+        while True:
+            asked = await self._asked.get()
+            try:
+                await self._change(asked)
+            except (InvalidPlantError, PlantInUseError, StoreNotReadyError) as error:
+                if not asked.done.done():
+                    asked.done.set_exception(error)
+            else:
+                if not asked.done.done():
+                    asked.done.set_result(None)
+
+    async def _change(self, asked: _RequestedChange) -> None:
+        try:
+            service = await asyncio.to_thread(self._make, asked.model)
+        except ConfigurationError as error:
+            raise InvalidPlantError(error.problems) from error
+        old = self.service
+        if problems := conflicts(old.engine, asked.model, service.engine.registry):
+            raise PlantInUseError(problems)
+        if not self._store.ready:
+            raise StoreNotReadyError(self._store.why_not_ready)
+        if asked.check_only:
+            return
+        old.engine.close(CHANGING)  # from here to the check above nothing else has run
+        await self._end(old)
+        await self._keep(asked.model)
+        self.service = service
+        try:
+            await service.begin(self._start)
+        except StoreNotReadyError as error:  # no answer to a host: nothing runs any more, so the program ends
+            message = "the plant was changed and cannot be taken up: the store takes nothing"
+            raise RuntimeError(message) from error
+        self.show(service.app)
+        log.info("plant model changed", name=asked.model.name, points=len(asked.model.points))
+
+    async def _end(self, service: OrderService) -> None:
+        tasks, self._tasks = self._tasks, []
+        await end(*tasks)
+        await service.end()
+
+    async def _keep(self, model: PlantModel) -> None:
+        """Commit the model, however long the store takes."""
+        stored = StoredPlant(file=self._file.digest, model=model.to_json())
+        await self._commit(stored.model_dump_json())
+
+    async def _commit(self, document: str | None) -> None:
+        changes = Changes()
+        changes.documents[PLANT_MODEL, ""] = document
+        done = asyncio.Event()
+        self._store.commit(changes, done.set)
+        await done.wait()
+
+    async def _present(self) -> PlantModel:
+        """Return the model that a host has put here, unless the file has changed since."""
+        document = (await self._store.documents(PLANT_MODEL)).get("")
+        if document is None:
+            return self._file.model
+        try:
+            stored = StoredPlant.model_validate_json(document)
+            model = PlantModel.from_json(stored.model)
+        except ValidationError:
+            log.exception("the plant model in the store cannot be read; that of the file is taken")
+            return self._file.model
+        if stored.file != self._file.digest:
+            log.warning("the file of the plant model has changed: it counts, and what a host had put is gone")
+            await self._commit(None)
+            return self._file.model
+        return model
+
+    def _start(self, name: str, work: Any, *, vital: bool = True) -> asyncio.Task[None]:  # noqa: ANN401 - a coroutine
+        task = self._supervisor.start(name, work, vital=vital)
+        self._tasks.append(task)
+        return task

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import re
-from collections.abc import AsyncGenerator, Callable, Iterable, Iterator, Mapping
+from collections.abc import AsyncGenerator, Awaitable, Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from http import HTTPStatus
 from inspect import Parameter, Signature
@@ -26,7 +26,6 @@ from nena_order_service.api.encoding import encode
 from nena_order_service.api.events import EventKind, EventStream, Interest
 from nena_order_service.api.host_requests import ETag
 from nena_order_service.api.operations import Call, Handler, HostOperations, Reply
-from nena_order_service.plant_change import ChangePlant
 from nena_order_service.plant_file import read_plant
 from nena_shared.fleet_api.base import ObjectName, Role
 from nena_shared.fleet_api.operations import (
@@ -44,6 +43,10 @@ from nena_shared.web.metrics import METRICS, metrics_response
 from nena_shared.web.problem import describe_problems, problem_response, refusal
 from nena_shared.web.server_sent_events import HEADERS
 from nena_shared.web.settings import HttpSettings
+
+ChangePlant = Callable[..., Awaitable[None]]
+"""As :meth:`ServiceRunner.change_plant`."""
+
 
 OPEN = frozenset({"/healthz", "/readyz"})
 READING = frozenset({"GET", "HEAD", "OPTIONS"})

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from nena_order_service.engine.engine import Engine
-from nena_order_service.plant_change import conflicts
+from nena_order_service.engine.plant_change import conflicts
 from nena_order_service.vehicles.registry import VehicleRegistry
 from nena_shared.plant import PlantModel, Vehicle
 from nena_shared.plant.model import Block, BlockType

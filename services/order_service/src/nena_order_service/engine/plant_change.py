@@ -1,0 +1,130 @@
+"""Conflicts of present orders and vehicles with a new plant model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from nena_order_service.engine.engine import Engine
+from nena_order_service.orders.order_sequence import OrderSequence
+from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.orders.validation import InvalidRequestError, check_order
+from nena_order_service.traffic.resources import ResourceSet
+from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry
+from nena_shared.plant import PlantModel
+from nena_shared.plant.model import BlockType
+
+PROBLEMS_NAMED = 100
+"""Maximum number of conflicts that an answer lists."""
+
+
+def conflicts(engine: Engine, new: PlantModel, registry: VehicleRegistry) -> tuple[str, ...]:
+    """Return what of the present orders and vehicles conflicts with the plant model ``new``.
+
+    ``registry`` is that of the new plant. Orders must find their destinations, and vehicles what they hold
+    and have claimed, unchanged: robots drive on as they were sent, and other vehicles keep off.
+    """
+    found = [
+        *_of_orders(engine.state.orders.present(), new, registry),
+        *_of_sequences(engine.state.sequences.unfinished(), registry),
+        *_of_vehicles(engine, new, registry),
+    ]
+    more = len(found) - PROBLEMS_NAMED
+    return (*found[:PROBLEMS_NAMED], f"and {more} more") if more > 0 else tuple(found)
+
+
+def _of_orders(orders: Iterable[TransportOrder], new: PlantModel, registry: VehicleRegistry) -> Iterator[str]:
+    names = registry.names()
+    for order in orders:
+        left = order.status.drive_orders[max(order.status.current_drive_order_index, 0) :]
+        try:
+            check_order(order.status.model_copy(update={"drive_orders": left}), new)
+        except InvalidRequestError as error:
+            yield from (f"transport order {order.name!r}: {each.text}" for each in error.findings)
+        intended = order.status.intended_vehicle
+        if intended is not None and intended not in names:
+            yield f"transport order {order.name!r} is for vehicle {intended!r}, which there would not be"
+
+
+def _of_sequences(sequences: Iterable[OrderSequence], registry: VehicleRegistry) -> Iterator[str]:
+    names = registry.names()
+    for each in sequences:
+        vehicle = each.bound_vehicle or each.status.intended_vehicle
+        if vehicle is not None and vehicle not in names:
+            yield f"order sequence {each.name!r} is for vehicle {vehicle!r}, which there would not be"
+
+
+def _of_vehicles(engine: Engine, new: PlantModel, registry: VehicleRegistry) -> Iterator[str]:
+    differences = _Differences(engine.plant, new)
+    for vehicle in engine.registry:
+        journey = engine.traffic.journey(vehicle.name)
+        if engine.works(vehicle) or journey:
+            yield from _of_robot(vehicle, registry)
+        ahead = journey.way[journey.allocated :] if journey else ()
+        for place in (*engine.traffic.held(vehicle.name), *ahead):
+            for problem in differences.of(place, under_way=journey is not None):
+                yield f"vehicle {vehicle.name!r} uses {problem}"
+
+
+def _of_robot(vehicle: FleetVehicle, registry: VehicleRegistry) -> Iterator[str]:
+    """Yield why a vehicle that works would not be the same one."""
+    if vehicle.model is None:
+        after, taken = registry.of(vehicle.key), registry.named(vehicle.name)
+        if (after and after.name != vehicle.name) or (taken and taken.key != vehicle.key):
+            yield f"vehicle {vehicle.name!r} works, and would have another name"
+        return
+    after = registry.named(vehicle.name)
+    if after is None or after.model is None:
+        yield f"vehicle {vehicle.name!r} works, and would be gone"
+    elif after.key != vehicle.key or after.profile.map_id != vehicle.profile.map_id:
+        yield f"vehicle {vehicle.name!r} works, and would be another robot or on another map"
+
+
+class _Differences:
+    """Compares what single resources are in two plants."""
+
+    def __init__(self, old: PlantModel, new: PlantModel) -> None:
+        self._old = old
+        self._new = new
+        self._old_blocks, self._new_blocks = _blocks(old), _blocks(new)
+
+    def of(self, place: ResourceSet, *, under_way: bool) -> Iterator[str]:
+        """Yield what of a place would be gone or different; of who is ``under_way`` also where it is."""
+        for name in dict.fromkeys((place.point, *place.uses)):
+            if name in self._old.blocks_by_name:
+                continue
+            if self._lacks(name):
+                yield f"{name!r}, which would be gone"
+            elif self._old_blocks.get(name) != self._new_blocks.get(name):
+                yield f"{name!r}, which would be in other blocks"
+            elif under_way and self._differs(name):
+                yield f"{name!r}, which would be elsewhere"
+
+    def _lacks(self, name: str) -> bool:
+        kinds = (
+            (self._old.points_by_name, self._new.points_by_name),
+            (self._old.paths_by_name, self._new.paths_by_name),
+            (self._old.locations_by_name, self._new.locations_by_name),
+        )
+        return any(name in old and name not in new for old, new in kinds)
+
+    def _differs(self, name: str) -> bool:
+        before, after = self._old.points_by_name.get(name), self._new.points_by_name.get(name)
+        if before and after:
+            return (before.x_mm, before.y_mm, before.map_id) != (after.x_mm, after.y_mm, after.map_id)
+        path, changed = self._old.paths_by_name.get(name), self._new.paths_by_name.get(name)
+        if path and changed:
+            return (path.source, path.destination, path.length_mm) != (
+                changed.source,
+                changed.destination,
+                changed.length_mm,
+            )
+        return False
+
+
+def _blocks(plant: PlantModel) -> dict[str, set[tuple[str, BlockType]]]:
+    """Return the blocks that each resource is in."""
+    found: dict[str, set[tuple[str, BlockType]]] = {}
+    for block in plant.blocks:
+        for member in block.members:
+            found.setdefault(member, set()).add((block.name, block.type))
+    return found
