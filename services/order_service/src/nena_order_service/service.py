@@ -17,6 +17,7 @@ from nena_order_service.api import opentcs
 from nena_order_service.api.asyncapi import document
 from nena_order_service.api.events import EventStream
 from nena_order_service.api.host_requests import HostRequests, HostServices, SequenceRequests
+from nena_order_service.api.metrics import SECTIONS, Monitored
 from nena_order_service.api.mqtt import MqttApi, MqttLimits
 from nena_order_service.api.operations import HostOperations
 from nena_order_service.api.rest import ChangePlant, Service, make_app
@@ -29,7 +30,6 @@ from nena_order_service.engine.zone_sets import ZoneSets
 from nena_order_service.errors import InvalidPlantError, PlantInUseError, StoreNotReadyError
 from nena_order_service.fleet.link import FleetLink, RobotAddresses
 from nena_order_service.fleet.vda_order import OperationMap
-from nena_order_service.metrics import SECTIONS, Monitored
 from nena_order_service.orders.vda_orders import OrderPlanner
 from nena_order_service.plant_file import PlantFile
 from nena_order_service.routing.graph import evaluators

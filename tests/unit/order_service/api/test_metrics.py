@@ -9,9 +9,9 @@ import httpx
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
+from nena_order_service.api.metrics import SECTIONS
 from nena_order_service.api.rest import role_needed, rule_of
 from nena_order_service.api.server import CountedAnswers, make_standby_app, make_starting_app
-from nena_order_service.metrics import SECTIONS
 from nena_order_service.service import OrderService
 from nena_shared.fleet_api.base import Role
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
