@@ -24,7 +24,6 @@ class NameTakenError(RefusedError):
             f"Transport order {name!r} already exists, and a name is used only once. "
             "Choose another name, or set incompleteName to have a suffix added."
         )
-        self.name = name
 
 
 class KeyReusedError(RefusedError):
@@ -37,8 +36,6 @@ class KeyReusedError(RefusedError):
             f"idempotencyKey {key!r} was already used for {name!r} with a different body. "
             "Nothing was created. Use a new key for a new request."
         )
-        self.key = key
-        self.name = name
 
 
 class UnknownOrderError(RefusedError):
@@ -48,7 +45,6 @@ class UnknownOrderError(RefusedError):
 
     def __init__(self, name: str) -> None:
         super().__init__(f"There is no transport order {name!r}. GET /v1/transportOrders lists them.")
-        self.name = name
 
 
 class UnknownVehicleError(RefusedError):
@@ -58,7 +54,6 @@ class UnknownVehicleError(RefusedError):
 
     def __init__(self, name: str) -> None:
         super().__init__(f"There is no vehicle {name!r}. GET /v1/vehicles lists them.")
-        self.name = name
 
 
 class SequenceNameTakenError(RefusedError):
@@ -71,7 +66,6 @@ class SequenceNameTakenError(RefusedError):
             f"Order sequence {name!r} already exists, and a name is used only once. "
             "Choose another name, or set incompleteName to have a suffix added."
         )
-        self.name = name
 
 
 class UnknownSequenceError(RefusedError):
@@ -81,7 +75,6 @@ class UnknownSequenceError(RefusedError):
 
     def __init__(self, name: str) -> None:
         super().__init__(f"There is no order sequence {name!r}. GET /v1/orderSequences lists them.")
-        self.name = name
 
 
 class SequenceRefusesError(RefusedError):
@@ -90,9 +83,7 @@ class SequenceRefusesError(RefusedError):
     refusal = Refusal.SEQUENCE_REFUSES
 
     def __init__(self, name: str, reasons: Iterable[str]) -> None:
-        self.reasons = tuple(reasons)
-        super().__init__(f"Order sequence {name!r} refuses this order: {'; '.join(self.reasons)}.")
-        self.name = name
+        super().__init__(f"Order sequence {name!r} refuses this order: {'; '.join(reasons)}.")
 
 
 class UnknownDependencyError(RefusedError):
@@ -101,9 +92,8 @@ class UnknownDependencyError(RefusedError):
     refusal = Refusal.UNKNOWN_DEPENDENCY
 
     def __init__(self, names: Iterable[str]) -> None:
-        self.names = tuple(names)
         super().__init__(
-            f"There is no transport order {' or '.join(map(repr, self.names))} to depend on. "
+            f"There is no transport order {' or '.join(map(repr, names))} to depend on. "
             "Create the dependencies first."
         )
 
@@ -115,8 +105,6 @@ class OrderEndedError(RefusedError):
 
     def __init__(self, name: str, state: str) -> None:
         super().__init__(f"Transport order {name!r} is {state} already and cannot be changed.")
-        self.name = name
-        self.state = state
 
 
 class OrderWithdrawnError(RefusedError):
@@ -128,7 +116,6 @@ class OrderWithdrawnError(RefusedError):
         super().__init__(
             f"Transport order {name!r} is already withdrawn. It ends when its vehicle has released it."
         )
-        self.name = name
 
 
 class VehicleNotReachedError(RefusedError):
@@ -138,7 +125,6 @@ class VehicleNotReachedError(RefusedError):
 
     def __init__(self, name: str, reason: str) -> None:
         super().__init__(f"Vehicle {name!r} cannot be reached: {reason}. Try again when it is online.")
-        self.name = name
 
 
 class NotReroutableError(RefusedError):
@@ -148,8 +134,6 @@ class NotReroutableError(RefusedError):
 
     def __init__(self, name: str, reason: str) -> None:
         super().__init__(f"Vehicle {name!r} cannot be rerouted: {reason}.")
-        self.name = name
-        self.reason = reason
 
 
 class InvalidPlantError(RefusedError):
@@ -184,7 +168,6 @@ class UnknownZoneSetError(RefusedError):
 
     def __init__(self, name: str) -> None:
         super().__init__(f"There is no zone set {name!r}. GET /v1/zoneSets lists them.")
-        self.name = name
 
 
 class ZoneSetChangedError(RefusedError):
@@ -197,7 +180,6 @@ class ZoneSetChangedError(RefusedError):
             f"A different zone set {name!r} already exists, and a stored zone set never changes. "
             "Choose a new zoneSetId."
         )
-        self.name = name
 
 
 class StoreNotReadyError(RefusedError):
@@ -233,8 +215,6 @@ class VersionChangedError(RefusedError):
             f"{name!r} has changed: it is at version {present}, the request expects {wanted}. "
             "Fetch the latest version and retry."
         )
-        self.name = name
-        self.present = present
 
 
 class UnknownPathError(RefusedError):
@@ -244,4 +224,3 @@ class UnknownPathError(RefusedError):
 
     def __init__(self, name: str) -> None:
         super().__init__(f"There is no path {name!r}. GET /v1/paths lists them.")
-        self.name = name
