@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 
-EXAMPLES = int(os.environ.get("NENA_EXAMPLES", "600"))
+EXAMPLES = int(os.environ.get("NENA_EXAMPLES", "300"))
 """Random histories of the robot's core, over all versions; machines of one part take a share of it."""
 
 MESSAGES = int(os.environ.get("NENA_MESSAGES", "25"))
 """Random messages of each kind in each version."""
 
-PLANTS = int(os.environ.get("NENA_PLANTS", "8"))
+PLANTS = int(os.environ.get("NENA_PLANTS", "6"))
 """Random plants on which a fleet is simulated."""
 
 KERNEL_PLANTS = int(os.environ.get("NENA_KERNEL_PLANTS", "4"))

@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from jsonschema import Draft202012Validator
+from jsonschema_rs import Draft202012Validator, meta
 
 from support.reference import reference_dir
 
@@ -27,7 +27,7 @@ def official_schema(version: str, message: str) -> dict[str, Any]:
 @cache
 def _validator(folder: Path, version: str, message: str) -> Draft202012Validator:
     schema = _corrected(folder, version, message)
-    Draft202012Validator.check_schema(schema)
+    meta.validate(schema)
     return Draft202012Validator(schema)
 
 

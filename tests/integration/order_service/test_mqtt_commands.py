@@ -10,7 +10,7 @@ from typing import Any
 
 import httpx
 import pytest
-from jsonschema import Draft202012Validator
+from jsonschema_rs import Draft202012Validator
 
 from support.broker import MqttPeer
 from support.order_service_fleet import Fleet, listening, order_in, vehicle_idle

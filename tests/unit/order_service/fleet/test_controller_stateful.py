@@ -324,5 +324,5 @@ class Conversation(RuleBasedStateMachine):
         assert self.bench.view().availability.can_take_order, self.bench.view().availability.reason
 
 
-Conversation.TestCase.settings = settings(max_examples=150, stateful_step_count=60, deadline=None)
+Conversation.TestCase.settings = settings(max_examples=75, stateful_step_count=60, deadline=None)
 TestConversation = Conversation.TestCase

@@ -312,7 +312,7 @@ def test_a_factsheet_that_comes_late_leaves_the_base_as_it_was_sent() -> None:
     assert bench.told(VdaOrderFailed) == []
 
 
-@settings(max_examples=200)
+@settings(max_examples=100)
 @given(st.data())
 def test_over_a_bad_wire_every_node_is_driven_once_and_the_vda_order_ends(data: st.DataObject) -> None:
     bench = Bench().online()

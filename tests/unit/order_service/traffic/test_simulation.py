@@ -11,7 +11,7 @@ from support.traffic.random_plant import random_plant
 from support.traffic.simulation import Simulation
 
 ORDERS = 50
-ROBOTS = (2, 3, 5, 8, 12, 20, 40, 60)
+ROBOTS = (2, 3, 5, 8, 12, 40, 20, 60)
 LENGTHS_MM = (0, 800, 1500)
 
 
