@@ -81,7 +81,7 @@ class Participant:
     @property
     def alone(self) -> bool:
         """Whether nobody else is in the domain, nor seems to be: DDS shows a killed one for 20 s."""
-        return self._node.get_node_names() == [self._node.get_name()]
+        return bool(self._node.get_node_names() == [self._node.get_name()])
 
 
 _participants: dict[int, Participant] = {}
