@@ -6,7 +6,8 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, Final
 
-from nena_order_service import metrics as order_service
+from nena_edge_agent import metrics as edge_agent
+from nena_order_service.api import metrics as order_service
 from nena_shared.metrics import Metric, Section
 from nena_status_aggregator.metrics import exposition, robot_series
 from support.markdown import row
@@ -16,6 +17,7 @@ DOCUMENT: Final = _HERE.parents[1] / "docs" / "metrics.md"
 
 PROGRAMS: Final[dict[str, tuple[Section[Any], ...]]] = {
     "Order service": order_service.SECTIONS,
+    "Edge agent": edge_agent.SECTIONS,
     "Status aggregator": (
         *exposition.SECTIONS,
         Section("Single robots", tuple(robot_series.documented())),

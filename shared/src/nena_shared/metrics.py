@@ -6,13 +6,9 @@ happen, in a :class:`Histogram`.
 
 from __future__ import annotations
 
-import time
-from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import StrEnum
-from math import inf
 from typing import Any, Generic, TypeVar
 
 from prometheus_client import CollectorRegistry, GCCollector, ProcessCollector, generate_latest
@@ -20,55 +16,13 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Histo
 from prometheus_client.metrics_core import Metric as Family
 from prometheus_client.registry import Collector
 
+from nena_shared.histogram import Histogram
 from nena_shared.log import get_logger
 from nena_shared.mqtt.link import LinkState
 
 log = get_logger(__name__)
 
 S = TypeVar("S")
-
-SHORT = (0.0005, 0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5)
-"""Upper bounds of buckets for work of the program, seconds."""
-
-ANSWERS = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
-"""For what a robot or a broker has to answer, seconds."""
-
-LONG = (1.0, 5.0, 10.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1200.0, 1800.0, 3600.0, 7200.0, 14400.0)
-"""For what robots do, seconds."""
-
-
-class Histogram:
-    """Durations by bucket."""
-
-    __slots__ = ("bounds", "counts", "total")
-
-    def __init__(self, bounds: Sequence[float]) -> None:
-        """Count nothing yet; ``bounds`` are the upper bounds of the buckets, the last one is infinite."""
-        self.bounds = bounds
-        self.counts = [0] * (len(bounds) + 1)
-        self.total = 0.0
-
-    def observe(self, seconds: float) -> None:
-        """Count a duration."""
-        self.counts[bisect_left(self.bounds, seconds)] += 1
-        self.total += seconds
-
-    @contextmanager
-    def timed(self) -> Iterator[None]:
-        """Count how long the block takes."""
-        begun = time.perf_counter()
-        try:
-            yield
-        finally:
-            self.observe(time.perf_counter() - begun)
-
-    def buckets(self) -> list[tuple[str, float]]:
-        """Return the cumulative buckets, as the text format has them."""
-        running, found = 0, []
-        for bound, count in zip((*self.bounds, inf), self.counts, strict=True):
-            running += count
-            found.append(("+Inf" if bound == inf else str(bound), float(running)))
-        return found
 
 
 class MetricKind(StrEnum):

@@ -2,7 +2,8 @@ from __future__ import annotations
 
 import pytest
 
-from nena_shared.metrics import Exposition, Histogram, Section, counter, gauge, histogram
+from nena_shared.histogram import Histogram
+from nena_shared.metrics import Exposition, Section, counter, gauge, histogram
 
 
 def exposed(*metrics: object) -> list[str]:

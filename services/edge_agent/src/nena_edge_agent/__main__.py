@@ -31,6 +31,7 @@ from nena_edge_agent.nav2_maps import map_store
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import Clock, SystemClock
 from nena_shared.log import get_logger
+from nena_shared.loop_lag import LoopLag
 from nena_shared.program import run
 from nena_shared.settings import ConfigurationError
 from nena_shared.tasks import Supervisor, forever
@@ -63,16 +64,53 @@ async def _serve_alone(settings: EdgeAgentSettings, stop: asyncio.Event) -> None
     clock = SystemClock()
     robots = [RobotKey(settings.manufacturer, each) for each in settings.serial_numbers]
     controls = {robot: SimulationControl() for robot in robots}
+    agents: dict[RobotKey, RobotAgent] = {}
     makers = {
-        str(robot): _agent_maker(settings, index, robot, controls[robot], clock)
+        str(robot): _noted(_agent_maker(settings, index, robot, controls[robot], clock), agents)
         for index, robot in enumerate(robots)
     }
     async with Supervisor() as supervisor:
+        if settings.metrics.port:
+            _serve_metrics(settings, agents, clock, supervisor)
         if settings.driver == "loopback" and settings.loopback.control:
             topics = topics_for(settings.version, settings.interface_name)
             api = ControlApi(settings.mqtt, topics.interface_name, controls)
             supervisor.start("simulation control", forever("simulation control", api.run), vital=False)
         await _run_all(settings, makers, stop)
+
+
+def _noted(make: Callable[[], RobotAgent], agents: dict[RobotKey, RobotAgent]) -> Callable[[], RobotAgent]:
+    """Let ``agents`` hold the newest agent of each robot."""
+
+    def noted() -> RobotAgent:
+        agent = make()
+        agents[agent.robot] = agent
+        return agent
+
+    return noted
+
+
+def _serve_metrics(
+    settings: EdgeAgentSettings,
+    agents: Mapping[RobotKey, RobotAgent],
+    clock: Clock,
+    supervisor: Supervisor,
+) -> None:
+    """Serve the metrics of all robots.
+
+    Raises:
+        ConfigurationError: the library for it is not installed.
+
+    """
+    try:
+        from nena_edge_agent.metrics import MetricsServer, Program  # noqa: PLC0415 - an extra
+    except ImportError as error:
+        message = f"metrics.port: {error}; install the edge agent with its extra: nena-edge-agent[metrics]"
+        raise ConfigurationError([message]) from error
+    lag = LoopLag(clock)
+    journal = settings.journal.folder.expanduser() if settings.journal.enabled else None
+    supervisor.start("loop lag", lag.run())
+    supervisor.start("metrics", MetricsServer(settings.metrics, Program(agents, clock, lag, journal)).run())
 
 
 def _agent_maker(

@@ -17,7 +17,7 @@ from nena_edge_agent.actions.run import ActionRunner
 from nena_edge_agent.driver.port import DriveFailed, DriveFailure, DriveGoal, Driver, Pose
 from nena_edge_agent.factsheet import make_capabilities
 from nena_edge_agent.journal import Journal, Recorder, check_frame, read_journal
-from nena_edge_agent.messages import Inbox, RobotMessages, client_id_of
+from nena_edge_agent.messages import Inbox, InboxCounts, RobotMessages, client_id_of
 from nena_edge_agent.nav2.offers import NO_OFFERS, Nav2Offers
 from nena_edge_agent.protocol.conditions import journal_lost
 from nena_edge_agent.protocol.errors import error_key
@@ -48,10 +48,13 @@ from nena_edge_agent.protocol.robot import RobotCore
 from nena_edge_agent.protocol.state import as_recorded
 from nena_edge_agent.queues import Mailbox, Postponed, StateSchedule, VisualizationSchedule
 from nena_edge_agent.settings import EdgeAgentSettings
+from nena_edge_agent.statistics import AgentStatistics
 from nena_shared.clock import Clock
 from nena_shared.fleet_api.plant import MapImage
+from nena_shared.histogram import Histogram
 from nena_shared.log import get_logger
 from nena_shared.mqtt import LinkHooks, MqttLink, Outbound
+from nena_shared.mqtt.link import LinkState
 from nena_shared.tasks import Supervisor, TaskFailedError
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.error import ErrorEntry
@@ -83,6 +86,20 @@ class Equipment:
     registry: ActionRegistry
     maps: tuple[Map, ...] = ()
     offers: Nav2Offers = NO_OFFERS
+
+
+@dataclass(frozen=True, slots=True)
+class Vitals:
+    """What metrics show of a robot's agent."""
+
+    link: LinkState
+    inbox: InboxCounts
+    dropped: int
+    """Messages of fleet control that came too many at once."""
+    statistics: AgentStatistics
+    journal_problem: str
+    journal_seconds: Histogram
+    errors: tuple[ErrorEntry, ...]
 
 
 class RobotAgent:
@@ -119,7 +136,7 @@ class RobotAgent:
         self._messages = RobotMessages(
             settings, self.robot, self._capabilities, clock=clock, reserved=self._core.header_ids
         )
-        self._mailbox = Mailbox()
+        self._mailbox, self._statistics = Mailbox(), AgentStatistics()
         self._recorder = Recorder(
             None if self._journal_loss else journal,
             self._core.durable_version,
@@ -181,6 +198,18 @@ class RobotAgent:
             self._runner.close()
             await self._driver.stop()
 
+    def vitals(self) -> Vitals:
+        """Return what metrics show now."""
+        return Vitals(
+            self._link.state,
+            self._inbox.counts,
+            self._mailbox.dropped,
+            self._statistics,
+            self._journal_loss or self._core.robot.journal_problem,
+            self._recorder.seconds,
+            self._core.robot.errors.entries,
+        )
+
     def publish_map(self, found: MapImage) -> None:
         """Publish the robot's map retained, now and after each connect."""
         self._map = self._messages.map(found)
@@ -209,6 +238,7 @@ class RobotAgent:
             events = [TimePassed()]
         effects: list[Effect] = []
         for event in events:
+            self._statistics.note(event, now)
             try:
                 effects.extend(self._core.handle(event, now))
             except Exception:

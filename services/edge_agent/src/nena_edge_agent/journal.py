@@ -16,6 +16,7 @@ from zlib import crc32
 
 from nena_edge_agent.durability import sync_folder
 from nena_edge_agent.protocol.memory import FORMAT, Memory
+from nena_shared.histogram import SHORT, Histogram
 from nena_shared.program import StartError
 from nena_shared.vda5050.topics import RobotKey
 
@@ -346,6 +347,8 @@ class Recorder:
         self._wake = wake
         self._record: asyncio.Future[None] | None = None
         self._deadline = 0.0
+        self.seconds = Histogram(SHORT)
+        """From the begin of a record to the moment at which it survives a power cut."""
 
     async def write(self, version: Version, memory: Callable[[], Memory]) -> None:
         """Begin to write a changed memory; return when it survives the process, or the disk has failed."""
@@ -377,6 +380,7 @@ class Recorder:
             self._tell(str(error) or type(error).__name__)
         else:
             self._durable = version
+            self.seconds.observe(asyncio.get_running_loop().time() - self._deadline + WRITE_TIMEOUT)
             self._tell("")
 
     def has_written(self, version: Version) -> bool:

@@ -134,6 +134,17 @@ class JournalSettings(SettingsGroup):
     )
 
 
+class MetricsSettings(SettingsGroup):
+    """Metrics for Prometheus, on a port of the robot."""
+
+    host: str = Field(
+        "127.0.0.1",
+        description="Address of the metrics. There is no login: beyond loopback, let a firewall keep all but "
+        "Prometheus out.",
+    )
+    port: int = Field(0, ge=0, le=65535, description="TCP port of the metrics; 0: none are served.")
+
+
 class DescriptionSettings(SettingsGroup):
     """The robot in its factsheet: m, m/s, rad/s, m/s², kg."""
 
@@ -197,6 +208,9 @@ class EdgeAgentSettings(ServiceSettings):
     maps: MapSettings = Field(default_factory=MapSettings, description="Maps.")
     download: DownloadSettings = Field(
         default_factory=DownloadSettings, description="Fetching maps and zone sets."
+    )
+    metrics: MetricsSettings = Field(
+        default_factory=MetricsSettings, description="Metrics for Prometheus; needs the extra `metrics`."
     )
     log_report: LogReportSettings = Field(
         default_factory=LogReportSettings, description="The action logReport."

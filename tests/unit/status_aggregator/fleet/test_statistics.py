@@ -3,7 +3,7 @@ from __future__ import annotations
 from datetime import timedelta
 
 from nena_shared.fleet_api.transport_order import TransportOrderState
-from nena_shared.metrics import Histogram
+from nena_shared.histogram import Histogram
 from nena_status_aggregator.fleet.statistics import (
     DURATION_BOUNDS,
     LABEL_LENGTH,

@@ -55,8 +55,8 @@ from nena_shared.fleet_api.transport_order import (
     TransportOrderStatus,
 )
 from nena_shared.fleet_api.vehicle import AcceptableOrderType, IntegrationLevel, ReroutingType, VehicleStatus
+from nena_shared.histogram import SHORT, Histogram
 from nena_shared.log import get_logger
-from nena_shared.metrics import SHORT, Histogram
 from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.own_actions import transforms_itself
 from nena_shared.vda5050.topics import RobotKey

@@ -18,7 +18,7 @@ from nena_order_service.fleet.outputs import (
     VdaOrderFailed,
     VdaOrderFinished,
 )
-from nena_shared.metrics import ANSWERS, LONG, Histogram
+from nena_shared.histogram import ANSWERS, LONG, Histogram
 from nena_shared.vda5050.topics import Topic
 
 HEARD: Final = (Topic.CONNECTION, Topic.FACTSHEET, Topic.STATE)

@@ -6,7 +6,7 @@ from enum import StrEnum
 
 from nena_order_service.orders.transport_order import EventCode, TransportOrder
 from nena_shared.fleet_api.transport_order import TransportOrderState
-from nena_shared.metrics import LONG, Histogram
+from nena_shared.histogram import LONG, Histogram
 
 S = TransportOrderState
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from nena_order_service.routing.graph import CostMap, NoRouteError, Route
 from nena_order_service.routing.router import Router
 from nena_shared.fleet_api.transport_order import Coordinate, Destination
-from nena_shared.metrics import SHORT, Histogram
+from nena_shared.histogram import SHORT, Histogram
 from nena_shared.plant import PlantModel, Point, Vehicle
 
 MM_PER_M = 1000.0

@@ -19,8 +19,8 @@ from nena_order_service.store.instance_lock import InstanceLock
 from nena_order_service.store.leadership import Fence
 from nena_order_service.store.schema import PASSING, StoreLostError, reason_of
 from nena_shared.database_lines import hang_up
+from nena_shared.histogram import SHORT, Histogram
 from nena_shared.log import get_logger
-from nena_shared.metrics import SHORT, Histogram
 
 log = get_logger(__name__)
 

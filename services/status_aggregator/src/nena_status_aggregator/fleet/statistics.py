@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
-from nena_shared.metrics import Histogram
+from nena_shared.histogram import Histogram
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.error import ErrorType
 from nena_shared.vda5050.v2_1.state import WRITTEN

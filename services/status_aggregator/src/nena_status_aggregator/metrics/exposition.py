@@ -14,7 +14,8 @@ from typing import Final
 from nena_shared import metrics
 from nena_shared.fleet_api.service_status import LOST_AFTER
 from nena_shared.fleet_api.transport_order import TransportOrderState
-from nena_shared.metrics import Histogram, LabelValues, Section, counter, gauge, histogram, link_metrics
+from nena_shared.histogram import Histogram
+from nena_shared.metrics import LabelValues, Section, counter, gauge, histogram, link_metrics
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.fleet.condition import Condition
 from nena_status_aggregator.fleet.messages import MessageKind

@@ -1,0 +1,254 @@
+"""The metrics of the edge agent, and the port on which Prometheus reads them.
+
+Loaded only where ``metrics.port`` is set: the memory of a robot is small.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import shutil
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Final
+
+from nena_edge_agent.agent import RobotAgent, Vitals
+from nena_edge_agent.driver.port import DriveFailure, SessionState
+from nena_edge_agent.settings import MetricsSettings
+from nena_shared.clock import Clock
+from nena_shared.log import get_logger
+from nena_shared.loop_lag import LoopLag
+from nena_shared.metrics import Exposition, Metric, MetricKind, Section, gauge
+from nena_shared.mqtt.link import LinkState
+from nena_shared.program import StartError
+from nena_shared.vda5050.error import ErrorLevel
+from nena_shared.vda5050.topics import RobotKey
+
+log = get_logger(__name__)
+
+DISTRIBUTION = "nena-edge-agent"
+ROBOT: Final = ("manufacturer", "serial_number")
+HEAD_LIMIT = 8192
+"""Bytes that the head of a request may have."""
+PATIENCE = 5.0
+"""Seconds that a client has for its request, and the disk to say how much room it has."""
+CLIENTS = 10
+"""Connections at a time; further ones are closed at once."""
+
+
+@dataclass(slots=True)
+class Program:
+    """The robots of the program, and what they share."""
+
+    agents: Mapping[RobotKey, RobotAgent]
+    clock: Clock
+    loop_lag: LoopLag
+    journal: Path | None
+    """The folder of the journal."""
+    vitals: Mapping[RobotKey, Vitals] = field(default_factory=dict)
+    disk_free: float | None = None
+    """Bytes left for the journal."""
+
+    async def look(self) -> None:
+        """Read what one scrape shows. A disk that hangs is waited for in a thread, and not for long."""
+        self.vitals = {robot: agent.vitals() for robot, agent in self.agents.items()}
+        self.disk_free = None
+        if self.journal:
+            with suppress(OSError, TimeoutError):
+                async with asyncio.timeout(PATIENCE):
+                    self.disk_free = (await asyncio.to_thread(shutil.disk_usage, self.journal)).free
+
+
+Read = Callable[[Program, Vitals], Any]
+
+
+def _of_robot(kind: MetricKind, name: str, text: str, read: Read, *labels: str) -> Metric[Program]:
+    """Describe a metric of each robot; ``read`` returns a value, or a mapping by ``labels``."""
+
+    def values(program: Program) -> dict[tuple[str, ...], Any]:
+        found: dict[tuple[str, ...], Any] = {}
+        for robot, vitals in program.vitals.items():
+            value = read(program, vitals)
+            if isinstance(value, Mapping):
+                found |= {(*robot, str(label)): each for label, each in value.items()}
+            elif value is not None:
+                found[robot.manufacturer, robot.serial_number] = value
+        return found
+
+    return Metric(name, kind, text, (*ROBOT, *labels), values)
+
+
+def _gauge(name: str, text: str, read: Read, *labels: str) -> Metric[Program]:
+    return _of_robot(MetricKind.GAUGE, name, text, read, *labels)
+
+
+def _counter(name: str, text: str, read: Read, *labels: str) -> Metric[Program]:
+    return _of_robot(MetricKind.COUNTER, name, text, read, *labels)
+
+
+def _pose_age(program: Program, vitals: Vitals) -> float | None:
+    at = vitals.statistics.posed_at
+    return None if at is None else max(0.0, program.clock.monotonic() - at)
+
+
+def _link(read: Callable[[LinkState], float]) -> Read:
+    return lambda _, vitals: read(vitals.link)
+
+
+PROTOCOL: Final[Section[Program]] = Section(
+    "Messages and broker",
+    (
+        _counter(
+            "nena_agent_messages_total",
+            "Messages of fleet control: `taken`, `malformed`, `repaired` (taken, but against the standard), "
+            "`misdirected` (to another robot), `retained` (maybe old: not obeyed), `dropped` (too many).",
+            lambda _, v: {
+                "taken": v.inbox.taken,
+                "malformed": v.inbox.malformed,
+                "repaired": v.inbox.repaired,
+                "misdirected": v.inbox.misdirected,
+                "retained": v.inbox.retained,
+                "dropped": v.dropped,
+            },
+            "outcome",
+        ),
+        _gauge("nena_agent_mqtt_connected", "1 while connected to the broker.", _link(lambda s: s.connected)),
+        _counter("nena_agent_mqtt_connects_total", "Connections made.", _link(lambda s: s.connects)),
+        _counter(
+            "nena_agent_mqtt_published_total", "Messages that the broker has.", _link(lambda s: s.published)
+        ),
+        _counter(
+            "nena_agent_mqtt_dropped_total",
+            "Messages not sent: the queue was full, or the link was down.",
+            _link(lambda s: s.dropped),
+        ),
+        _gauge(
+            "nena_agent_fleet_clock_skew_seconds",
+            "Clock of the order service minus the robot's, by the last orders; absent before the first.",
+            lambda _, v: v.statistics.fleet_clock.seconds,
+        ),
+    ),
+)
+
+DRIVING: Final[Section[Program]] = Section(
+    "Driving",
+    (
+        _counter(
+            "nena_agent_drives_total",
+            "Drives by their end: `ARRIVED`, " + ", ".join(f"`{each.value}`" for each in DriveFailure) + ".",
+            lambda _, v: {"ARRIVED": v.statistics.arrived} | v.statistics.failed,
+            "result",
+        ),
+        _counter("nena_agent_recoveries_total", "Recoveries of Nav2.", lambda _, v: v.statistics.recoveries),
+        _gauge(
+            "nena_agent_ros_session",
+            "1 for the state of the ROS session: "
+            + ", ".join(f"`{each.value}`" for each in SessionState)
+            + ".",
+            lambda _, v: {v.statistics.session: 1} if v.statistics.session else None,
+            "state",
+        ),
+        _gauge(
+            "nena_agent_pose_age_seconds", "Time since the last pose; absent before the first.", _pose_age
+        ),
+        _gauge(
+            "nena_agent_errors",
+            "Active errors of the robot's state.",
+            lambda _, v: {
+                level.value: sum(each.error_level is level for each in v.errors) for level in ErrorLevel
+            },
+            "error_level",
+        ),
+    ),
+)
+
+DISK: Final[Section[Program]] = Section(
+    "Journal and program",
+    (
+        gauge("nena_build_info", "Always 1.", lambda _: {version(DISTRIBUTION): 1}, "version"),
+        _gauge(
+            "nena_agent_journal_works",
+            "1 while orders and actions are kept on disk; 0: nothing new is started.",
+            lambda _, v: not v.journal_problem,
+        ),
+        _of_robot(
+            MetricKind.HISTOGRAM,
+            "nena_agent_journal_seconds",
+            "Time from the begin of a record to the moment at which it survives a power cut.",
+            lambda _, v: v.journal_seconds,
+        ),
+        gauge(
+            "nena_agent_disk_free_bytes",
+            "Room left on the journal's disk; absent without a journal, and while the disk does not answer.",
+            lambda s: s.disk_free,
+        ),
+        gauge(
+            "nena_event_loop_lag_seconds",
+            "Longest time in the last minute for which the event loop kept work waiting.",
+            lambda s: s.loop_lag.longest,
+        ),
+    ),
+)
+
+SECTIONS: Final = (PROTOCOL, DRIVING, DISK)
+
+
+class MetricsServer:
+    """Answers ``GET /metrics``, and nothing else; HTTP 1.1, one request for each connection."""
+
+    def __init__(self, settings: MetricsSettings, program: Program) -> None:
+        self._settings = settings
+        self._program = program
+        self._exposition = Exposition(program, SECTIONS)
+        self._clients = 0
+
+    async def run(self) -> None:
+        """Serve until cancelled.
+
+        Raises:
+            StartError: the port is taken, or the address is not one of this machine.
+
+        """
+        host, port = self._settings.host, self._settings.port
+        try:
+            server = await asyncio.start_server(self._serve, host, port, limit=HEAD_LIMIT)
+        except OSError as error:
+            message = f"metrics.host, metrics.port: cannot listen on {host}:{port}: {error.strerror or error}"
+            raise StartError(message) from error
+        log.info("metrics listening", url=f"http://{host}:{server.sockets[0].getsockname()[1]}/metrics")
+        async with server:
+            await server.serve_forever()
+
+    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self._clients += 1
+        try:
+            if self._clients <= CLIENTS:
+                async with asyncio.timeout(2 * PATIENCE):
+                    head = await reader.readuntil(b"\r\n\r\n")
+                    writer.write(await self._answer(head.split(b"\r\n", 1)[0].split(b" ")))
+                    await writer.drain()
+        except (OSError, TimeoutError, asyncio.IncompleteReadError, asyncio.LimitOverrunError):
+            log.debug("a request for metrics was given up")
+        finally:
+            self._clients -= 1
+            writer.close()
+
+    async def _answer(self, request: list[bytes]) -> bytes:
+        match request:
+            case [b"GET", b"/metrics", _]:
+                await self._program.look()
+                return _response("200 OK", self._exposition.text())
+            case [b"GET", _, _]:
+                return _response("404 Not Found", b"Only /metrics is here.\n")
+            case _:
+                return _response("405 Method Not Allowed", b"Only GET is answered.\n")
+
+
+def _response(status: str, body: bytes) -> bytes:
+    head = (
+        f"HTTP/1.1 {status}\r\nContent-Type: text/plain; version=0.0.4; charset=utf-8\r\n"
+        f"Content-Length: {len(body)}\r\nConnection: close\r\n\r\n"
+    )
+    return head.encode() + body
