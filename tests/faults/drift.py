@@ -14,6 +14,8 @@ MORE_DESCRIPTORS, MORE_THREADS = 6.0, 3.0
 SLOWER, SLOWER_S = 2.0, 0.05
 """By how much the median of the latency may have become worse: this factor, and so many seconds."""
 LEAST_WINDOWS = 3
+WARM_UP_ORDERS = 1000
+"""The order service keeps so many orders that have ended in memory: until then it grows, and then no more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,15 +33,26 @@ class Window:
 def drift(windows: Sequence[Window]) -> list[str]:
     """Say what has drifted, a sentence each; nothing where all is well.
 
-    The first window is that in which programs and caches warm up: it is left out.
+    The windows in which programs and caches warm up are left out: the first one, and where the run is long
+    enough, those until the order service has as many ended orders as it keeps.
     """
-    settled = windows[1:]
+    settled = windows[_warming_up(windows) :]
     third = len(settled) // 3
     if third == 0:
         message = f"at least {1 + LEAST_WINDOWS} windows are needed, there are {len(windows)}"
         raise ValueError(message)
     first, last = settled[:third], settled[-third:]
     return [*_grown(first, last), *_slower(first, last)]
+
+
+def _warming_up(windows: Sequence[Window]) -> int:
+    """Return how many windows it takes."""
+    ended = 0
+    for count, window in enumerate(windows[:-LEAST_WINDOWS], 1):
+        ended += len(window.orders)
+        if ended >= WARM_UP_ORDERS:
+            return count
+    return 1
 
 
 def _grown(first: Sequence[Window], last: Sequence[Window]) -> list[str]:

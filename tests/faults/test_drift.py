@@ -1,10 +1,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 
-from faults.drift import Window, drift
+from faults.drift import WARM_UP_ORDERS, Window, drift
 from faults.footprint import Footprint
 from faults.soak import Soaked, document
 
@@ -64,6 +65,23 @@ def test_what_grows_and_grows_is_told(found: list[Window], word: str) -> None:
     (said,) = drift(found)
 
     assert word in said
+
+
+def test_growth_until_the_order_service_has_all_orders_that_it_keeps_is_none() -> None:
+    def windows(orders: int) -> list[Window]:
+        found = run(megabytes=lambda number: 100.0 + 10 * min(number, 5))
+        return [replace(each, orders=[8.0] * orders) for each in found]
+
+    assert drift(windows(10)) != [], "too few for all of them"
+    assert drift(windows(WARM_UP_ORDERS // 5)) == []
+
+
+def test_growth_after_that_is_told() -> None:
+    found = [
+        replace(each, orders=[8.0] * WARM_UP_ORDERS)
+        for each in run(megabytes=lambda number: 100 + 5 * number)
+    ]
+    assert len(drift(found)) == 1
 
 
 def test_a_run_that_is_too_short_is_no_run() -> None:
