@@ -8,9 +8,9 @@ from datetime import UTC, datetime
 from itertools import pairwise
 from math import atan2, hypot, pi
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
-from pydantic import JsonValue, ValidationError
+from pydantic import BaseModel, JsonValue, ValidationError
 from pydantic_core import from_json
 
 from nena_order_service.fleet.robot import Abilities
@@ -30,6 +30,8 @@ XY: Final = "nodes.nodePosition.allowedDeviationXY"
 THETA: Final = "nodes.nodePosition.theta"
 DEVIATION_THETA: Final = "nodes.nodePosition.allowedDeviationTheta"
 ACTION_DESCRIPTOR: Final = "nodes.actions.actionDescriptor"
+
+P = TypeVar("P", bound=BaseModel)
 
 
 def fitted(vda_order: VdaOrder, abilities: Abilities | None) -> VdaOrder:
@@ -70,7 +72,17 @@ def fitted_action(action: Action, abilities: Abilities) -> Action:
         for each in action.action_parameters
         if not wanted or each.key in wanted or each.key not in STATION_PARAMETERS
     )
-    return action.model_copy(update={"action_parameters": parameters})
+    return _changed(action, {"action_parameters": parameters})
+
+
+def _changed(part: P, changes: Mapping[str, object]) -> P:
+    """Return a part of an order with changes; itself where they change nothing, as most do."""
+    new = {
+        name: value
+        for name, value in changes.items()
+        if (before := getattr(part, name)) is not value and before != value
+    }
+    return part.model_copy(update=new) if new else part
 
 
 def _fitted_node(node: Node, heading: float, abilities: Abilities) -> Node:
@@ -81,7 +93,7 @@ def _fitted_node(node: Node, heading: float, abilities: Abilities) -> Node:
         changes["node_position"] = _fitted_position(node, node.node_position, heading, abilities)
     if "nodes.nodeDescriptor" in abilities.required_fields:
         changes["node_descriptor"] = node.node_id
-    return node.model_copy(update=changes)
+    return _changed(node, changes)
 
 
 def _fitted_on_node(action: Action, abilities: Abilities) -> Action:
@@ -112,7 +124,7 @@ def _fitted_position(
         changes["allowed_deviation_theta"] = pi
     if not abilities.takes_field(DEVIATION_THETA):
         changes["allowed_deviation_theta"] = None
-    return position.model_copy(update=changes)
+    return _changed(position, changes)
 
 
 def _fitted_edge(edge: Edge, ends: tuple[Node, Node], abilities: Abilities) -> Edge:
@@ -124,7 +136,7 @@ def _fitted_edge(edge: Edge, ends: tuple[Node, Node], abilities: Abilities) -> E
         for path, (field, fill) in _EDGE_FIELDS.items()
         if path in abilities.required_fields
     }
-    return edge.model_copy(update=changes)
+    return _changed(edge, changes)
 
 
 def _distance(_: Edge, ends: tuple[Node, Node], __: Abilities) -> float | None:

@@ -174,6 +174,8 @@ class Abilities:
 
     def __init__(self, factsheet: Factsheet) -> None:
         self.factsheet = factsheet
+        self._taken: dict[str, bool] = {}
+        """What is known of optional fields: it is asked for with each node of each order."""
 
     @cached_property
     def required_fields(self) -> tuple[str, ...]:
@@ -188,9 +190,13 @@ class Abilities:
 
     def takes_field(self, path: str) -> bool:
         """Return whether nothing is known against an optional field, such as ``nodes.nodePosition.theta``."""
-        listed = self.factsheet.protocol_features.optional_parameters
-        name = path.removeprefix("nodes.")
-        return not listed or any(f".{name}." in f".{each.parameter}." for each in listed)
+        taken = self._taken.get(path)
+        if taken is None:
+            listed = self.factsheet.protocol_features.optional_parameters
+            name = path.removeprefix("nodes.")
+            taken = not listed or any(f".{name}." in f".{each.parameter}." for each in listed)
+            self._taken[path] = taken
+        return taken
 
     def lists_field(self, path: str) -> bool:
         """Return whether the robot says that it takes an optional field."""

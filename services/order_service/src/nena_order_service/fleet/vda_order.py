@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from types import MappingProxyType
-from typing import Final, Self
+from typing import Final, Self, TypeVar
 from uuid import uuid4
 
 from pydantic import AliasChoices, Field
@@ -21,6 +21,8 @@ from nena_shared.vda5050.action import Action, ActionParameter, BlockingType
 from nena_shared.vda5050.base import Identifier, WireObject
 from nena_shared.vda5050.order import AllowedDeviationXY, Edge, Node, NodePosition
 from nena_shared.vda5050.state import State
+
+G = TypeVar("G", Node, Edge)
 
 
 class VdaOrder(WireObject):
@@ -366,7 +368,7 @@ def update_of(held: VdaOrder, plan: VdaOrder) -> VdaOrder:
 def released_to(plan: VdaOrder, sequence_id: int) -> VdaOrder:
     """Return the plan with its base ending at the node ``sequence_id`` (section 6.1.1)."""
     nodes = tuple(_released(node, released=node.sequence_id <= sequence_id) for node in plan.nodes)
-    edges = tuple(edge.model_copy(update={"released": edge.sequence_id < sequence_id}) for edge in plan.edges)
+    edges = tuple(_released(edge, released=edge.sequence_id < sequence_id) for edge in plan.edges)
     return VdaOrder(order_id=plan.order_id, nodes=nodes, edges=edges)
 
 
@@ -392,8 +394,8 @@ def _name(part: Node | Edge) -> str:
     return part.node_id if isinstance(part, Node) else part.edge_id
 
 
-def _released(node: Node, *, released: bool) -> Node:
-    return node.model_copy(update={"released": released})
+def _released(part: G, *, released: bool) -> G:
+    return part if part.released is released else part.model_copy(update={"released": released})
 
 
 def with_other_horizon(held: VdaOrder, base_end: int, tail: VdaOrder) -> VdaOrder:
