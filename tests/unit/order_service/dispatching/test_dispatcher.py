@@ -67,6 +67,46 @@ def test_cheapest_vehicle_gets_the_order() -> None:
     assert "cheapest" in decisions.assignments[0].why
 
 
+def unloading(name: str) -> DispatchedVehicle:
+    """Make a vehicle that is about to be free."""
+    return DispatchedVehicle(name, BUSY, soon=True)
+
+
+NEAR_EACH = Told(
+    {("T-1", "here"): 3, ("T-2", "here"): 4, ("T-1", "unloads"): 0, ("T-2", "unloads"): 9, "else": 20}
+)
+"""T-1 is near both vehicles, and nearest to the one that unloads."""
+
+
+def test_an_order_is_left_to_a_vehicle_that_is_about_to_be_free_nearer_to_it() -> None:
+    orders = [dispatchable_order(number=1), dispatchable_order(number=2)]
+    fleet = [*vehicles(here=""), unloading("unloads")]
+
+    decisions = decide(orders, fleet, NEAR_EACH)
+
+    assert pairs(decisions) == {"T-2": "here"}
+    assert BUSY in decisions.reasons["T-1"]
+    assert pairs(decide(orders, vehicles(here="", unloads=BUSY), NEAR_EACH)) == {"T-1": "here"}
+
+
+def test_a_free_vehicle_waits_for_none_that_is_about_to_be_free() -> None:
+    fleet = [*vehicles(here=""), unloading("unloads")]
+    assert pairs(decide([dispatchable_order(number=1)], fleet, NEAR_EACH)) == {"T-1": "here"}
+
+    both = [*vehicles(here="", **{"else": ""}), unloading("unloads")]
+    orders = [dispatchable_order(number=1), dispatchable_order(number=2)]
+    assert pairs(decide(orders, both, NEAR_EACH)) == {"T-1": "else", "T-2": "here"}
+
+
+def test_an_order_that_comes_before_others_waits_for_no_vehicle_that_unloads() -> None:
+    fleet = [*vehicles(here=""), unloading("unloads")]
+
+    urgent = [dispatchable_order(number=1, priority=5), dispatchable_order(number=2)]
+    assert pairs(decide(urgent, fleet, NEAR_EACH)) == {"T-1": "here"}
+    due = [dispatchable_order(number=1, deadline=NOW + timedelta(hours=1)), dispatchable_order(number=2)]
+    assert pairs(decide(due, fleet, NEAR_EACH)) == {"T-1": "here"}
+
+
 def test_most_urgent_order_chooses_first() -> None:
     orders = [dispatchable_order(number=2), dispatchable_order(number=1)]
     decisions = decide(orders, vehicles(near="", far=""), Told({"near": 1, "far": 2}))

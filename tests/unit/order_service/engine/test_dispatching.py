@@ -206,3 +206,48 @@ async def test_an_order_that_avoids_what_the_plant_has_lost_waits_and_says_so() 
 
     assert fleet.sent == []
     assert "Gone" in status_of(engine).reason
+
+
+async def two_wait_while_one_unloads(*, unloads: bool) -> tuple[Engine, ScriptedFleet]:
+    """Have V1 drop at C, or drive there, and V2 become free at B while orders to C and A wait."""
+    engine, fleet = await make(energy={"respected": False})
+    fleet.appear("V1", "C")
+    fleet.appear("V2", "B")
+    engine.create(request("C:Unload", intendedVehicle="V1"), "T1")
+    engine.create(request("B", intendedVehicle="V2"), "T2")
+    if unloads:
+        fleet.operate("V1")
+    engine.create(request("C"), "to C")
+    engine.create(request("A"), "to A")
+    fleet.finish("V2", at="B")
+    return engine, fleet
+
+
+async def test_an_order_is_left_to_a_vehicle_that_unloads_where_it_begins() -> None:
+    engine, fleet = await two_wait_while_one_unloads(unloads=True)
+    assert (status_of(engine, "to A").processing_vehicle, status_of(engine, "to C").state) == (
+        "V2",
+        TransportOrderState.DISPATCHABLE,
+    )
+
+    fleet.finish("V1", at="C")
+
+    assert status_of(engine, "to C").processing_vehicle == "V1"
+
+
+async def test_a_vehicle_that_still_drives_is_not_counted_on() -> None:
+    engine, _ = await two_wait_while_one_unloads(unloads=False)
+
+    assert status_of(engine, "to C").processing_vehicle == "V2"
+
+
+async def test_no_vehicle_stays_free_for_the_sake_of_one_that_unloads() -> None:
+    engine, fleet = await make(energy={"respected": False})
+    fleet.appear("V1", "C")
+    fleet.appear("V2", "B")
+    engine.create(request("C:Unload", intendedVehicle="V1"), "T1")
+    fleet.operate("V1")
+
+    engine.create(request("C"), "to C")
+
+    assert status_of(engine, "to C").processing_vehicle == "V2"

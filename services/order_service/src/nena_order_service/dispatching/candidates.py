@@ -52,6 +52,8 @@ class Candidates:
     ) -> None:
         self.free: dict[str, LocatedCandidate] = {}
         """Those that may get orders, by name."""
+        self.soon: dict[str, None] = {}
+        """Names of those that are about to be free."""
         self.fresh: dict[str, Urgency | None] = {}
         """Those that are free and may not have been offered all orders that wait, and up to which order they
         have been; None: from the first."""
@@ -66,6 +68,10 @@ class Candidates:
         before = self._known.get(name)
         self._known[name] = found
         is_new = before is None or before.matters != found.matters
+        if found.seen.soon:
+            self.soon[name] = None
+        else:
+            self.soon.pop(name, None)
         if found.seen.obstacle:
             self.free.pop(name, None)
             self.fresh.pop(name, None)
@@ -113,7 +119,7 @@ class Candidates:
         return self._known.get(name)
 
     def relevant(self, named: Iterable[str]) -> dict[str, LocatedCandidate]:
-        """Return the free vehicles, these, and of the hindered ones one of each kind."""
+        """Return the free vehicles and those that soon will be, these, and one of each kind of the others."""
         examples = [next(iter(each)) for each in self._hindered.values()][:EXAMPLES_AT_MOST]
-        names = sorted({*self.free, *examples, *(name for name in named if name in self._known)})
+        names = sorted({*self.free, *self.soon, *examples, *(name for name in named if name in self._known)})
         return {name: self._known[name] for name in names}

@@ -246,6 +246,8 @@ class DispatchedVehicle:
     """The types of orders that it accepts."""
     carried: Carried | None = None
     """The loads that it has; None: none, or nobody knows."""
+    soon: bool = False
+    """Whether it is about to be free where it stands; until then it has its obstacle."""
 
     def type_priority(self, order: TransportOrder) -> float:
         """Return the priority of orders of this type, less is better; infinity: not accepted."""
@@ -427,6 +429,8 @@ class _Round:
         self._kinds: dict[int, OrderKind] = {}
         self._restricted = any(each.restriction for each in vehicles.values())
         self._loaded = any(each.carried for each in vehicles.values())
+        self._soon = {each.name: replace(each, obstacle="") for each in vehicles.values() if each.soon}
+        """Those that are about to be free, as they will be then."""
 
     @property
     def free(self) -> int:
@@ -445,7 +449,11 @@ class _Round:
                 self._assign(min(pairs, key=rank), f"first by {keys[0]} of {len(pairs)} orders for it")
 
     def assign_together(self, orders: Sequence[TransportOrder]) -> None:
-        """Assign orders of the same rank so that they cost least together, those of the first rank first."""
+        """Assign orders of the same rank so that they cost least together, those of the first rank first.
+
+        Where all orders are of one rank and level, vehicles that are about to be free count too: an order
+        that suits one of them better is left to it, unless a free vehicle would have no order then.
+        """
         keys = self._settings.orders
         ranked = [*takewhile(lambda key: key not in SINGLE_OUT, keys)]
         ordered = [*takewhile(lambda key: key is not OrderKey.BY_AGE, keys)]
@@ -456,17 +464,20 @@ class _Round:
         def level(order: TransportOrder) -> Rank:
             return tuple(ORDER_VALUES[key](order, self._now) for key in ordered)
 
-        for _, group in groupby(orders, rank):
+        groups = [[*group] for _, group in groupby(orders, rank)]
+        for alike in groups:
             if not self.free:
                 return
-            alike = [*group]
-            pairs = self._cheapest_pairs(alike)
+            parts = [part for _, same in groupby(alike, level) for part in self._by_age_window([*same])]
+            only_one = len(groups) == len(parts) == 1
+            pairs = self._cheapest_pairs(alike, self._soon if only_one else {})
             levels = [
                 {each.number: pairs[each.number].costs for each in part if each.number in pairs}
-                for _, same in groupby(alike, level)
-                for part in self._by_age_window([*same])
+                for part in parts
             ]
             for number, vehicle in assign(levels).items():
+                if vehicle in self._soon:
+                    continue
                 choices = pairs[number]
                 best = choices.pairs[vehicle]
                 nearest = best is choices.nearest
@@ -483,8 +494,13 @@ class _Round:
         if part:
             yield part
 
-    def _cheapest_pairs(self, orders: Sequence[TransportOrder]) -> dict[int, _Choices]:
-        """Return the vehicles that orders could have, for each as many as there are orders: enough."""
+    def _cheapest_pairs(
+        self, orders: Sequence[TransportOrder], soon: Mapping[str, DispatchedVehicle]
+    ) -> dict[int, _Choices]:
+        """Return the vehicles that orders could have, for each as many as there are orders: enough.
+
+        ``soon`` are vehicles that could have them soon.
+        """
         rank = rank_candidates(self._settings.vehicle_candidates, self._now)
         known: dict[OrderKind, dict[str, str]] = {}
         found = {}
@@ -497,6 +513,9 @@ class _Round:
                 known[kind] = hindrances
             free = [name for name, hindrance in hindrances.items() if not hindrance]
             pairs = [*self._possible((order, self._vehicles[name]) for name in free)]
+            if pairs and not is_kept:
+                later = (each for each in soon.values() if not self._why_not(order, each))
+                pairs += self._possible((order, each) for each in later)
             if nearest := pairs if len(pairs) <= 1 else nsmallest(len(orders), pairs, key=rank):
                 found[order.number] = _Choices(nearest, len(free), self._settings.vehicle_candidates[0])
             else:

@@ -31,6 +31,7 @@ from nena_order_service.engine.sequences import Sequences
 from nena_order_service.engine.state import VehicleRecords
 from nena_order_service.fleet.position import NotLocatedError, Standing
 from nena_order_service.fleet.robot import LinkStatus, RobotView
+from nena_order_service.fleet.vda_order import DROP
 from nena_order_service.orders.automatic import is_automatic_recharge
 from nena_order_service.orders.transport_order import TransportOrder, Urgency
 from nena_order_service.orders.vda_orders import OrderPlanner, Pick
@@ -371,7 +372,9 @@ class Dispatching:
             return self._hindered(vehicle, vehicle.obstacle)
         order = self._state.order_of(vehicle.key)
         if order is not None and not self._would_give_up(order):
-            return self._hindered(vehicle, GIVES_UP if self._is_giving_up(vehicle, order) else BUSY)
+            giving_up = self._is_giving_up(vehicle, order)
+            soon = None if giving_up else self._free_soon(vehicle, order)
+            return soon or self._hindered(vehicle, GIVES_UP if giving_up else BUSY)
         view = self._view(vehicle)
         if obstacle := self._obstacle(vehicle, view, order):
             return self._hindered(vehicle, obstacle, view)
@@ -395,6 +398,32 @@ class Dispatching:
         return LocatedCandidate(
             vehicle, seen, standing, self.fit.sequences.bound_to(vehicle.name), seen.order_types, view
         )
+
+    def _free_soon(self, vehicle: FleetVehicle, order: TransportOrder) -> LocatedCandidate | None:
+        """Return a vehicle that unloads at the end of its order as it will be then; None: it does not."""
+        last = order.index == len(order.status.drive_orders) - 1
+        unloads = self._planner.action_type(order.current.destination.operation) == DROP
+        if not (last and unloads and is_operating(order)):
+            return None
+        view = self._view(vehicle)
+        processed = order.state is TransportOrderState.BEING_PROCESSED and not order.held
+        if not processed or view.link is not LinkStatus.ONLINE or view.vehicle_state in STANDS_STILL:
+            return None
+        try:
+            standing = self._planner.standing(vehicle, view)
+        except NotLocatedError:
+            return None
+        energy, types = self.energy(vehicle, view), self.fit.order_types(vehicle)
+        restriction = energy.restriction(fully=self._energy.until_fully_recharged) if energy else ""
+        seen = DispatchedVehicle(
+            vehicle.name,
+            BUSY,
+            restriction=restriction,
+            energy=energy.level if energy else 100.0,
+            order_types=types,
+            soon=True,
+        )
+        return LocatedCandidate(vehicle, seen, standing, self.fit.sequences.bound_to(vehicle.name), types)
 
     def _hindered(
         self, vehicle: FleetVehicle, obstacle: str, view: RobotView | None = None
