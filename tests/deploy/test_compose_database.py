@@ -22,9 +22,10 @@ pytestmark = pytest.mark.postgres
 @pytest.fixture(scope="module")
 def made() -> Iterator[Postgres]:
     server = Postgres("postgres")
+    # Run, not by a shell: the image would read a script that is not executable into its own one.
     environment = {**server.environment, "POSTGRES_USER": "postgres", "POSTGRES_PASSWORD": "it's secret"}
     done = subprocess.run(
-        ["sh", str(SCRIPT)], env=environment, capture_output=True, text=True, timeout=PATIENCE, check=False
+        [str(SCRIPT)], env=environment, capture_output=True, text=True, timeout=PATIENCE, check=False
     )
     assert done.returncode == 0, done.stderr
     yield server

@@ -6,11 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from structlog.testing import capture_logs
 
 from nena_shared.vda5050.action import Action
 from support.broker import Broker
 from support.edge_agent import FleetControl, agent_settings, ended, error_types, running_agent, status_of
 from support.robot_core import action, order
+from support.waiting import until
 
 pytestmark = pytest.mark.broker
 
@@ -81,3 +83,31 @@ async def test_rehearsed_actions_do_a_whole_order_and_the_load_outlives_the_agen
 
         fleet.send(order("n1", order_id="bring", node_actions={"n1": [hard("d", "drop", height=0)]}))
         assert (await fleet.state(ended("bring")))["loads"] == []
+
+
+async def test_the_end_of_each_action_is_logged_once_and_again_after_a_restart(
+    broker: Broker, interface_name: str, fleet: FleetControl, tmp_path: Path
+) -> None:
+    """What was done is known by the log, also where the broker has lost the states."""
+    actions = {"without_ros": "rehearse", "rehearsal_seconds": 0.05}
+    settings = agent_settings(broker, interface_name, tmp_path, operations=OPERATIONS, actions=actions)
+    taken = {"n0": [hard("p", "pick", height=1, loadId="box")], "n1": [hard("k", "dock")]}
+    with capture_logs() as logs:
+        async with running_agent(settings):
+            await fleet.state()
+            fleet.send(order("n0", "n1", order_id="fetch", node_actions=taken))
+            await fleet.state(ended("fetch"))
+            seen = len(fleet.states)
+            await until(lambda: len(fleet.states) > seen, what="a state that shows the same actions again")
+        fleet.peer.clear()
+        async with running_agent(settings):
+            await fleet.state(ended("fetch"))
+
+    told = [
+        (each["order"], each["action"], each["type"], each["status"])
+        for each in logs
+        if each["event"] == "action ended"
+    ]
+    both = [("fetch", "p", "pick", "FINISHED"), ("fetch", "k", "dock", "FINISHED")]
+    assert told[:2] == both
+    assert sorted(told[2:]) == sorted(both)
