@@ -64,6 +64,13 @@ async def test_orders_are_counted_by_state_and_by_what_they_wait_for(client: htt
     assert after["nena_order_service_dispatch_seconds_count"] > 0
 
 
+async def test_order_sequences_are_counted_until_they_are_finished(client: httpx.AsyncClient) -> None:
+    (await client.post("/v1/orderSequences", json={"name": "S"})).raise_for_status()
+    assert (await shown(client))["nena_order_service_sequences"] == 1
+    (await client.post("/v1/orderSequences/S/completion", json={})).raise_for_status()
+    assert (await shown(client))["nena_order_service_sequences"] == 0
+
+
 async def test_orders_from_before_a_restart_are_in_their_states_and_count_as_no_new_ones(
     service: OrderService, client: httpx.AsyncClient
 ) -> None:

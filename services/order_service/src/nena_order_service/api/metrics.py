@@ -154,6 +154,11 @@ ORDERS: Final[Section[Monitored]] = Section(
             "event",
         ),
         gauge(
+            "nena_order_service_sequences",
+            "Order sequences that are not finished.",
+            lambda s: sum(1 for _ in s.engine.state.sequences.unfinished()),
+        ),
+        gauge(
             "nena_order_service_queue_length",
             "Orders that wait for a vehicle, held ones included.",
             lambda s: len(s.engine.state.orders.waiting),
