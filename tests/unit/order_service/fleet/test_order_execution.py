@@ -654,6 +654,14 @@ def test_an_end_that_was_told_is_the_last_word() -> None:
     assert "it is at the order 'other'" in end.reason
 
 
+def test_who_has_an_update_that_only_a_newer_store_knows_has_not_lost_the_order() -> None:
+    run = fresh(adopted=True, accepted=True)
+    (end,) = run.on_state(state(order_id="m", order_update_id=3, **way("B", "C")), 0.0)
+    assert isinstance(end, VdaOrderFailed)
+    assert end.kind is FailureKind.UNCLEAR, "it may have done what the store knows nothing of"
+    assert "the robot has update 3 of the order, and update 0 is the last one known here" in end.reason
+
+
 STATES = st.builds(
     state,
     order_id=st.sampled_from(["m", "m", "m", "", "other"]),

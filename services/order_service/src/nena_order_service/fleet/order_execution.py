@@ -271,7 +271,7 @@ class OrderExecution:
         if self._known_in(state):
             yield from self._follow(state, now)
         elif self._accepted and self.phase is not VdaOrderPhase.CANCELLING:
-            yield self._fail(ExecutionFailure(FailureKind.LOST, _lost(state)))
+            yield self._fail(_lost(state, self.vda_order.order_id, self.update_id))
         elif self.phase is VdaOrderPhase.SENT:
             yield from self._look_for_refusal(state, now)
         if self.phase is VdaOrderPhase.CANCELLING and not self.ended:
@@ -477,9 +477,18 @@ def _words(errors: Iterable[ErrorEntry]) -> tuple[str, ...]:
     return tuple(map(failures.in_words, errors))
 
 
-def _lost(state: State) -> str:
+def _lost(state: State, order_id: str, update_id: int) -> ExecutionFailure:
+    """Return how an order ends that the robot had and does not have any more, or has further on."""
+    if state.order_id == order_id and state.order_update_id > update_id:
+        return ExecutionFailure(
+            FailureKind.UNCLEAR,
+            f"the robot has update {state.order_update_id} of the order, and update {update_id} is the last "
+            "one known here: the store may be an older copy",
+        )
     now = f"it is at the order {state.order_id!r}" if state.order_id else "it knows no order"
-    return f"the robot no longer has the order: {now}; it may have restarted"
+    return ExecutionFailure(
+        FailureKind.LOST, f"the robot no longer has the order: {now}; it may have restarted"
+    )
 
 
 def _given_up(state: State) -> str:
