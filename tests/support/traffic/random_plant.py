@@ -1,9 +1,10 @@
-"""Random plants: single tracks with passing places, loops, stations and parking places at side tracks."""
+"""Random plants: single tracks with passing places, loops, side tracks; and road maps."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import combinations, pairwise
+from math import dist
 from random import Random
 
 from nena_shared.plant import PlantModel
@@ -89,3 +90,26 @@ def _branch(sketch: PlantSketch, junctions: list[str]) -> None:
     elif middle and random.random() < 0.3:
         sketch.blocks.append(Block(name=f"b{len(sketch.blocks)}", members=tuple(middle)))
     junctions.append(end)
+
+
+def random_roads(random: Random, robots: int, *, points_each: int = 5) -> tuple[PlantModel, tuple[str, ...]]:
+    """Make a road map with ``points_each`` points for each robot; gives its stations too.
+
+    Two points are joined both ways where no third one lies in the circle between them (Gabriel 1969). Points
+    at which three paths end or fewer are stations, up to one for each robot.
+    """
+    sketch = PlantSketch(random)
+    places = [(random.random(), random.random()) for _ in range(points_each * robots + 6)]
+    degrees = dict.fromkeys((sketch.point() for _ in places), 0)
+    for (one, a), (other, b) in combinations(zip(degrees, places, strict=True), 2):
+        middle = (a[0] + b[0]) / 2, (a[1] + b[1]) / 2
+        if all(dist(middle, each) >= dist(a, b) / 2 for each in places if each not in (a, b)):
+            sketch.path(one, other, one_way=False)
+            degrees[one] += 1
+            degrees[other] += 1
+    quiet = sorted(degrees, key=degrees.__getitem__)
+    vehicles = tuple(Vehicle(name=f"v{number}") for number in range(robots))
+    plant = PlantModel(
+        name="roads", points=tuple(sketch.points), paths=tuple(sketch.paths), vehicles=vehicles
+    )
+    return plant, tuple(quiet[: max(4, robots)])

@@ -11,11 +11,19 @@ from random import Random
 
 from nena_order_service.routing.graph import Route
 from nena_order_service.routing.router import Router
-from nena_order_service.traffic.traffic_control import RouteRequest, TrafficControl
+from nena_order_service.traffic.manager import TrafficManager
+from nena_order_service.traffic.traffic_control import Displacement, Evasion, RouteRequest, nobody
 from nena_shared.plant import PlantModel
 
 SPEED = 1000.0
 """mm/s"""
+
+PATIENCE = 3600.0
+"""Simulated seconds in which an order has to end, or vehicles only drive to and fro."""
+
+
+ROUNDS = 10
+"""Times that traffic decides at most before time goes on; each time others may have to go another way."""
 
 
 class CollisionError(AssertionError):
@@ -23,7 +31,7 @@ class CollisionError(AssertionError):
 
 
 class StandstillError(AssertionError):
-    """Nothing can happen any more, and orders are left."""
+    """Nothing can happen any more, or nothing comes of it, and orders are left."""
 
 
 @dataclass
@@ -51,9 +59,11 @@ class Simulation:
         self.router = Router(plant)
         self.plant = plant
         self.length_mm = length_mm
-        self.control = TrafficControl(plant, self)
+        self.traffic = TrafficManager(plant, self)
+        self.scheduler = self.traffic._scheduler
         self.orders = deque(tuple(random.sample(stations, 2)) for _ in range(orders))
         self.finished = 0
+        self.finished_at = 0.0
         self.evasions = 0
         self.now = 0.0
         self.driven_mm = 0.0
@@ -66,7 +76,7 @@ class Simulation:
             for each, start in zip(plant.vehicles, starts, strict=True)
         }
         for each in self.vehicles.values():
-            self.control.scheduler.place(each.name, [self.control.resources.at(each.body[0])], length_mm)
+            self.traffic.restore(each.name, [self.traffic.resources.at(each.body[0])], length_mm)
 
     def _find(self, start: str, goal: str, avoid: frozenset[str]) -> Route:
         return self.router.route(start, goal, avoid=avoid)
@@ -96,7 +106,7 @@ class Simulation:
             self._dispatch()
             self._decide()
             self._drive_on()
-            if not self._events:
+            if not self._events or self.now > self.finished_at + PATIENCE:
                 break
             self.now, _, name, kind = heappop(self._events)
             getattr(self, f"_{kind}")(self.vehicles[name])
@@ -106,9 +116,8 @@ class Simulation:
     def _report(self) -> str:
         lines = [f"{self.finished} orders finished at {self.now:.0f} s"]
         for each in self.vehicles.values():
-            occupant = self.control.scheduler.occupant(each.name)
-            why = self.control.why_waiting(each.name)
-            lines.append(f"{each.name} at {occupant.point} target {list(each.target)} {why or ''}")
+            why = self.traffic.why_waiting(each.name)
+            lines.append(f"{each.name} at {self._at(each)} target {list(each.target)} {why}")
         return "\n".join(lines)
 
     def _after(self, seconds: float, vehicle: SimulatedVehicle, kind: str) -> None:
@@ -121,7 +130,7 @@ class Simulation:
             free = [
                 each
                 for each in self.vehicles.values()
-                if not each.target and not each.busy and self.control.scheduler.occupant(each.name).resting
+                if not each.target and not each.busy and not self.traffic.journey(each.name)
             ]
             if not free:
                 return
@@ -133,15 +142,15 @@ class Simulation:
             self._next_target(chosen)
 
     def _at(self, vehicle: SimulatedVehicle) -> str:
-        return self.control.scheduler.occupant(vehicle.name).point
+        return self.scheduler.occupant(vehicle.name).point
 
     def _next_target(self, vehicle: SimulatedVehicle) -> None:
         if self._at(vehicle) == vehicle.target[0]:
-            self.control.drop(vehicle.name)
+            self.traffic.drop(vehicle.name)
             vehicle.busy = True
             self._after(self.random.uniform(2, 20), vehicle, "worked")
         else:
-            self.control.request_route(RouteRequest(vehicle.name, vehicle.target[0]))
+            self.traffic.request_route(RouteRequest(vehicle.name, vehicle.target[0]))
 
     def _worked(self, vehicle: SimulatedVehicle) -> None:
         vehicle.busy = False
@@ -150,15 +159,31 @@ class Simulation:
             self._next_target(vehicle)
         else:
             self.finished += 1
+            self.finished_at = self.now
 
     def _decide(self) -> None:
-        for each in self.control.decide(lambda name: not self.vehicles[name].busy):
-            self.evasions += each.__class__.__name__ == "Evasion"
+        for _ in range(ROUNDS):
+            decided = list(self.traffic.decide(self._movable))
+            self.evasions += sum(isinstance(each, Evasion) for each in decided)
+            ending = {each.vehicle for each in decided if isinstance(each, Displacement)}
+            for name in ending.union(self.traffic.stuck(self._movable, nobody)):
+                self._end_way_here(name)
+            if not ending:
+                return
+
+    def _movable(self, name: str) -> bool:
+        return not self.vehicles[name].busy and not self.traffic.journey(name)
+
+    def _end_way_here(self, name: str) -> None:
+        """Let a vehicle ask for another way where what it may drive ends."""
+        self.traffic.shorten(name)
+        self._came_to_end(self.vehicles[name])
 
     def _drive_on(self) -> None:
+        for name, _ in self.traffic.extending():
+            self.traffic.allocate(name, 2)
         for each in self.vehicles.values():
-            self._allocate(each)
-            occupant = self.control.scheduler.occupant(each.name)
+            occupant = self.scheduler.occupant(each.name)
             if occupant.ahead and not each.driving:
                 each.driving = True
                 step = occupant.held[occupant.reached + 1]
@@ -166,20 +191,21 @@ class Simulation:
                 self._cover(each, path, step.length_mm)
                 self._after(step.length_mm / SPEED, each, "arrived")
 
-    def _allocate(self, vehicle: SimulatedVehicle) -> None:
-        occupant = self.control.scheduler.occupant(vehicle.name)
-        while occupant.claimed and occupant.ahead < 2:
-            if self.control.scheduler.allocate(vehicle.name):
-                return
-
     def _arrived(self, vehicle: SimulatedVehicle) -> None:
-        scheduler = self.control.scheduler
-        occupant = scheduler.occupant(vehicle.name)
+        occupant = self.scheduler.occupant(vehicle.name)
+        journey = self.traffic.journey(vehicle.name)
+        assert journey
         vehicle.driving = False
         self._cover(vehicle, occupant.held[occupant.reached + 1].point, 0.0)
-        scheduler.arrive(vehicle.name, occupant.reached + 1)
-        if occupant.resting and vehicle.target:
-            self._next_target(vehicle)
+        self.traffic.arrived(vehicle.name, journey.reached + 1)
+        self._came_to_end(vehicle)
+
+    def _came_to_end(self, vehicle: SimulatedVehicle) -> None:
+        journey = self.traffic.journey(vehicle.name)
+        if journey and journey.reached == len(journey.way):
+            self.traffic.finished(vehicle.name)
+            if vehicle.target:
+                self._next_target(vehicle)
 
     def _cover(self, vehicle: SimulatedVehicle, place: str, length: float) -> None:
         """Let the vehicle's front come to ``place``, its tail follow, and look who else is there."""

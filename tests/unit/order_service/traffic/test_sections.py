@@ -88,6 +88,20 @@ def test_section_goes_on_to_the_end_of_a_two_way_track() -> None:
     assert bench.claims("v") == "BCDEFGH"
 
 
+def test_section_of_a_two_way_road_ends_at_a_crossing_that_others_can_go_around() -> None:
+    ring, spokes = (
+        lane("A B C D E A", two_way=True),
+        [*lane("A X C", two_way=True), *lane("X E", two_way=True)],
+    )
+    far = lane("C F G H I J", two_way=True)
+    bench = Bench(plant(*ring, *spokes, *far), v="J")
+    bench.want("v", "E")
+
+    bench.decided()
+
+    assert bench.claims("v") == "IHGFCX", "only past C nobody can be led"
+
+
 def test_section_does_not_end_in_a_block() -> None:
     bench = Bench(plant(*lane("A B C D E F G H"), blocks=(Block(name="X", members=("E", "F")),)), v="A")
     bench.want("v", "H")
@@ -113,6 +127,36 @@ def test_nobody_drives_up_to_a_vehicle_of_which_nobody_knows_when_it_goes_on() -
 
     assert list(bench.manager.decide(lambda name: name == "v", lambda name: name == "w")) == []
     assert bench.manager.why_waiting("v").startswith("waits for w, which stands on")
+
+
+def test_vehicle_under_way_that_encloses_those_in_its_way_goes_aside() -> None:
+    model = plant(*lane("A C"), *lane("S C S"), *lane("T C T"), *lane("U C U"), *lane("C D K C"))
+    bench = Bench(model, v="A", x="D", z="K")
+    bench.want("v", "D")
+    assert [type(each) for each in bench.decided()] == [RouteGrant]
+    bench.arrive("v", 1)
+
+    assert [(type(each), each.vehicle) for each in bench.decided()] == [(Displacement, "v")]
+
+
+def test_vehicle_makes_room_around_others_at_rest() -> None:
+    bench = Bench(plant(*lane("C D E F"), path("D F", 6000, name="around")), v="C", x="D", y="E")
+    bench.want("v", "D")
+
+    (away,) = [each for each in bench.decided() if isinstance(each, Evasion)]
+
+    assert (away.vehicle, away.route.points) == ("x", ("D", "F"))
+
+
+def test_vehicle_that_let_another_out_does_not_enclose_it_again() -> None:
+    bench = Bench(
+        plant(*lane("S C S"), *lane("T C T"), *lane("U C U"), *lane("C D K C")), v="C", x="D", z="K"
+    )
+    bench.want("v", "D")
+    assert [(type(each), each.vehicle) for each in bench.decided()] == [(Evasion, "v")]
+    bench.manager.finished("v")
+
+    assert [(type(each), each.vehicle) for each in bench.decided()] == [(Evasion, "z")]
 
 
 @pytest.mark.parametrize(("others", "way"), [(0, "BC"), (2, "XYC")])

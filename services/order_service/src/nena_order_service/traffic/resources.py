@@ -44,6 +44,7 @@ class Resources:
     def __init__(self, plant: PlantModel, *, exclusive: bool = True) -> None:
         self._exclusive = exclusive
         driven = {(each.source, each.destination) for each in plant.paths}
+        self._open = _open_crossings(plant)
         self._two_way = {
             each.name
             for each in plant.paths
@@ -63,7 +64,9 @@ class Resources:
         """
         if index + 1 == len(way):
             return True
-        return self._two_way.isdisjoint(way[index + 1].uses) and self._block_names.isdisjoint(way[index].uses)
+        if not self._block_names.isdisjoint(way[index].uses):
+            return False
+        return way[index].point in self._open or self._two_way.isdisjoint(way[index + 1].uses)
 
     def at(self, point: str) -> ResourceSet:
         """Return the resources of a vehicle that was found at ``point``, come by whatever way."""
@@ -124,6 +127,44 @@ class Resources:
             for block in self._blocks.get(member, ()):
                 uses[block.name] = directions.get(block.name)
         return uses
+
+
+CROSSING = 3
+"""Neighbours that a point has at least at which paths cross."""
+
+WAY_ROUND = 8
+"""Paths that a way round a crossing has at most."""
+
+
+def _open_crossings(plant: PlantModel) -> frozenset[str]:
+    """Return the crossings that others can go around when a vehicle waits there.
+
+    Without such a point, each of its neighbours still leads to each other one by a short way.
+    """
+    after: defaultdict[str, set[str]] = defaultdict(set)
+    neighbours: defaultdict[str, set[str]] = defaultdict(set)
+    for path in plant.paths:
+        after[path.source].add(path.destination)
+        if path.max_reverse_velocity_mm_s:
+            after[path.destination].add(path.source)
+        neighbours[path.source].add(path.destination)
+        neighbours[path.destination].add(path.source)
+    return frozenset(
+        point
+        for point, others in neighbours.items()
+        if len(others) >= CROSSING and all(_leads_to(others, one, point, after) for one in others)
+    )
+
+
+def _leads_to(others: set[str], start: str, without: str, after: Mapping[str, set[str]]) -> bool:
+    """Return whether few paths lead from a point to each of the others without another point."""
+    reached = newest = {start}
+    for _ in range(WAY_ROUND):
+        newest = {other for one in newest for other in after.get(one, ())} - reached - {without}
+        reached = reached | newest
+        if others <= reached or not newest:
+            break
+    return others <= reached
 
 
 class UseIndex:

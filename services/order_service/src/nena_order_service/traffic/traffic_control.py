@@ -11,7 +11,7 @@ from typing import Protocol
 from nena_order_service.routing.graph import NoRouteError, Route
 from nena_order_service.traffic.resources import Resources, ResourceSet, conflict
 from nena_order_service.traffic.scheduler import Refusal, Scheduler, WaitReason
-from nena_shared.plant import BACKWARD_SUFFIX, PlantModel
+from nena_shared.plant import PlantModel
 from nena_shared.plant.track import PointType
 
 
@@ -49,6 +49,8 @@ class Evasion:
     vehicle: str
     route: Route
     way: tuple[ResourceSet, ...]
+    lets_out: str | None = None
+    """A vehicle that was enclosed by this one, and is to make room next."""
 
 
 class Evader:
@@ -61,15 +63,21 @@ class Evader:
         self._ways = ways
 
     def evade(
-        self, blockers: Iterable[str], kept_free: Iterable[ResourceSet], movable: Callable[[str], bool]
+        self,
+        blockers: Iterable[str],
+        kept_free: Iterable[ResourceSet],
+        movable: Callable[[str], bool],
+        enclosing: set[str] | None = None,
     ) -> Iterator[Evasion]:
         """Send those of the ``blockers`` that can go to places outside of ``kept_free``.
 
         A blocker that is itself enclosed by vehicles at rest has these go first, and goes when it is asked
-        for again.
+        for again. Those of them that cannot be sent are added to ``enclosing``.
         """
         asked: set[str] = set()
         yield from self._evade(blockers, list(kept_free), movable, asked)
+        if enclosing is not None:
+            enclosing.update(asked)
 
     def _evade(
         self,
@@ -77,22 +85,28 @@ class Evader:
         kept_free: list[ResourceSet],
         movable: Callable[[str], bool],
         asked: set[str],
+        lets_out: str | None = None,
     ) -> Iterator[Evasion]:
         for vehicle in blockers:
-            if vehicle in asked or not movable(vehicle):
+            if vehicle in asked:
+                continue
+            if not movable(vehicle):
+                if lets_out:
+                    asked.add(vehicle)
                 continue
             asked.add(vehicle)
             enclosed: tuple[tuple[str, ...], list[ResourceSet]] | None = None
             for route, sets in self._ways_out(vehicle, kept_free):
                 refusal = self._scheduler.claim(vehicle, sets)
                 if refusal is None:
-                    yield Evasion(vehicle, route, tuple(sets))
+                    yield Evasion(vehicle, route, tuple(sets), lets_out)
                     break
                 if refusal.hindrance is WaitReason.RESTING and enclosed is None:
                     enclosed = refusal.vehicles, sets
             else:
                 if enclosed:
-                    yield from self._evade(enclosed[0], [*kept_free, *enclosed[1]], movable, asked)
+                    ring = [*kept_free, *enclosed[1]]
+                    yield from self._evade(enclosed[0], ring, movable, asked, lets_out=vehicle)
 
     def _ways_out(
         self, vehicle: str, kept_free: list[ResourceSet]
@@ -106,11 +120,26 @@ class Evader:
         for place in sorted(free, key=lambda name: (not self._parks(name), costs[name])):
             route = self._ways.route(vehicle, occupant.point, place)
             sets = self._resources.way(route.steps, start=occupant.held[-1], entry=occupant.entry)
+            if around := self._around(vehicle, sets, place):
+                route = around
+                sets = self._resources.way(route.steps, start=occupant.held[-1], entry=occupant.entry)
             if not overlap(self._scheduler.end_of(vehicle, sets), kept_free):
                 yield route, sets
                 tried += 1
                 if tried == CANDIDATES_TRIED:
                     return
+
+    def _around(self, vehicle: str, way: Sequence[ResourceSet], place: str) -> Route | None:
+        """Return a route to a place around those that rest on the cheapest one; None: nobody, or no route."""
+        resting = self._scheduler.resting_on(vehicle, way)
+        if not resting:
+            return None
+        avoid = {each.point for name in resting for each in self._scheduler.occupant(name).held}
+        try:
+            start = self._scheduler.occupant(vehicle).point
+            return self._ways.route(vehicle, start, place, avoid=avoid - {start, place})
+        except NoRouteError:
+            return None
 
     def _parks(self, point: str) -> bool:
         return self._plant.point(point).type is PointType.PARK_POSITION
@@ -237,6 +266,18 @@ class MoreClaimed:
     vehicle: str
 
 
+def _oncoming(plant: PlantModel) -> dict[tuple[str, str], list[str]]:
+    """Return the edges that lead back, for each path and the point to which it is driven."""
+    edges: defaultdict[tuple[str, str], list[str]] = defaultdict(list)
+    for each in plant.edges():
+        edges[each.source, each.destination].append(each.id)
+    return {
+        (each.path.name, each.destination): edges[each.destination, each.source]
+        for each in plant.edges()
+        if (each.destination, each.source) in edges
+    }
+
+
 class TrafficControl:
     """Grants routes, oldest request first, and each of them section by section.
 
@@ -258,7 +299,7 @@ class TrafficControl:
         self._evader = Evader(plant, self.resources, self.scheduler, ways)
         self._requests: dict[str, RouteRequest] = {}
         self._refusals: dict[str, Refusal] = {}
-        self._paths = plant.paths_by_name
+        self._oncoming = _oncoming(plant)
         self._routes: dict[str, tuple[tuple[str, RouteRequest], Route]] = {}
         """The routes that vehicles wait for, and for which requests they were found."""
         self._burden: dict[str, float] = {}
@@ -266,6 +307,8 @@ class TrafficControl:
         """How many routes were searched with this burden."""
         self._refused_sections: dict[str, _RefusedSection] = {}
         self._asked: set[str] = set()
+        self._lets_out: dict[str, tuple[str, str]] = {}
+        """Vehicles that made room for one which they enclosed, with that one and where it rests."""
         self._turns: dict[str, tuple[int, str]] = {}
         """When the request of each vehicle came and for which goal, also while its way is granted."""
         self._last_turn = 0
@@ -306,6 +349,7 @@ class TrafficControl:
         """Forget a vehicle and its turn."""
         self.drop(vehicle)
         self._turns.pop(vehicle, None)
+        self._lets_out.pop(vehicle, None)
 
     @property
     def requesting(self) -> tuple[str, ...]:
@@ -468,10 +512,18 @@ class TrafficControl:
             return other not in self._requests or first or self._wait_in_ring(other)
 
         under_way = [other for other in refusal.vehicles if other in self.journeys]
-        for evasion in self._evader.evade(refusal.vehicles, kept_free, may_be_sent):
+        enclosing, sent = set[str](), False
+        for evasion in self._evader.evade(refusal.vehicles, kept_free, may_be_sent, enclosing):
+            sent = True
             self._refusals.pop(evasion.vehicle, None)
+            if evasion.lets_out:
+                at = self.scheduler.occupant(evasion.lets_out).point
+                self._lets_out[evasion.vehicle] = evasion.lets_out, at
             yield evasion
         yield from (Displacement(other) for other in under_way if self._wait_in_ring(other))
+        for other in () if sent else sorted(enclosing.intersection(self.journeys).difference(under_way)):
+            if self.scheduler.occupant(other).resting:
+                yield Displacement(other)
 
     def _wait_in_ring(self, vehicle: str) -> bool:
         """Return whether a vehicle waits, by others in between, for itself: then nobody of them goes on."""
@@ -511,11 +563,22 @@ class TrafficControl:
     def _claim_way(
         self, vehicle: str, way: list[ResourceSet], senior: _Senior | None, lost: Callable[[str], bool]
     ) -> tuple[Refusal, list[ResourceSet]] | None:
-        """Claim the first section of a way, on which nobody rests of whom nobody knows when it goes."""
-        if any(map(lost, self.scheduler.resting_on(vehicle, way))):
+        """Claim the first section of a way, on which nobody rests of whom nobody knows when it goes.
+
+        One that has let another out must not enclose it again before that has gone.
+        """
+        if self._has_let_out(vehicle) or any(map(lost, self.scheduler.resting_on(vehicle, way))):
             refusal = self.scheduler.claim(vehicle, way)
             return (refusal, way) if refusal else None
         return self._claim_section(vehicle, way, senior)
+
+    def _has_let_out(self, vehicle: str) -> bool:
+        """Return whether a vehicle has let another out that has not gone yet."""
+        other, at = self._lets_out.get(vehicle, ("", ""))
+        if other in self.scheduler and self.scheduler.occupant(other).point == at:
+            return True
+        self._lets_out.pop(vehicle, None)
+        return False
 
     def _route(self, route_request: RouteRequest, avoid: frozenset[str] = frozenset()) -> Route | None:
         if route_request.straight_mm is not None:
@@ -542,10 +605,8 @@ class TrafficControl:
             for each in journey.way[journey.reached :]:
                 burden[each.point] += CONGESTION
                 for use in each.uses:
-                    path = self._paths.get(use)
-                    if path and path.max_reverse_velocity_mm_s:
-                        forward = path.destination == each.point
-                        burden[path.name + BACKWARD_SUFFIX if forward else path.name] += ONCOMING
+                    for edge in self._oncoming.get((use, each.point), ()):
+                        burden[edge] += ONCOMING
         return burden
 
     def forget_routes(self) -> None:
