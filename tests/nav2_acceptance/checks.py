@@ -153,11 +153,11 @@ async def deaths(site: Nav2Site) -> str:
     told = []
     for server in SERVERS:
         async with site.agent():
-            since, here = len(site.bench.fleet.states), site.here
+            here = site.here
             order_id = site.send(site.far)
             await site.moves()
             await site.die(server)
-            began = time.monotonic()
+            began, since = time.monotonic(), len(site.bench.fleet.states)
             state = await _stopped_or_done(site, order_id, since)
             told.append(f"{server}: {state} after {time.monotonic() - began:.1f} s")
             await site.stands()
@@ -172,7 +172,7 @@ async def _stopped_or_done(site: Nav2Site, order_id: str, since: int) -> str:
     """Wait until the robot stands with an error, or the order is done; return which."""
 
     def over(state: dict[str, Any]) -> bool:
-        failed = bool(state["errors"]) and site.bench.speed < 0.01  # or its order waits for Nav2
+        failed = bool(state["errors"]) and not state["driving"]
         return failed or (state["orderId"] == order_id and not state["nodeStates"])
 
     state = await site.when(over, since=since, within=120.0)

@@ -11,12 +11,15 @@ import pytest
 
 from nena_edge_agent.driver.map_port import MapDriverEvent, MapGoal, MapPose, MapPoseReport
 from nena_edge_agent.driver.port import DriveFailed, DriveFailure, NavigationReport
+from nena_edge_agent.nav2 import driver as driver_module
+from nena_edge_agent.nav2.action_tracker import FeedbackReading
 from nena_edge_agent.nav2.driver import Nav2Driver, Nav2Options
+from nena_edge_agent.nav2.goals import GoalEntry, GoalStatus
 from nena_edge_agent.nav2.map_server import MapServer
 from nena_edge_agent.nav2.poses import PoseReading
 from nena_edge_agent.nav2.settings import RosSettings
 from nena_edge_agent.nav2.speed_limit import SpeedLimiter
-from nena_shared.clock import ManualClock
+from nena_shared.clock import ManualClock, SystemClock
 from nena_shared.program import StartError
 from support.pausing import turn_passes
 from support.waiting import until
@@ -97,6 +100,9 @@ class Station:
         monkeypatch.setattr(MapServer, "_load_in_turn", self._load)
         self.server = MapServer(RosSettings(), "hall")
 
+    async def stop_motion(self) -> bool:
+        return True
+
     async def _load(self, file: str) -> None:
         self.asked.append(file)
         await self.let_answer.wait()
@@ -167,3 +173,22 @@ async def test_a_map_server_that_is_there_again_is_told_its_map_beside_the_look(
         station.let_answer.set()
         await until(lambda: not server.problem, what="the map")
         assert driver._with_map(NavigationReport(available=True, reason="")).available
+
+
+async def test_a_navigator_that_falls_silent_is_noticed_between_two_looks(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(driver_module, "FEEDBACK_TIMEOUT", 0.05)
+    station, told = Station(monkeypatch), list[MapDriverEvent]()
+    async with started(monkeypatch, told, Nav2Options()) as driver:
+        monkeypatch.setattr(driver, "_node", station)
+        monkeypatch.setattr(driver, "_clock", SystemClock())
+        driver._on_statuses([])
+        available(driver)
+        driver.go_to(MapGoal(1, MapPose(1.0, 0.0, 0.0, "hall"), 0.3, None))
+        driver._on_statuses([GoalEntry("a" * 32, GoalStatus.EXECUTING)])
+        driver._on_feedback(FeedbackReading("a" * 32, 0.0, 0.0, 0.0, "map", 1.0, 0))
+        await until(lambda: any(isinstance(each, DriveFailed) for each in told), what="the silence")
+        monkeypatch.setattr(driver, "_node", None)
+    (failed,) = (each for each in told if isinstance(each, DriveFailed))
+    assert failed.failure is DriveFailure.NAVIGATION_GONE

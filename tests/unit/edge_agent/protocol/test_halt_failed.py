@@ -4,7 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from nena_edge_agent.driver.port import DriveFailed, DriveFailure, Halted, HaltFailed, VelocityReport
+from nena_edge_agent.driver.port import (
+    DriveFailed,
+    DriveFailure,
+    Halted,
+    HaltFailed,
+    NavigationReport,
+    VelocityReport,
+)
 from nena_edge_agent.protocol.conditions import ROBOT_NOT_STOPPED
 from nena_edge_agent.protocol.events import Halt
 from nena_shared.vda5050.error import ErrorLevel, ErrorType
@@ -69,3 +76,15 @@ def test_driving_and_velocity_follow_the_odometry() -> None:
         idle.do(velocity)
         told.append((idle.state.driving, idle.state.velocity and idle.state.velocity.vx))
     assert told == [(True, 0.3), (False, 0.0), (False, None)]
+
+
+@pytest.mark.parametrize(("vx", "driving"), [(0.0, False), (0.3, True), (None, True)])
+def test_a_robot_whose_goal_waits_for_navigation_drives_only_while_it_moves(
+    bench: Bench, *, vx: float | None, driving: bool
+) -> None:
+    bench.do(VelocityReport(vx, vx))
+    assert bench.state.driving
+    bench.do(NavigationReport(available=False, reason="behavior_server is not active"))
+    assert bench.state.driving is driving
+    bench.do(NavigationReport(available=True, reason=""))
+    assert bench.state.driving

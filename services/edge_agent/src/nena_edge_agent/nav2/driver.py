@@ -85,6 +85,8 @@ TICK = 0.05
 """Seconds between two looks at the time while something is waited for."""
 FEEDBACK_TIMEOUT = 2.0
 """Seconds without feedback of a drive, each 10 ms as a rule, after which bt_navigator counts as dead."""
+HELD_UP = 0.3
+"""Seconds that the event loop may be late; beyond that, feedback may have come and waits to be read."""
 READINGS = 5
 """Times that Nav2's parameters are read at most while none of them is the controller's speed."""
 
@@ -150,9 +152,9 @@ class Nav2Driver:
         self._transforms = TransformWatch(settings, self._on_pose)
         self._parameters: ParameterReader | None = None
         self._readings = READINGS
-        self._tasks = Supervisor()
-        self._stack = AsyncExitStack()
+        self._tasks, self._stack = Supervisor(), AsyncExitStack()
         self._ticking: asyncio.TimerHandle | None = None
+        self._listening: asyncio.TimerHandle | None = None
         self._halted = asyncio.Event()
         self._stopped = False
 
@@ -185,8 +187,9 @@ class Nav2Driver:
         if self._node is not None:
             await self._stand()
         self._stopped = True
-        if self._ticking is not None:
-            self._ticking.cancel()
+        for timer in (self._ticking, self._listening):
+            if timer is not None:
+                timer.cancel()
         await self._stack.aclose()
         await self.session.stop()
 
@@ -448,10 +451,6 @@ class Nav2Driver:
     def _watch_drive(self) -> None:
         """Check whether the robot gets on, and whether it still hears where it is."""
         now, driving = self._clock.monotonic(), self._tracker.driving
-        silent = self._feedback.silent_for(self._tracker.goal_id, now) if driving else 0.0
-        if silent > FEEDBACK_TIMEOUT:
-            self._apply(self._tracker.on_silence(silent, now))
-            driving = False
         if self._localisation.forget_stale_velocity(now):
             self._tell(self._localisation.velocity)
         blocked = self._movement.blocked(driving=driving, now=now)
@@ -510,6 +509,8 @@ class Nav2Driver:
             return
         if self._limiter is not None:
             self._limiter.drives(now)
+        if self._listening is None:
+            self._listen(FEEDBACK_TIMEOUT)
         if self._feedback.moved(reading, now):
             pose = self._localisation.on_nearer(reading.x, reading.y, reading.yaw, reading.frame)
             if pose is not None:
@@ -519,6 +520,25 @@ class Nav2Driver:
         self._movement.on_recoveries(reading.recoveries)
         if progress := self._feedback.progress(reading, self._map_id, now):
             self._tell(progress)
+
+    def _listen(self, seconds: float) -> None:
+        """Check after ``seconds`` whether feedback still comes."""
+        due = self._loop.time() + seconds
+        self._listening = self._loop.call_at(due, self._check_feedback, due)
+
+    def _check_feedback(self, due: float) -> None:
+        """Stop the robot if the navigator has fallen silent; a loop that was held up itself listens again."""
+        self._listening = None
+        now = self._clock.monotonic()
+        if not self._tracker.driving or self._stopped:
+            return
+        silent = self._feedback.silent_for(self._tracker.goal_id, now)
+        if self._loop.time() - due > HELD_UP:
+            self._listen(HELD_UP)
+        elif silent >= FEEDBACK_TIMEOUT:
+            self._apply(self._tracker.on_silence(silent, now))
+        elif silent > 0.0:
+            self._listen(FEEDBACK_TIMEOUT - silent)
 
     def _on_velocity(self, measured: tuple[float, float]) -> None:
         now = self._clock.monotonic()

@@ -74,10 +74,15 @@ def make_state(header: dict[str, Any], robot: RobotState) -> State:
 
 
 def _drives(robot: RobotState) -> bool:
-    """Return whether the robot drives, or may: after a restart that is not known until odometry comes."""
+    """Return whether the robot drives, or may: after a restart that is not known until odometry comes.
+
+    A robot whose goal waits for navigation stands, once its odometry shows that.
+    """
     velocity = robot.reports.velocity
     not_known = robot.goal.left_over and velocity.vx is None
-    return robot.goal.moving or velocity.moves or not_known or bool(robot.reports.goals.external)
+    waits = not robot.reports.navigation.available and not robot.goal.halting and velocity.vx is not None
+    moving = robot.goal.moving and not waits
+    return moving or velocity.moves or not_known or bool(robot.reports.goals.external)
 
 
 def as_recorded(state: State, before: State) -> State:
