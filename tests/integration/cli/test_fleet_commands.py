@@ -154,6 +154,9 @@ async def test_an_order_is_watched_to_its_end_and_vehicles_are_shown(fleet: Flee
     (one,) = await nena.json("vehicles", "show", "Robot-01")
     assert one["connection"] == "ONLINE"
     assert "Robot-02" in (await nena("vehicles", "list")).stdout
+    (plan,) = await nena.json("traffic")
+    assert [(each["vehicle"], each["at"]) for each in plan["vehicles"]] == [("Robot-01", "Goods in stand")]
+    assert "Goods in stand" in (await nena("traffic")).stdout
 
 
 async def test_zone_sets_are_put_enabled_and_deleted(fleet: Fleet) -> None:
