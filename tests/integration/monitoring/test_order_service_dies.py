@@ -20,8 +20,9 @@ from support.waiting import awaited
 
 pytestmark = pytest.mark.broker
 
-FOUND_WITHIN = 15.0
-"""Seconds from a fault to its alert, on a machine with two cores and other work."""
+FOUND_WITHIN = 60.0
+"""Seconds from a fault to its alert on a loaded machine. By the settings it is at most 15: 7 of silence, 5
+for which the alert has to hold, and here a second each for scrape and evaluation."""
 FIRING = 'ALERTS{alertstate="firing"}'
 
 
@@ -37,8 +38,8 @@ class Site:
     async def order_service(self) -> OrderServiceProgram:
         """Start it, and wait until it works."""
         program = OrderServiceProgram(
-            *self.fleet.arguments()[:-4],
-            *("--topic_prefix", self.prefix, "--http.port", self.port),
+            *(self.prefix if each == self.fleet.prefix else each for each in self.fleet.arguments()),
+            *("--http.port", self.port),
             log=self.fleet.folder / "order-service.log",
         )
         self.fleet.stack.enter_context(program)

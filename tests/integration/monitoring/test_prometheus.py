@@ -50,7 +50,7 @@ def test_rules_record_and_alert_as_they_should(file: Path) -> None:
 
 def test_every_alert_has_a_test_and_says_what_to_do() -> None:
     rules = (CONFIGURATION / "rules" / "alerts.yml").read_text(encoding="utf-8")
-    tests = (CONFIGURATION / "tests" / "alerts.test.yml").read_text(encoding="utf-8")
+    tests = "".join(file.read_text(encoding="utf-8") for file in (CONFIGURATION / "tests").glob("*.yml"))
     names = re.findall(r"- alert: (\w+)", rules)
     fired = re.findall(r"alertname: (\w+)\n +exp_alerts:\n", tests)
     assert set(names) == set(fired)
