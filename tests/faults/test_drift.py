@@ -102,7 +102,7 @@ def test_the_report_has_a_line_for_each_window_and_says_what_has_drifted() -> No
 
 
 def test_the_report_says_what_the_checker_has_found() -> None:
-    text = report(run(), fault="{'T-7': 'the robot cannot go on with it'}")
+    text = report(run(), fault="{'T-7': 'the robot cannot continue it'}")
 
-    assert "**{'T-7': 'the robot cannot go on with it'}**" in text
+    assert "**{'T-7': 'the robot cannot continue it'}**" in text
     assert "None lost" not in text

@@ -218,7 +218,7 @@ async def vehicle_idle(client: httpx.AsyncClient, name: str = "Robot-01") -> dic
 
 
 async def every_order_ended(client: httpx.AsyncClient, seconds: float = 200) -> list[dict[str, Any]]:
-    """Wait until no order is under way, and give them all."""
+    """Wait until no order is active, and give them all."""
 
     async def look() -> list[dict[str, Any]]:
         found = await client.get("/v1/transportOrders", params={"limit": 1000})

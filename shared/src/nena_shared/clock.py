@@ -51,7 +51,7 @@ class ManualClock:
     def advance(self, seconds: float) -> None:
         """Move the clock on by ``seconds`` (not negative)."""
         if seconds < 0:
-            message = "a clock does not go back"
+            message = "a clock cannot go back"
             raise ValueError(message)
         self.seconds += seconds
 

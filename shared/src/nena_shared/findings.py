@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-WORDS = {"extra_forbidden": "there is no such field", "missing": "is missing"}
+WORDS = {"extra_forbidden": "unknown field", "missing": "is missing"}
 """By the kind of finding, where pydantic speaks of what programmers know: inputs and extras."""
 PREFIX = "Value error, "
 """What pydantic puts before words of our own."""
@@ -27,7 +27,7 @@ def in_words(findings: Sequence[Any], *, whole: str, root: str = "", most: int |
     """
     lines = [f"{path_of(each['loc'], root) or whole}: {words_of(each)}" for each in findings[:most]]
     more = len(findings) - len(lines)
-    return [*lines, f"{whole}: {more} more values do not fit"] if more else lines
+    return [*lines, f"{whole}: {more} more invalid values"] if more else lines
 
 
 def path_of(location: Iterable[str | int], root: str = "") -> str:

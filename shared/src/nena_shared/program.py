@@ -87,7 +87,7 @@ async def _give_signs(supervision: Supervision, stop: asyncio.Event) -> None:
             well = True
         except OSError as error:
             if well:
-                log.warning("a sign of life cannot be given", reason=str(error))
+                log.warning("cannot notify the watchdog", reason=str(error))
             well = False
         news = "STOPPING=1" if await _set_within(supervision.period, stop) else ""
 

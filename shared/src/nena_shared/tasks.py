@@ -98,7 +98,7 @@ async def end(*tasks: asyncio.Task[Any], again_after: float = AGAIN_AFTER) -> No
             task.cancel()
         _, left = await asyncio.wait(left, timeout=again_after)
         if left:
-            log.warning("tasks have not ended and are cancelled again", tasks=sorted(map(_name, left)))
+            log.warning("tasks did not end; cancelling them again", tasks=sorted(map(_name, left)))
     await asyncio.gather(*tasks, return_exceptions=True)
 
 

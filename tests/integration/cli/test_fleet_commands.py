@@ -215,7 +215,7 @@ async def test_what_goes_wrong_is_one_clear_text(fleet: Fleet) -> None:
         (("orders", "show", "T-9"), "There is no transport order 'T-9'"),
         (("orders", "create", "Nowhere"), "Nowhere"),
         (("vehicles", "show", "R2D2"), "R2D2"),
-        (("vehicles", "reroute", "Robot-01", "--forced"), "works on no transport order"),
+        (("vehicles", "reroute", "Robot-01", "--forced"), "has no transport order"),
         (("vehicles", "watch", "R2D2"), "R2D2"),
         (("dispatch", "R2D2", "South 2"), "R2D2"),
     ):

@@ -52,7 +52,7 @@ async def test_without_ros_such_an_action_is_refused_before_the_robot_drives(
         state = await fleet.state(error_types)
 
         assert error_types(state) == ["orderError"]
-        assert "it uses ROS, which this robot does not have" in state["errors"][0]["errorDescription"]
+        assert "it needs ROS, which this robot does not have" in state["errors"][0]["errorDescription"]
         assert state["lastNodeId"] == ""
 
 
@@ -79,7 +79,7 @@ async def test_rehearsed_actions_do_a_whole_order_and_the_load_outlives_the_agen
 
         fleet.send(order("n1", order_id="twice", node_actions={"n1": [hard("p2", "pick", height=1)]}))
         refused = await fleet.state(lambda state: error_types(state) == ["orderError"])
-        assert "loaded already" in refused["errors"][0]["errorDescription"]
+        assert "already loaded" in refused["errors"][0]["errorDescription"]
 
         fleet.send(order("n1", order_id="bring", node_actions={"n1": [hard("d", "drop", height=0)]}))
         assert (await fleet.state(ended("bring")))["loads"] == []

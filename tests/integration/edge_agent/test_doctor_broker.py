@@ -60,7 +60,7 @@ async def test_a_port_where_nobody_listens() -> None:
     view = await examine_broker(settings_for(MqttSettings(port=port)))
 
     assert verdicts(view) == {Link.BROKER: MISSING, Link.LOGIN: UNKNOWN, Link.ACCESS: UNKNOWN}
-    assert f"127.0.0.1:{port} is not reached: Connection refused" in first_missing(view).text
+    assert f"127.0.0.1:{port} is unreachable: Connection refused" in first_missing(view).text
 
 
 async def test_a_name_that_nobody_knows() -> None:

@@ -221,7 +221,7 @@ async def test_a_robot_that_falls_silent_is_broken_until_it_is_back(robot: Bench
         ({"command": "fly"}, "fly"),
         ({"command": "speed", "speed": 0}, "speed.speed: Input should be greater than 0"),
         ({"command": "speed", "speed": "3"}, "speed.speed: Input should be a valid number"),
-        ({"command": "pauseButton", "pressed": True, "hard": True}, "hard: there is no such field"),
+        ({"command": "pauseButton", "pressed": True, "hard": True}, "hard: unknown field"),
         ({"command": "operatingMode", "mode": "LUNCH"}, "operatingMode.mode: Input should be"),
         ({"command": "emergencyStop", "stop": "NONE"}, "emergencyStop.stop: Input should be"),
     ],

@@ -43,7 +43,7 @@ async def client(service: Start, tmp_path: Path) -> httpx.AsyncClient:
 async def test_a_viewer_sees_orders_and_gives_none(client: httpx.AsyncClient) -> None:
     refused = await client.post("/v1/transportOrders", json=ORDER, headers=as_("VIEWER"))
     assert refused.status_code == 403
-    assert refused.json()["detail"] == "VIEWER is viewer; this takes the role operator."
+    assert refused.json()["detail"] == "VIEWER is viewer; this requires the role operator."
 
     shown = await client.get("/v1/transportOrders", headers=as_("VIEWER"))
     assert (shown.status_code, shown.json()["transportOrders"]) == (200, [])

@@ -92,7 +92,7 @@ async def test_a_late_order_is_cancelled_at_the_robot(fleet: Fleet, service: Sta
     await create(client, LOAD, processingTimeout=2)
 
     late = await order_in(client, "T", "FAILED")
-    assert "time-out: it was not done within 2 s" in late["reason"]
+    assert "timeout: not done within 2 s" in late["reason"]
     assert "the vehicle has let it go" in late["reason"]
     assert "cancelOrder" in instant_actions(wire)
     await vehicle_idle(client)

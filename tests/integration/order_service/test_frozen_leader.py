@@ -85,7 +85,7 @@ async def test_a_leader_that_wakes_after_a_takeover_sends_nothing(shared: Fleet,
                 assert [topic for topic in stale if topic != will] == []
         finally:
             first.process.send_signal(signal.SIGCONT)
-    assert "another order service is the active one on this store now" in first.log
+    assert "another order service is now active on this store" in first.log
     await every_order_ended(standby)
     with MqttPeer(broker, f"{shared.prefix}/vehicles/robot-01/status") as now:
         retained = json.loads((await now.wait_for()).payload)

@@ -88,4 +88,4 @@ async def test_without_room_for_a_new_store_it_ends_and_says_why(fleet_on_it: Fl
     said = [line for line in program.log.splitlines() if line.startswith("nena-order-service: ")]
     assert len(said) == 1, program.log
     assert "store.url" in said[0]
-    assert "Look at the room on its disk" in said[0]
+    assert "Check the disk and its free space" in said[0]

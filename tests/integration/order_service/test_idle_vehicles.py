@@ -94,14 +94,11 @@ async def test_an_idle_robot_parks_recharges_and_is_called_away(fleet: Fleet, se
 
     destination = {"locationName": "Goods in", "operation": "Load cargo"}
     await client.post("/v1/transportOrders", json={"name": "T-1", "destinations": [destination]})
-    assert (
-        "recharges, and goes on until it has 70 %"
-        in (await order_in(client, "T-1", "DISPATCHABLE"))["reason"]
-    )
+    assert "recharging until its energy is 70 %" in (await order_in(client, "T-1", "DISPATCHABLE"))["reason"]
     asked = (await client.get("/v1/transportOrders/T-1/assignment")).json()
     reasons = {each["vehicle"]: each["reason"] for each in asked["vehicles"]}
-    assert reasons["Robot-01"].startswith("recharges, and goes on")
-    assert "never been heard of" in reasons["Robot-02"]
+    assert reasons["Robot-01"].startswith("recharging until")
+    assert "never connected" in reasons["Robot-02"]
 
     set_battery(72)
     await order_in(client, "T-1", "FINISHED")

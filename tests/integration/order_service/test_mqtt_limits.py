@@ -85,7 +85,7 @@ async def test_one_order_more_than_may_be_in_work_is_refused_and_the_rest_goes_o
         hosts.ask_for(name)
     refused = await hosts.answer_to("T-3")
     assert (refused["status"], refused["problem"]["title"]) == (503, "Too many requests")
-    assert "2 requests are in work" in refused["problem"]["detail"]
+    assert "2 requests are in progress" in refused["problem"]["detail"]
     assert await names(client) == set()
 
     gate.opened.set()

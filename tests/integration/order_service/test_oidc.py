@@ -48,11 +48,11 @@ async def test_roles_of_the_issuer_are_roles_here(service: Start, issuer: OidcIs
     assert (await client.get(ORDERS)).status_code == 401
 
     refused = await client.post(ORDERS, json=ORDER, headers=as_(issuer.token("vic")))
-    assert (refused.status_code, "takes the role operator" in refused.json()["detail"]) == (403, True)
+    assert (refused.status_code, "requires the role operator" in refused.json()["detail"]) == (403, True)
     made = await client.post(ORDERS, json=ORDER, headers=as_(issuer.token("ann")))
     assert made.status_code == 201, made.text
     plant = await client.put("/v1/plantModel", json={}, headers=as_(issuer.token("ann")))
-    assert (plant.status_code, "takes the role admin" in plant.json()["detail"]) == (403, True)
+    assert (plant.status_code, "requires the role admin" in plant.json()["detail"]) == (403, True)
     shown = await client.get(ORDERS, headers=as_(issuer.token("vic")))
     assert [each["name"] for each in shown.json()["transportOrders"]] == ["TO-1"]
 
@@ -107,7 +107,7 @@ async def test_without_its_issuer_it_starts_and_serves_its_own_users(
     client = await service(http={**http_of(issuer), "users": users})
 
     away = await client.get(ORDERS, headers=as_(issuer.token("ann")))
-    assert (away.status_code, "issuer cannot be asked" in away.json()["detail"]) == (503, True)
+    assert (away.status_code, "issuer is unavailable" in away.json()["detail"]) == (503, True)
     assert (await client.post(ORDERS, json=ORDER, headers=as_("its own"))).status_code == 201
     assert (await client.get("/readyz")).status_code == 200
     issuer.broken.clear()

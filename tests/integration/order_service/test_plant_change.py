@@ -57,7 +57,7 @@ async def test_changed_while_a_robot_drives(fleet: Fleet, service: Start) -> Non
     refused = await put(client, without("Middle 1").to_json())
     assert (refused.status_code, refused.headers["content-type"]) == (409, "application/problem+json")
     errors = refused.json()["errors"]
-    assert any("'Robot-01' uses 'Middle 1', which would be gone" in each for each in errors), errors
+    assert any("'Robot-01' uses 'Middle 1', which would be removed" in each for each in errors), errors
     assert PlantModel.from_json((await client.get(PLANT)).content) == SAMPLE
 
     looked_at = await put(client, without("Parking bay").to_json(), check=True)

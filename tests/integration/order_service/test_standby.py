@@ -139,7 +139,7 @@ async def test_an_active_one_that_hangs_is_replaced_and_writes_nothing_any_more(
     assert seconds < 2 * ROOM * TAKEOVER_SECONDS * busy
     await until(lambda: first.process.poll() is not None, what="the old one has ended")
     assert first.process.returncode == 1
-    assert "another order service is the active one on this store now" in first.log
+    assert "another order service is now active on this store" in first.log
     assert (await standby.get("/v1/transportOrders/T-1")).json()["state"] == "DISPATCHABLE"
 
 

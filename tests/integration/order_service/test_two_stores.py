@@ -16,7 +16,7 @@ from support.waiting import PATIENCE, awaited, until
 
 pytestmark = [pytest.mark.broker, pytest.mark.e2e]
 
-TAKEN = "another order service with another store leads this fleet"
+TAKEN = "another order service with another store is active for this fleet"
 
 
 def own_store(fleet: Fleet, name: str) -> tuple[object, ...]:

@@ -118,8 +118,8 @@ async def test_the_way_back_is_the_copy_from_before_the_upgrade(fleet: Fleet, ke
     older = fleet.order_service(name="older")
     assert older.process.wait(PATIENCE) == EXIT_FAILED
     (line,) = (each for each in older.log.splitlines() if "9999" in each)
-    assert "the tables of the store are of another release" in line
-    assert "go back to a copy of it" in line
+    assert "the store belongs to another release" in line
+    assert "restore a backup" in line
     assert "Traceback" not in older.log
 
     keeper.destroy()

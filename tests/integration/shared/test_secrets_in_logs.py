@@ -68,7 +68,7 @@ async def test_an_order_service_at_work_tells_none(files: Path, broker: Broker) 
                 headers = {"authorization": f"Bearer {token}"}
                 answer = await client.get("/v1/vehicles", headers=headers)
                 assert answer.status_code == status
-        await program.logged("an unknown token")
+        await program.logged("unknown token")
         assert (files / "orders.db").exists()
         assert_silent(program)
 

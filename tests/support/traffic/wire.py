@@ -22,7 +22,7 @@ from support.fleet import hand_over
 from support.traffic.driving_robot import DrivingRobot
 
 LONGEST_DELAY = 0.4
-"""Seconds that a message is under way at most."""
+"""Seconds that a message is active at most."""
 
 LOSS = 0.01
 """The share of messages that are lost."""

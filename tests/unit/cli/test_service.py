@@ -94,13 +94,13 @@ def test_what_goes_wrong_is_one_line_and_a_status(
 
 
 @pytest.mark.parametrize(
-    ("token", "words"), [(None, "Set NENA_TOKEN or --token-file"), ("x", "This token is nobody's.")]
+    ("token", "words"), [(None, "Set NENA_TOKEN or --token-file"), ("x", "Unknown token.")]
 )
 def test_who_is_not_let_in_is_told_how_to_give_a_token(
     capsys: pytest.CaptureFixture[str], token: str | None, words: str
 ) -> None:
     with pytest.raises(typer.Exit) as caught, service(token=token).connected():
-        raise RefusedError(Problem(title="Unauthorized", status=401, detail="This token is nobody's."))
+        raise RefusedError(Problem(title="Unauthorized", status=401, detail="Unknown token."))
     assert caught.value.exit_code == 1
     assert words in capsys.readouterr().err
 

@@ -98,11 +98,11 @@ def test_rerouting_says_what_became_of_it() -> None:
         vehicle="V-1",
         transport_order="T-1",
         outcome=ReroutingOutcome.REROUTED,
-        reason="a host has asked for it",
+        reason="requested by a host",
         route=("A", "[b]"),
     )
     shown = text_of(tables.rerouting_table(done))
-    for part in ("V-1", "T-1", "REROUTED", "A > [b]", "a host has asked"):
+    for part in ("V-1", "T-1", "REROUTED", "A > [b]", "requested by a host"):
         assert part in shown
 
 
@@ -136,10 +136,10 @@ def test_sequences_say_how_far_they_are_and_no_markup_is_read() -> None:
     asked = OrderSequenceRequest(intended_vehicle="V-[red]1", failure_fatal=True)
     made = OrderSequence.created(asked, number=1, name="S", now=NOW).appended("T-1", NOW).appended("T-2", NOW)
     shown = text_of(sequences_table([made.status]))
-    for part in ("(V-[red]1)", "open", "T-1 > T-2", "begins with 'T-1'"):
+    for part in ("(V-[red]1)", "open", "T-1 > T-2", "to start 'T-1'"):
         assert part in shown
     shown = text_of(sequence_details(made.bound("V-[red]1", NOW).completed("enough", NOW).status))
-    for part in ("complete", "ends the sequence", "vehicle V-[red]1 is to do 'T-1', 1 of 2"):
+    for part in ("complete", "ends the sequence", "vehicle V-[red]1 will execute 'T-1', 1 of 2"):
         assert part in shown
     assert "orderAppended" in text_of(history_table(made.status))
     ended = made.completed("enough", NOW).advanced(lambda _: True, NOW)

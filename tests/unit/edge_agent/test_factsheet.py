@@ -221,7 +221,7 @@ def test_it_fits_the_official_schema_of_each_version(version: str) -> None:
         ({"height": 1.5}, None),
         ({"height": "1.5"}, None),
         ({"height": "1.5", "gently": "true", "stationName": "A"}, None),
-        ({}, "needs the parameter 'height'"),
+        ({}, "requires the parameter 'height'"),
         ({"height": "high"}, "must be NUMBER"),
         ({"height": 1, "speed": 2}, "has no parameter 'speed'"),
     ],

@@ -53,7 +53,7 @@ async def test_a_robot_is_given_up_after_its_restarts() -> None:
         fleet = asyncio.create_task(
             run_fleet({"good": good.make, "hopeless": hopeless.make}, stop, restarts=2, pause=0.01)
         )
-        await until(lambda: any("given up" in each["event"] for each in logs))
+        await until(lambda: any("abandoned" in each["event"] for each in logs))
 
     assert (hopeless.starts, good.running) == (3, True)
     stop.set()
@@ -63,7 +63,7 @@ async def test_a_robot_is_given_up_after_its_restarts() -> None:
 async def test_a_fleet_of_which_nothing_works_ends() -> None:
     robots = {"a": Robot(100).make, "b": Robot(100).make}
 
-    with capture_logs(), pytest.raises(StartError, match="no robot is running any more"):
+    with capture_logs(), pytest.raises(StartError, match="no robot is running"):
         await asyncio.wait_for(run_fleet(robots, asyncio.Event(), restarts=1, pause=0.01), PATIENCE)
 
 

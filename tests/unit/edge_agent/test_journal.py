@@ -254,7 +254,7 @@ def test_a_file_that_was_removed_meanwhile_is_made_again(tmp_path: Path) -> None
 def test_a_damaged_record_is_never_guessed_at(tmp_path: Path, content: str) -> None:
     (tmp_path / FILE).write_text(content)
 
-    with pytest.raises(UnreadableJournalError, match=f"is damaged: remove {tmp_path / FILE} and start"):
+    with pytest.raises(UnreadableJournalError, match=f"is damaged: remove {tmp_path / FILE} and restart"):
         Journal(tmp_path, ROBOT).read()
 
 
@@ -298,7 +298,9 @@ def test_a_journal_that_ends_anywhere_or_goes_on_is_read_right_or_not_at_all(tmp
 def test_a_record_of_another_version_says_so(tmp_path: Path, number: int) -> None:
     record(Journal(tmp_path, ROBOT), busy().core.memory().model_copy(update={"format": number}))
 
-    with pytest.raises(UnreadableJournalError, match="of another version of the agent: install that one"):
+    with pytest.raises(
+        UnreadableJournalError, match="from another version of the agent: reinstall that version"
+    ):
         Journal(tmp_path, ROBOT).read()
 
 
@@ -330,7 +332,7 @@ def test_a_full_disk_is_told_with_what_to_do(tmp_path: Path, monkeypatch: pytest
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(Path, "open", full)
-    with pytest.raises(StartError, match="No space left on device; make room on its disk"):
+    with pytest.raises(StartError, match="No space left on device; free space on its disk"):
         sole_user(tmp_path, ROBOT).__enter__()
 
 
@@ -353,7 +355,7 @@ def test_a_second_program_for_the_same_robot_is_kept_out_as_long_as_the_first_on
     tmp_path: Path,
 ) -> None:
     with sole_user(tmp_path, ROBOT):
-        with pytest.raises(StartError, match="ACME/0001: end it first"), sole_user(tmp_path, ROBOT):
+        with pytest.raises(StartError, match="ACME/0001: stop it first"), sole_user(tmp_path, ROBOT):
             pass
         with sole_user(tmp_path, RobotKey("ACME", "0002")):
             pass
@@ -555,7 +557,7 @@ def test_an_order_in_another_frame_is_not_gone_on_with() -> None:
     robot.send(order("n0", "n1"))
     memory = robot.core.memory()
     check_frame(memory, frame_of(TURNED))
-    with pytest.raises(StartError, match="order 'o1' is under way in another frame"):
+    with pytest.raises(StartError, match="order 'o1' is active in another frame"):
         check_frame(memory, "")
 
 

@@ -29,7 +29,7 @@ class Form(BaseModel):
     [
         ({}, "parts: is missing"),
         ({"parts": [{"weight": 2}, {}]}, "parts.1.weight: is missing"),
-        ({"parts": [{"weight": 2, "wait": 3}]}, "parts.0.wait: there is no such field"),
+        ({"parts": [{"weight": 2, "wait": 3}]}, "parts.0.wait: unknown field"),
         ({"parts": [{"weight": 3}]}, "parts.0.weight: is odd"),
         ([], "all of it: Input should be a valid dictionary or instance of Form"),
     ],
@@ -65,6 +65,6 @@ def test_of_many_findings_the_first_ones_are_told() -> None:
     assert in_words(findings, whole="body", most=2) == [
         "parts.0: is missing",
         "parts.1: is missing",
-        "body: 3 more values do not fit",
+        "body: 3 more invalid values",
     ]
     assert len(in_words(findings, whole="body", most=5)) == 5

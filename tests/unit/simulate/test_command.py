@@ -43,7 +43,7 @@ def test_nena_passes_its_arguments_on(plant: Path) -> None:
     result = CliRunner().invoke(nena, ["simulate", str(plant), "--robots", "none"])
 
     assert result.exit_code == 2
-    assert "'none' is no list of fleet sizes" in result.output
+    assert "'none' is not a list of fleet sizes" in result.output
 
 
 @pytest.mark.parametrize("text", ["no plant", '{"name": "empty"}'])

@@ -40,9 +40,9 @@ from nena_shared.vda5050.versions import codec_for, topics_for
 
 PROGRAM = "nena-edge-agent"
 DESCRIPTION = (
-    "Makes a ROS 2 robot with Nav2 a VDA 5050 robot: takes orders and instant actions over MQTT, drives, and "
-    "reports. Try it without a robot: nena-edge-agent --driver loopback. Find out which link is missing: "
-    "nena-edge-agent doctor. Try a plug-in for actions: nena-edge-agent check-plugin NAME"
+    "Run a ROS 2 robot with Nav2 as a VDA 5050 robot: execute orders and instant actions, publish states. "
+    "Without a robot: nena-edge-agent --driver loopback. Find connection problems: nena-edge-agent doctor. "
+    "Test an action plug-in: nena-edge-agent check-plugin NAME"
 )
 
 NAV2_STORE = "nav2"

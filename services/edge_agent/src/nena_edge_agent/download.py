@@ -31,13 +31,13 @@ HASH_LENGTH: Final = 64
 
 
 class DownloadSettings(SettingsGroup):
-    """Fetching maps and zone sets."""
+    """Download of maps and zone sets."""
 
     maximum_bytes: int = Field(
-        64 * 1024 * 1024, ge=1024, le=4 * 1024**3, description="Largest file that is fetched."
+        64 * 1024 * 1024, ge=1024, le=4 * 1024**3, description="Maximum file size, bytes."
     )
-    timeout: float = Field(60.0, gt=0, le=3600, description="Seconds that a whole download may take.")
-    silence: float = Field(10.0, gt=0, le=600, description="Seconds that the other side may be silent.")
+    timeout: float = Field(60.0, gt=0, le=3600, description="Timeout of a download, seconds.")
+    silence: float = Field(10.0, gt=0, le=600, description="Timeout without data, seconds.")
 
 
 class DownloadError(Exception):
@@ -52,7 +52,7 @@ async def download(link: str, digest: str | None, settings: DownloadSettings) ->
 
     """
     if link.partition(":")[0].lower() not in ("http", "https"):
-        message = f"only http and https links are fetched, not '{link}'"
+        message = f"only http and https links are allowed, not '{link}'"
         raise DownloadError(message)
     if digest is not None and len(digest) != HASH_LENGTH:
         message = f"the hash must be a SHA-256 in {HASH_LENGTH} hexadecimal digits"
@@ -61,13 +61,13 @@ async def download(link: str, digest: str | None, settings: DownloadSettings) ->
         async with asyncio.timeout(settings.timeout):
             content = await asyncio.to_thread(_fetch, link, settings)
     except TimeoutError:
-        message = f"{link} was not fetched in {settings.timeout:g} s"
+        message = f"{link} was not downloaded within {settings.timeout:g} s"
         raise DownloadError(message) from None
     except (OSError, HTTPException, ValueError) as error:
-        message = f"{link} was not fetched: {error}"
+        message = f"{link} was not downloaded: {error}"
         raise DownloadError(message) from error
     if digest is not None and sha256(content).hexdigest() != digest.lower():
-        message = f"{link} has another hash than was said"
+        message = f"{link} has another hash than expected"
         raise DownloadError(message)
     return content
 
@@ -85,7 +85,7 @@ def _fetch(link: str, settings: DownloadSettings) -> bytes:
                 size += len(part)
                 _check(link, size, end, settings)
             if answer.length:
-                message = f"{link} ended {answer.length} bytes too early"
+                message = f"{link} ended {answer.length} bytes early"
                 raise DownloadError(message)
     except TimeoutError as error:
         message = f"{link} was silent for {settings.silence:g} s"
@@ -99,7 +99,7 @@ def _check(link: str, size: int, end: float, settings: DownloadSettings) -> None
         message = f"{link} is larger than {settings.maximum_bytes} bytes"
         raise DownloadError(message)
     if monotonic() > end:
-        message = f"{link} was not fetched in {settings.timeout:g} s"
+        message = f"{link} was not downloaded within {settings.timeout:g} s"
         raise DownloadError(message)
 
 
@@ -139,12 +139,12 @@ class _Journey:
         """
         reach = _Reach.of(address)
         if reach in (_Reach.LINK, _Reach.NOBODY):
-            message = f"files are not fetched from {address}, which is {reach}"
+            message = f"downloads from {address} are not allowed: it is {reach}"
             raise DownloadError(message)
         if self._first is None:
             self._first = reach
         elif reach is _Reach.ROBOT and self._first is not reach:
-            message = f"the server sends the robot to {address}, which is {reach}"
+            message = f"the server redirects to {address}, which is {reach}"
             raise DownloadError(message)
 
 
@@ -189,7 +189,7 @@ class _Redirects(HTTPRedirectHandler):
     def redirect_request(self, req: Request, *answer: Any) -> Request | None:  # noqa: ANN401
         new = super().redirect_request(req, *answer)
         if new is not None and req.type == "https" and new.type != "https":
-            message = f"the server sends the robot from https to {new.full_url}"
+            message = f"the server redirects from https to {new.full_url}"
             raise DownloadError(message)
         return new
 

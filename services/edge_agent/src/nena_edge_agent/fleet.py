@@ -43,7 +43,7 @@ async def run_fleet(
         ]
         await asyncio.gather(*tasks)
     if not stop.is_set():
-        message = "no robot is running any more; see the log for the reasons"
+        message = "no robot is running; see the log for the reasons"
         raise StartError(message)
 
 
@@ -55,12 +55,10 @@ async def _keep_up(
             return
         if attempt < restarts:
             seconds = min(pause * 2**attempt, LONGEST_PAUSE)
-            log.info(
-                "robot is started again", robot=name, in_seconds=seconds, restarts_left=restarts - attempt
-            )
+            log.info("restarting robot", robot=name, in_seconds=seconds, restarts_left=restarts - attempt)
             if await _stopped_within(seconds, stop):
                 return
-    log.error("robot given up; the others go on", robot=name, starts=restarts + 1)
+    log.error("robot abandoned; the others continue", robot=name, starts=restarts + 1)
 
 
 async def _run(name: str, make: Callable[[], Robot], stop: asyncio.Event) -> bool:

@@ -45,11 +45,11 @@ def sole_user(folder: Path, robot: RobotKey) -> Iterator[None]:
             file = stack.enter_context(path.open("wb"))
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            message = f"another edge agent works for robot {robot}: end it first ({path} is locked)"
+            message = f"another edge agent runs for robot {robot}: stop it first ({path} is locked)"
             raise StartError(message) from error
         except OSError as error:
             full = error.errno in (errno.ENOSPC, errno.EDQUOT)
-            remedy = "make room on its disk" if full else "set journal.folder"
+            remedy = "free space on its disk" if full else "set journal.folder"
             message = f"the journal's folder {folder} cannot be used: {error.strerror}; {remedy}"
             raise StartError(message) from error
         yield
@@ -94,7 +94,7 @@ class Journal:
         return self._read() if there else None
 
     def _read(self) -> Memory:
-        remedy = f"remove {self._file} and start the agent again"
+        remedy = f"remove {self._file} and restart the agent"
         try:
             content = self._file.read_bytes()
             self._number, record = _newest(content)
@@ -108,7 +108,7 @@ class Journal:
         except (ValueError, TypeError, RecursionError) as error:
             message = f"the journal is damaged: {remedy}"
             raise UnreadableJournalError(message) from error
-        message = f"the journal is of another version of the agent: install that one again, or {remedy}"
+        message = f"the journal is from another version of the agent: reinstall that version, or {remedy}"
         raise UnreadableJournalError(message)
 
     def write(self, memory: Memory) -> None:
@@ -296,10 +296,10 @@ def check_frame(memory: Memory | None, frame: str) -> None:
     """
     if memory is None or memory.frame == frame or not (memory.progress.nodes or memory.zone_sets):
         return
-    order = f"order '{memory.progress.order_id}' is under way"
+    order = f"order '{memory.progress.order_id}' is active"
     message = (
         f"{order if memory.progress.nodes else 'zone sets are kept'} in another frame: map_transforms was "
-        f"'{memory.frame}' and is '{frame}'; put it back, have the order end or the zone sets deleted, then "
+        f"'{memory.frame}' and is '{frame}'; restore it, let the order end or delete the zone sets, then "
         "change it"
     )
     raise StartError(message)

@@ -22,7 +22,7 @@ class DuplicateMapError(MapRefusedError):
     """A map of the same id and version is there."""
 
     def __init__(self, map_id: str, map_version: str) -> None:
-        super().__init__(f"the robot holds map '{map_id}' in version '{map_version}' already")
+        super().__init__(f"the robot already has map '{map_id}' in version '{map_version}'")
 
 
 def find(maps: Iterable[Map], map_id: str, map_version: str) -> Map | None:
@@ -105,7 +105,7 @@ class FolderMapStore:
         if find(self.maps, map_id, map_version):
             raise DuplicateMapError(map_id, map_version)
         if len(self.maps) >= self._maximum:
-            message = f"the robot holds {self._maximum} maps; delete one first"
+            message = f"the robot has {self._maximum} maps; delete one first"
             raise MapRefusedError(message)
         try:
             await asyncio.to_thread(self._write, map_id, map_version, content)
@@ -145,7 +145,7 @@ class FolderMapStore:
     def _expect(self, map_id: str, map_version: str) -> Map:
         found = find(self.maps, map_id, map_version)
         if found is None:
-            message = f"the robot holds no map '{map_id}' in version '{map_version}'"
+            message = f"the robot has no map '{map_id}' in version '{map_version}'"
             raise MapRefusedError(message)
         return found
 

@@ -289,7 +289,7 @@ def _refusal(problem: str, topic: Topic, references: dict[str, str]) -> ErrorEnt
     entry = error(
         ErrorType.VALIDATION_FAILURE,
         problem,
-        hint="correct the message and send it again; nothing has changed",
+        hint="correct the message and send it again; nothing was changed",
         topic=topic.value,
     )
     known = tuple(

@@ -155,7 +155,7 @@ def map_store(
         return FolderMapStore(folder, first, maximum=maps.maximum)
     found = next(iter(entry_points(group=GROUP, name=maps.store)), None)
     if found is None:
-        message = f"maps.store: there is no plug-in '{maps.store}' of the entry points {GROUP}"
+        message = f"maps.store: unknown plug-in '{maps.store}' of the entry points {GROUP}"
         raise ConfigurationError([message])
     store: MapStore = found.load()(settings, robot)
     return store

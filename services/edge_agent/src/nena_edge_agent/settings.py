@@ -24,26 +24,26 @@ class MapSettings(SettingsGroup):
     store: str = Field(
         "fixed",
         min_length=1,
-        description="fixed: the one map of the settings; folder: what fleet control brings, in a folder; "
-        "nav2: as folder, and Nav2's map_server loads the enabled map; else the name of a plug-in of the "
-        "entry points nena.maps.",
+        description="fixed: only the configured map; folder: maps that fleet control sends; "
+        "nav2: as folder, and Nav2's map_server loads the enabled map; or the name of a plug-in "
+        "(entry points nena.maps).",
     )
     folder: Path = Field(
-        Path("~/.local/state/nena/maps"), description="Folder of the maps, with one folder per robot in it."
+        Path("~/.local/state/nena/maps"), description="Folder of the maps, with a subfolder per robot."
     )
-    maximum: int = Field(20, ge=1, le=1000, description="How many maps the folder holds.")
+    maximum: int = Field(20, ge=1, le=1000, description="Maximum number of stored maps.")
 
 
 def _topic_level(level: str) -> str:
     if any(sign in level for sign in "/+#$") or not level.isprintable():
-        message = "a level of a topic holds no '/', '+', '#' or '$', and nothing that cannot be printed"
+        message = "a topic level must not contain '/', '+', '#', '$' or unprintable characters"
         raise ValueError(message)
     return level
 
 
 def _optional_field(name: str) -> str:
     if name not in TOLERABLE:
-        message = f"'{name}' is none of {', '.join(sorted(TOLERABLE))}"
+        message = f"'{name}' is not one of {', '.join(sorted(TOLERABLE))}"
         raise ValueError(message)
     return name
 
@@ -102,10 +102,10 @@ class DriveSettings(SettingsGroup):
         "preventive_at_once: stops where it is; preventive_next_node: stops at the next node.",
     )
     link_loss_patience: Seconds = Field(
-        10.0, description="Seconds without the broker after which a preventive robot stops."
+        10.0, description="Time without the broker after which a preventive robot stops, seconds."
     )
     retries: int = Field(0, ge=0, le=100, description="Retries of a failed drive before it is reported.")
-    retry_wait: Seconds = Field(5.0, description="Seconds before each retry.")
+    retry_wait: Seconds = Field(5.0, description="Delay before each retry, seconds.")
 
 
 class IntervalSettings(SettingsGroup):
@@ -114,7 +114,7 @@ class IntervalSettings(SettingsGroup):
     state_minimum: Seconds = Field(0.1, description="Minimum state interval, seconds.")
     state_maximum: float = Field(30.0, gt=0, le=30, description="Maximum state interval, seconds.")
     visualization: float = Field(
-        1.0, ge=0, le=3600, description="Seconds between two visualization messages; 0: none."
+        1.0, ge=0, le=3600, description="Interval of visualization messages, seconds; 0: none."
     )
 
     @model_validator(mode="after")
@@ -176,38 +176,38 @@ class EdgeAgentSettings(ServiceSettings):
     )
     qos: Literal[0, 1] = Field(
         1,
-        description="MQTT quality of service of state, factsheet and what is subscribed to; the standard has "
-        "0. connection is sent with 1 always.",
+        description="MQTT QoS of state, factsheet and subscriptions; the standard uses "
+        "0. connection always uses 1.",
     )
     map_id: str = Field("map", min_length=1, max_length=200, description="Map that the robot drives on.")
     map_version: str = Field("1", description="Version of that map, for the state.")
     map_transforms: dict[str, TransformText] = Field(
         default_factory=dict,
-        description="How the plant lies on maps of the robot, by their ids, where it lies elsewhere: "
-        "'scale=1 rotation=90 x=5 y=-1' (degrees counter-clockwise, metres of the map). The robot speaks in "
-        "the plant's frame, and fleet control must not transform; that of NeNa does not.",
+        description="Transforms from the plant to the robot's maps, by map ID: "
+        "'scale=1 rotation=90 x=5 y=-1' (degrees counter-clockwise, metres of the map). The robot then uses "
+        "the plant's frame, and fleet control must not transform; NeNa's does not.",
     )
     driver: Literal["nav2", "loopback"] = Field(
-        "nav2", description="nav2: a robot with ROS 2 and Nav2; loopback: a robot that only exists here."
+        "nav2", description="nav2: a robot with ROS 2 and Nav2; loopback: a simulated robot without ROS."
     )
     tolerated_parameters: tuple[OptionalField, ...] = Field(
         (),
-        description="Optional fields of orders to pass over instead of refusing them: edges.trajectory, ...",
+        description="Optional order fields to ignore instead of refusing the order: edges.trajectory, ...",
     )
     strict: bool = Field(
         default=False,
-        description="Whether messages of a fleet control that break the standard are refused even where "
-        "their meaning is certain, such as a number written as text.",
+        description="Refuse messages that violate the standard even if "
+        "their meaning is clear, such as a number written as text.",
     )
     drive: DriveSettings = Field(default_factory=DriveSettings, description="Driving.")
     interval: IntervalSettings = Field(default_factory=IntervalSettings, description="Message intervals.")
-    journal: JournalSettings = Field(default_factory=JournalSettings, description="Memory on disk.")
+    journal: JournalSettings = Field(default_factory=JournalSettings, description="Journal on disk.")
     description: DescriptionSettings = Field(
         default_factory=DescriptionSettings, description="The robot, for the factsheet."
     )
     maps: MapSettings = Field(default_factory=MapSettings, description="Maps.")
     download: DownloadSettings = Field(
-        default_factory=DownloadSettings, description="Fetching maps and zone sets."
+        default_factory=DownloadSettings, description="Download of maps and zone sets."
     )
     metrics: MetricsSettings = Field(
         default_factory=MetricsSettings, description="Metrics for Prometheus; needs the extra `metrics`."
@@ -221,7 +221,7 @@ class EdgeAgentSettings(ServiceSettings):
         "signal, charge, turn_signal, dock or nav2.",
     )
     actions: ActionSettings = Field(
-        default_factory=ActionSettings, description="Plug-ins for actions, and what all actions have."
+        default_factory=ActionSettings, description="Action plug-ins, and settings of all actions."
     )
     loopback: LoopbackSettings = Field(default_factory=LoopbackSettings, description="Loopback robots.")
     ros: RosSettings = Field(default_factory=RosSettings, description="The robot's ROS 2 side.")

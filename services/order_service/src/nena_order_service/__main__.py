@@ -21,7 +21,7 @@ def main() -> int:
         OrderServiceSettings,
         serve,
         program="nena-order-service",
-        description="Takes transport orders over REST and MQTT and has VDA 5050 robots do them.",
+        description="Execute transport orders from REST and MQTT on VDA 5050 robots.",
     )
 
 

@@ -192,7 +192,7 @@ async def _take_over(
     engine, fence = await lead.raise_fence(settings.store.location(), own_url)
     store = Store(engine, fence=fence)
     supervisor.start("lead", lead.keep(store, engine, fence))
-    log.info("the shared store is taken over", epoch=fence.epoch)
+    log.info("shared store taken over", epoch=fence.epoch)
     return store, _start_election(settings, supervisor, store_id(engine), fence.epoch, lead.lease.term)
 
 
@@ -200,5 +200,7 @@ async def _shut_down(service: OrderService) -> None:
     """Write and send what waits."""
     await service.end()
     if not await service.store.drain(DRAIN_TIMEOUT):
-        log.error("the store has not taken all that was not answered yet", reason=service.store.problem)
+        log.error(
+            "exiting with unanswered requests that the store did not accept", reason=service.store.problem
+        )
     await service.mqtt.drain(DRAIN_TIMEOUT)

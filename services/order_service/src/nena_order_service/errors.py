@@ -21,7 +21,7 @@ class NameTakenError(RefusedError):
 
     def __init__(self, name: str) -> None:
         super().__init__(
-            f"Transport order {name!r} already exists, and a name is used only once. "
+            f"Transport order {name!r} already exists, and names are never reused. "
             "Choose another name, or set incompleteName to have a suffix added."
         )
 
@@ -44,7 +44,7 @@ class UnknownOrderError(RefusedError):
     refusal = Refusal.UNKNOWN_ORDER
 
     def __init__(self, name: str) -> None:
-        super().__init__(f"There is no transport order {name!r}. GET /v1/transportOrders lists them.")
+        super().__init__(f"Unknown transport order {name!r}. GET /v1/transportOrders lists them.")
 
 
 class UnknownVehicleError(RefusedError):
@@ -53,7 +53,7 @@ class UnknownVehicleError(RefusedError):
     refusal = Refusal.UNKNOWN_VEHICLE
 
     def __init__(self, name: str) -> None:
-        super().__init__(f"There is no vehicle {name!r}. GET /v1/vehicles lists them.")
+        super().__init__(f"Unknown vehicle {name!r}. GET /v1/vehicles lists them.")
 
 
 class SequenceNameTakenError(RefusedError):
@@ -63,7 +63,7 @@ class SequenceNameTakenError(RefusedError):
 
     def __init__(self, name: str) -> None:
         super().__init__(
-            f"Order sequence {name!r} already exists, and a name is used only once. "
+            f"Order sequence {name!r} already exists, and names are never reused. "
             "Choose another name, or set incompleteName to have a suffix added."
         )
 
@@ -74,7 +74,7 @@ class UnknownSequenceError(RefusedError):
     refusal = Refusal.UNKNOWN_SEQUENCE
 
     def __init__(self, name: str) -> None:
-        super().__init__(f"There is no order sequence {name!r}. GET /v1/orderSequences lists them.")
+        super().__init__(f"Unknown order sequence {name!r}. GET /v1/orderSequences lists them.")
 
 
 class SequenceRefusesError(RefusedError):
@@ -104,7 +104,7 @@ class OrderEndedError(RefusedError):
     refusal = Refusal.ORDER_ENDED
 
     def __init__(self, name: str, state: str) -> None:
-        super().__init__(f"Transport order {name!r} is {state} already and cannot be changed.")
+        super().__init__(f"Transport order {name!r} is already {state} and cannot be changed.")
 
 
 class OrderWithdrawnError(RefusedError):
@@ -124,11 +124,11 @@ class VehicleNotReachedError(RefusedError):
     refusal = Refusal.NOT_REACHED
 
     def __init__(self, name: str, reason: str) -> None:
-        super().__init__(f"Vehicle {name!r} cannot be reached: {reason}. Try again when it is online.")
+        super().__init__(f"Vehicle {name!r} cannot be reached: {reason}. Retry when it is online.")
 
 
 class NotReroutableError(RefusedError):
-    """The vehicle has no order whose route could change."""
+    """The vehicle has no order that can be rerouted."""
 
     refusal = Refusal.NOT_REROUTABLE
 
@@ -137,13 +137,13 @@ class NotReroutableError(RefusedError):
 
 
 class InvalidPlantError(RefusedError):
-    """The plant model cannot be used."""
+    """The plant model is invalid."""
 
     refusal = Refusal.INVALID_PLANT
 
     def __init__(self, problems: Sequence[str]) -> None:
         super().__init__(
-            "The plant model cannot be used; nothing was changed. Fix the problems listed in errors."
+            "The plant model is invalid; nothing was changed. Fix the problems listed in errors."
         )
         self.problems = tuple(problems)
 
@@ -167,7 +167,7 @@ class UnknownZoneSetError(RefusedError):
     refusal = Refusal.UNKNOWN_ZONE_SET
 
     def __init__(self, name: str) -> None:
-        super().__init__(f"There is no zone set {name!r}. GET /v1/zoneSets lists them.")
+        super().__init__(f"Unknown zone set {name!r}. GET /v1/zoneSets lists them.")
 
 
 class ZoneSetChangedError(RefusedError):
@@ -223,4 +223,4 @@ class UnknownPathError(RefusedError):
     refusal = Refusal.UNKNOWN_PATH
 
     def __init__(self, name: str) -> None:
-        super().__init__(f"There is no path {name!r}. GET /v1/paths lists them.")
+        super().__init__(f"Unknown path {name!r}. GET /v1/paths lists them.")

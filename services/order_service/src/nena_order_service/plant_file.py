@@ -66,7 +66,7 @@ def read_plant(data: bytes, *, strict: bool) -> ImportReport:
 def _problems(plant: PlantModel) -> Iterator[str]:
     """Yield what the format allows and no fleet can work with."""
     if not plant.points:
-        yield "there are no points, so no vehicle could go anywhere"
+        yield "it has no points"
     owners: dict[str, str] = {}
     for vehicle in plant.vehicles:
         serial = vehicle.serial_number or vehicle.name

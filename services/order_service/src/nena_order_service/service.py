@@ -55,7 +55,7 @@ log = get_logger(__name__)
 
 PLANT_MODEL = "plantModel"
 """The kind of the plant model among the documents of the store."""
-CHANGING = "the plant model is being changed; ask again in a moment"
+CHANGING = "the plant model is being changed; retry in a moment"
 CHANGE_TIMEOUT = 20.0
 """Seconds that a host waits for its change; after them it may still succeed."""
 
@@ -319,7 +319,7 @@ class ServiceRunner:
         Raises:
             InvalidPlantError: this service cannot use it.
             PlantInUseError: orders or vehicles use what it does not have.
-            StoreNotReadyError: it cannot be kept, or another change is under way.
+            StoreNotReadyError: it cannot be kept, or another change is active.
 
         """
         asked = _RequestedChange(model, asyncio.get_running_loop().create_future(), check_only)
@@ -361,7 +361,7 @@ class ServiceRunner:
         try:
             await service.begin(self._start)
         except StoreNotReadyError as error:  # no answer to a host: nothing runs any more, so the program ends
-            message = "the plant was changed and cannot be taken up: the store takes nothing"
+            message = "the changed plant model cannot be activated: the store is unavailable"
             raise RuntimeError(message) from error
         self.show(service.app)
         log.info("plant model changed", name=asked.model.name, points=len(asked.model.points))
@@ -392,10 +392,10 @@ class ServiceRunner:
             stored = StoredPlant.model_validate_json(document)
             model = PlantModel.from_json(stored.model)
         except ValidationError:
-            log.exception("the plant model in the store cannot be read; that of the file is taken")
+            log.exception("the plant model in the store is unreadable; using the file")
             return self._file.model
         if stored.file != self._file.digest:
-            log.warning("the file of the plant model has changed: it counts, and what a host had put is gone")
+            log.warning("the plant model file has changed: using it and discarding the uploaded model")
             await self._commit(None)
             return self._file.model
         return model

@@ -17,7 +17,7 @@ from nena_shared.web.settings import HttpSettings
 
 def _not_our_own(path: str) -> str:
     if path.split("/")[1:2] == ["v1"]:
-        message = "/v1 is this program's own API"
+        message = "/v1 is used by NeNa's own API"
         raise ValueError(message)
     return path
 

@@ -61,7 +61,7 @@ PLANT_MODEL: Final = "/v1/plantModel"
 SUMMARY: Final = "/v1/summary"
 TRAFFIC_PLAN: Final = "/v1/traffic/plan"
 
-MADE_BEFORE: Final = {HTTPStatus.OK: "Made before by the key."}
+MADE_BEFORE: Final = {HTTPStatus.OK: "Already created with this key."}
 
 
 class Refusal(Enum):
@@ -70,23 +70,23 @@ class Refusal(Enum):
     NAME_TAKEN = HTTPStatus.CONFLICT, "The name is taken."
     KEY_REUSED = HTTPStatus.UNPROCESSABLE_ENTITY, "The idempotency key was used for a different request."
     NOT_IN_PLANT = HTTPStatus.UNPROCESSABLE_ENTITY, "The request does not fit the plant model."
-    UNKNOWN_IN_PLANT = HTTPStatus.NOT_FOUND, "The plant model lacks something that the request names."
-    UNKNOWN_ORDER = HTTPStatus.NOT_FOUND, "There is no such transport order."
-    UNKNOWN_DEPENDENCY = HTTPStatus.NOT_FOUND, "There is no such dependency."
+    UNKNOWN_IN_PLANT = HTTPStatus.NOT_FOUND, "The request names something unknown to the plant model."
+    UNKNOWN_ORDER = HTTPStatus.NOT_FOUND, "Unknown transport order."
+    UNKNOWN_DEPENDENCY = HTTPStatus.NOT_FOUND, "Unknown dependency."
     ORDER_ENDED = HTTPStatus.CONFLICT, "The transport order has ended."
     ORDER_WITHDRAWN = HTTPStatus.CONFLICT, "The transport order is withdrawn."
-    UNKNOWN_SEQUENCE = HTTPStatus.NOT_FOUND, "There is no such order sequence."
+    UNKNOWN_SEQUENCE = HTTPStatus.NOT_FOUND, "Unknown order sequence."
     SEQUENCE_REFUSES = HTTPStatus.CONFLICT, "The order sequence refuses the order."
     VERSION_CHANGED = HTTPStatus.PRECONDITION_FAILED, "The object has another version."
-    UNKNOWN_VEHICLE = HTTPStatus.NOT_FOUND, "There is no such vehicle."
+    UNKNOWN_VEHICLE = HTTPStatus.NOT_FOUND, "Unknown vehicle."
     NOT_REACHED = HTTPStatus.CONFLICT, "The vehicle cannot be reached."
-    NOT_REROUTABLE = HTTPStatus.CONFLICT, "The vehicle has no order whose route could change."
-    UNKNOWN_PATH = HTTPStatus.NOT_FOUND, "There is no such path."
-    UNKNOWN_ZONE_SET = HTTPStatus.NOT_FOUND, "There is no such zone set."
+    NOT_REROUTABLE = HTTPStatus.CONFLICT, "The vehicle has no order that can be rerouted."
+    UNKNOWN_PATH = HTTPStatus.NOT_FOUND, "Unknown path."
+    UNKNOWN_ZONE_SET = HTTPStatus.NOT_FOUND, "Unknown zone set."
     ZONE_SET_CHANGED = HTTPStatus.CONFLICT, "A different zone set has this id."
-    INVALID_PLANT = HTTPStatus.UNPROCESSABLE_ENTITY, "The plant model cannot be used."
-    PLANT_IN_USE = HTTPStatus.CONFLICT, "Orders or vehicles use what the plant model lacks."
-    TOO_MANY_CLIENTS = HTTPStatus.SERVICE_UNAVAILABLE, "The event stream has its maximum of clients."
+    INVALID_PLANT = HTTPStatus.UNPROCESSABLE_ENTITY, "The plant model is invalid."
+    PLANT_IN_USE = HTTPStatus.CONFLICT, "Orders or vehicles use elements missing in the new plant model."
+    TOO_MANY_CLIENTS = HTTPStatus.SERVICE_UNAVAILABLE, "The event stream has too many clients."
     NOT_SAVED = HTTPStatus.SERVICE_UNAVAILABLE, "The database is unavailable; nothing was saved."
 
     def __init__(self, status: HTTPStatus, meaning: str) -> None:
@@ -175,7 +175,7 @@ TAGS: Final = {
 
 CREATE_ORDER = Operation(
     "createTransportOrder",
-    "Create a transport order. It is stored when the answer comes.",
+    "Create a transport order. It is stored before the response is sent.",
     "POST",
     ORDERS,
     TransportOrderStatus,
@@ -217,7 +217,7 @@ SHOW_ORDER = Operation(
 )
 DELIVERY = Operation(
     "delivery",
-    "Return how far a transport order has come on its way to its robot.",
+    "Return the delivery of a transport order to its robot.",
     "GET",
     f"{ORDERS}/{{name}}/delivery",
     DeliveryStatus,
@@ -228,7 +228,7 @@ DELIVERY = Operation(
 )
 ASSIGNMENT = Operation(
     "assignment",
-    "Return for each vehicle why it does not do a transport order, or that it could.",
+    "Return for each vehicle whether it could execute a transport order, or why not.",
     "GET",
     f"{ORDERS}/{{name}}/assignment",
     AssignmentStatus,
@@ -362,7 +362,7 @@ SHOW_VEHICLE = Operation(
 )
 INTEGRATION_LEVEL = Operation(
     "integrationLevel",
-    "Set the integration level of a vehicle: whether it gets orders, and whether others keep clear of it.",
+    "Set the integration level of a vehicle: whether it gets orders, and whether others avoid it.",
     "PUT",
     f"{VEHICLES}/{{name}}/integrationLevel",
     VehicleStatus,
@@ -374,7 +374,7 @@ INTEGRATION_LEVEL = Operation(
 )
 ORDER_TYPES = Operation(
     "acceptableOrderTypes",
-    "Set the types of orders that a vehicle accepts. It completes an order that it already has.",
+    "Set the order types that a vehicle accepts. It finishes its current order.",
     "PUT",
     f"{VEHICLES}/{{name}}/acceptableOrderTypes",
     VehicleStatus,
@@ -390,7 +390,7 @@ ORDER_TYPES = Operation(
 )
 DISPATCH = Operation(
     "dispatch",
-    "Send a vehicle to a point, location or coordinate by a transport order of its own.",
+    "Send a vehicle to a point, location or coordinate with a new transport order.",
     "POST",
     f"{VEHICLES}/{{name}}/dispatch",
     TransportOrderStatus,
@@ -403,7 +403,7 @@ DISPATCH = Operation(
 )
 INSTANT_ACTION = Operation(
     "instantAction",
-    "Send an instant action to a vehicle, and wait a while for its end.",
+    "Send an instant action to a vehicle and wait for its end, up to a timeout.",
     "POST",
     f"{VEHICLES}/{{name}}/instantActions",
     InstantActionAnswer,
@@ -417,7 +417,7 @@ INSTANT_ACTION = Operation(
 )
 REROUTE = Operation(
     "reroute",
-    "Replan the route of a vehicle's current order. Its base stays.",
+    "Replan the route of a vehicle's current order, from the end of its base.",
     "POST",
     f"{VEHICLES}/{{name}}/rerouting",
     ReroutingAnswer,
@@ -434,7 +434,7 @@ LIST_PATHS = Operation(
 )
 LOCK_PATH = Operation(
     "lockPath",
-    "Lock or unlock a path. New routes keep off a locked path, also those of vehicles under way.",
+    "Lock or unlock a path. New routes avoid a locked path, also those of driving vehicles.",
     "PUT",
     f"{PATHS}/{{name:path}}/lock",
     PathStatus,
@@ -487,7 +487,7 @@ PUT_ZONE_SET = Operation(
 )
 ENABLE_ZONE_SET = Operation(
     "enableZoneSet",
-    "Have robots use a zone set, and no other one of its map.",
+    "Enable a zone set on the robots, and disable others of its map.",
     "POST",
     f"{ZONE_SETS}/{{name}}/enable",
     ZoneSetStatus,
@@ -499,7 +499,7 @@ ENABLE_ZONE_SET = Operation(
 )
 DELETE_ZONE_SET = Operation(
     "deleteZoneSet",
-    "Have robots delete a zone set. They keep one that is in use until another one is enabled.",
+    "Delete a zone set on the robots. They keep an enabled one until another one is enabled.",
     "DELETE",
     f"{ZONE_SETS}/{{name}}",
     ZoneSetStatus,
@@ -532,7 +532,7 @@ SHOW_TRAFFIC_PLAN = Operation(
 
 CHANGE_PLANT = Operation(
     "changePlantModel",
-    "Put another plant model in use: openTCS's XML, LIF as in its standard, or NeNa's own JSON.",
+    "Replace the plant model: openTCS XML, LIF (strictly by its standard), or NeNa JSON.",
     "PUT",
     PLANT_MODEL,
     PlantModelChange,

@@ -46,7 +46,7 @@ LONGEST_ID = 200
 def _addressed(zone_set: ZoneSet) -> ZoneSet:
     name = zone_set.zone_set_id
     if not 1 <= len(name) <= LONGEST_ID or not name.isprintable() or "/" in name:
-        message = f"zoneSetId has to have 1 to {LONGEST_ID} printable characters, and no '/'"
+        message = f"zoneSetId must have 1 to {LONGEST_ID} printable characters and no '/'"
         raise ValueError(message)
     return zone_set
 

@@ -164,7 +164,7 @@ class OrderTypesRequest(Request):
     def _each_once(self) -> Self:
         names = [each.name for each in self.acceptable_order_types]
         if len(names) != len(set(names)):
-            message = "give each type once"
+            message = "list each type once"
             raise ValueError(message)
         return self
 
@@ -190,7 +190,7 @@ class DispatchRequest(Request):
     @model_validator(mode="after")
     def _one_place(self) -> Self:
         if sum(place is not None for place in (self.point, self.location_name, self.coordinate)) != 1:
-            message = "give one of point, locationName and coordinate"
+            message = "set exactly one of point, locationName and coordinate"
             raise ValueError(message)
         return self
 
@@ -233,7 +233,7 @@ class InstantActionRequest(Request):
     @model_validator(mode="after")
     def _pose_where_needed(self) -> Self:
         if (self.action_type == "initializePosition") != (self.pose is not None):
-            message = "initializePosition needs a pose, and no other action has one"
+            message = "a pose is required for initializePosition and not allowed for other actions"
             raise ValueError(message)
         return self
 

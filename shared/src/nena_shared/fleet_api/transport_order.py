@@ -47,17 +47,17 @@ class FailureStep(Request):
     @model_validator(mode="after")
     def _makes_sense(self) -> Self:
         if self.times > 1 and self.do in ONCE:
-            message = f"{self.do} is done once: leave times out"
+            message = f"{self.do} is done once: omit times"
             raise ValueError(message)
         if self.after and self.do not in (FailureMeasure.RETRY, FailureMeasure.REPLAN):
-            message = f"{self.do} waits for nothing: leave after out"
+            message = f"{self.do} does not wait: omit after"
             raise ValueError(message)
         return self
 
 
 def _ends_once(steps: tuple[FailureStep, ...]) -> tuple[FailureStep, ...]:
     if any(step.do.last for step in steps[:-1]):
-        message = "nothing comes after HOLD or FAIL: put it last"
+        message = "HOLD and FAIL must be last"
         raise ValueError(message)
     return steps
 
@@ -149,7 +149,7 @@ class Destination(Request):
     @model_validator(mode="after")
     def _one_place(self) -> Self:
         if (self.location_name is None) == (self.coordinate is None):
-            message = "give either locationName or coordinate"
+            message = "set either locationName or coordinate"
             raise ValueError(message)
         return self
 

@@ -128,7 +128,7 @@ class ReroutingOutcome(StrEnum):
     """What has become of a request for rerouting."""
 
     REROUTED = "REROUTED"
-    """The vehicle goes another way."""
+    """The vehicle rerouted."""
     UNCHANGED = "UNCHANGED"
     """The way stays; the reason says why."""
     STOPPING = "STOPPING"

@@ -419,7 +419,7 @@ class Client:
         try:
             self._read_packets(stream)
         except Exception as error:  # noqa: BLE001 - whatever paho makes of a malformed packet
-            self._end(f"a packet of the broker cannot be read: {error}")
+            self._end(f"unreadable packet from the broker: {error}")
         finally:
             self._reading = False
         self._flush()
@@ -464,7 +464,7 @@ class Client:
         else:
             if not self.dropped:
                 log.warning(
-                    "dropping messages that come while a connection is made",
+                    "dropping messages that arrive while connecting",
                     limit=self._settings.incoming_limit,
                 )
             self.dropped += 1

@@ -352,7 +352,7 @@ class MqttLink:
         try:
             await self._subscribe(session)
         except MqttError as error:
-            log.warning("new subscriptions are not answered, reconnecting", reason=str(error))
+            log.warning("no answer to new subscriptions, reconnecting", reason=str(error))
             session.client.cut()
 
     def _end(self, session: _Session) -> None:
@@ -402,7 +402,7 @@ class MqttLink:
         now = monotonic()
         if now - self._drops_logged_at >= DROPS_LOGGED_EVERY:
             log.error(
-                "the queue to the broker is full; its oldest messages that are not retained are dropped",
+                "the queue to the broker is full; dropping its oldest messages that are not retained",
                 dropped=self._drops_to_log,
                 limit=self._settings.outgoing_limit,
                 topic=dropped.topic,
@@ -442,7 +442,7 @@ class MqttLink:
 
     def _log_suspicion(self) -> None:
         log.error(
-            "connections end right after they are made; check whether another program uses this client ID "
+            "connections end immediately; check whether another program uses this client ID "
             "at the broker, for a robot one with the same serial number",
             client_id=self._client_id,
             tried_at_most_every=self._settings.reconnect_max,

@@ -153,7 +153,7 @@ def publication(message: Outbound, packet_id: int | None = None) -> bytes:
     """
     name, payload = message.topic.encode(), message.payload
     if not 0 < len(name) <= LONGEST_TOPIC or "+" in message.topic or "#" in message.topic:
-        problem = f"{message.topic[:100]!r} is no topic to publish to"
+        problem = f"{message.topic[:100]!r} is not a valid topic for publishing"
         raise ValueError(problem)
     number = b"" if packet_id is None else packet_id.to_bytes(ID_BYTES)
     length = ID_BYTES + len(name) + len(number) + len(payload)

@@ -38,7 +38,7 @@ class ActionStatus(StrEnum):
 
 def _sendable(value: JsonValue) -> JsonValue:
     if value is None:
-        message = "null is no value of a parameter; leave the parameter out"
+        message = "null is not a parameter value; omit the parameter"
         raise ValueError(message)
     return finite(value)
 

@@ -75,7 +75,7 @@ def finite(value: J) -> J:
 
     """
     if not _is_finite(value):
-        message = "NaN and infinity are no numbers of JSON"
+        message = "NaN and infinity are not JSON numbers"
         raise ValueError(message)
     return value
 

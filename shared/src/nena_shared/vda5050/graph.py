@@ -45,7 +45,7 @@ def _release_violations(order: Order) -> Iterator[str]:
         if edge.released and not (before.released and after.released):
             yield f"edge {edge.edge_id!r} is released, but not both of its nodes are"
         if after.released and not edge.released:
-            yield f"node {after.node_id!r} is released behind the end of the base"
+            yield f"node {after.node_id!r} is released beyond the end of the base"
 
 
 def _action_violations(order: Order) -> Iterator[str]:

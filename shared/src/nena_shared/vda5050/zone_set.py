@@ -111,7 +111,7 @@ class Zone(WireObject):
     exit_actions: tuple[ZoneAction, ...] | None = None
     priority_factor: Factor | None = None
     penalty_factor: Factor | None = None
-    """1: only where there is no other way."""
+    """1: only where there is no other route."""
     direction: Angle | None = None
     directed_limitation: DirectedLimitation | None = None
     bidirected_limitation: BidirectedLimitation | None = None
@@ -138,7 +138,7 @@ class ZoneSet(WireObject):
         seen: set[str] = set()
         for zone in self.zones:
             if zone.zone_id in seen:
-                message = f"zoneId {zone.zone_id!r} stands twice in the zone set"
+                message = f"zoneId {zone.zone_id!r} occurs twice in the zone set"
                 raise ValueError(message)
             seen.add(zone.zone_id)
         return self

@@ -170,12 +170,12 @@ class AccessControl:
             return user
         if user is None:
             detail = "Log in: send your token as `Authorization: Bearer TOKEN`."
-            raise _unknown(f"This token is nobody's. {detail}" if token else detail)
+            raise _unknown(f"Unknown token. {detail}" if token else detail)
         if user.role < role:
-            detail = f"{user.name} is {user.role.name.lower()}; this takes the role {role.name.lower()}."
+            detail = f"{user.name} is {user.role.name.lower()}; this requires the role {role.name.lower()}."
             raise Refused(HTTPStatus.FORBIDDEN, detail)
         if role > Role.VIEWER:
-            log.info("command let in", user=user.known_as, method=scope["method"], path=scope["path"])
+            log.info("command accepted", user=user.known_as, method=scope["method"], path=scope["path"])
         return user
 
     def _may_stay(self, scope: Scope) -> bool:
@@ -183,7 +183,7 @@ class AccessControl:
         user = scope["state"]["user"]
         stays = self.clock.now() < user.expires if isinstance(user, OidcUser) else self._is_still_in(scope)
         if not stays:
-            log.info("an answer ends: its user may no longer have it", user=user.known_as)
+            log.info("event stream ended: its user has lost access", user=user.known_as)
         return stays
 
     def _is_still_in(self, scope: Scope) -> bool:
@@ -199,7 +199,7 @@ class AccessControl:
         user = self._own(token) or await self._of_issuer(token, address)
         if user is None and self._asks:
             self._count_wrong(address)
-            log.warning("an unknown token", address=address)
+            log.warning("unknown token", address=address)
         return user
 
     def _own(self, token: str) -> User | None:
@@ -207,7 +207,7 @@ class AccessControl:
             return self.book.who(token) if self.book else None
         except ConfigurationError as error:
             log.error("all logins are refused: the users file is invalid", problems=error.problems)  # noqa: TRY400
-            detail = "The file of users cannot be used; the service's log says why."
+            detail = "The users file is invalid; see the service's log."
             raise Refused(HTTPStatus.SERVICE_UNAVAILABLE, detail) from error
 
     async def _of_issuer(self, token: str, address: str) -> OidcUser | None:
@@ -217,19 +217,19 @@ class AccessControl:
             return await self.oidc.who(token)
         except TokenRefusedError as error:
             self._count_wrong(address)
-            log.warning("a token of the OIDC issuer that does not count", address=address, reason=str(error))
+            log.warning("invalid OIDC token", address=address, reason=str(error))
             detail = f"The token is not accepted: {error}. Sign in again."
             raise _unknown(detail, "invalid_token") from error
         except NoRoleError as error:
             self._count_wrong(address)
-            log.warning("somebody without a role", address=address, reason=str(error))
+            log.warning("user without a role", address=address, reason=str(error))
             raise Refused(HTTPStatus.FORBIDDEN, str(error)) from error
         except IssuerAwayError as error:
             self._count_wrong(address)
-            log.warning("a token that cannot be checked", address=address, reason=str(error))
+            log.warning("token could not be checked", address=address, reason=str(error))
             detail = (
-                "The token cannot be checked, since the OIDC issuer cannot be asked; the service's log says "
-                "why. Tokens of NeNa's own count meanwhile."
+                "The token cannot be checked: the OIDC issuer is unavailable; see the "
+                "service's log. NeNa's own tokens still work."
             )
             wait = {"retry-after": str(ISSUER_RETRY)}
             raise Refused(HTTPStatus.SERVICE_UNAVAILABLE, detail, **wait) from error

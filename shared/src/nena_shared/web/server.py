@@ -198,7 +198,7 @@ class Listener:
             except (BlockingIOError, InterruptedError, ConnectionAbortedError):
                 return
             except OSError as error:
-                log.error("cannot accept connections, trying again", reason=error.strerror)  # noqa: TRY400
+                log.error("cannot accept connections, retrying", reason=error.strerror)  # noqa: TRY400
                 self._loop.remove_reader(self._socket)
                 self._resuming = self._loop.call_later(NO_FILES_PAUSE, self._resume)
                 return
@@ -208,9 +208,9 @@ class Listener:
         network = network_of(address)
         of_network = len(self._open[network]) if network in self._open else 0
         if self._per_address is not None and of_network >= self._per_address:
-            self._refuse(accepted, "an address has too many connections: more are closed", address)
+            self._refuse(accepted, "too many connections from one address; closing further ones", address)
         elif self._count >= self._most:
-            self._refuse(accepted, "too many connections: more are closed", address)
+            self._refuse(accepted, "too many connections; closing further ones", address)
         else:
             accepted.settimeout(0)
             self._open[network].add(accepted)

@@ -27,7 +27,7 @@ def protected_url(url: str) -> str:
     parts = urlsplit(url)
     host = parts.hostname or ""
     if parts.scheme not in ("https", "http") or not host or parts.username is not None:
-        message = "an address such as https://login.example/realms/site is needed"
+        message = "must be an address such as https://login.example/realms/site"
         raise ValueError(message)
     if parts.scheme == "http" and not is_loopback(host):
         message = "must be https: over http, keys could be replaced in transit"
@@ -37,7 +37,7 @@ def protected_url(url: str) -> str:
 
 def _without_query(url: str) -> str:
     if "?" in url or "#" in url:
-        message = "the address of a whole place is needed, without ? and #"
+        message = "must not contain ? or #"
         raise ValueError(message)
     return url
 

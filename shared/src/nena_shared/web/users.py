@@ -84,7 +84,7 @@ def users_of(settings: HttpSettings) -> UserBook | None:
     if settings.users is None:
         return None
     if settings.first_user and (secret := make_first_user(settings.users)):
-        log.warning("the first user is made: admin", token_file=str(secret))
+        log.warning("first user created: admin", token_file=str(secret))
     return UserBook(settings.users)
 
 
@@ -106,7 +106,7 @@ def read_users(path: Path) -> tuple[User, ...]:
         raise ConfigurationError([f"http.users: {path}: {each}" for each in problems]) from error
     names = [user.name for user in users]
     if twice := {name for name in names if names.count(name) > 1}:
-        raise ConfigurationError([f"http.users: {path}: {', '.join(sorted(twice))} stands there twice"])
+        raise ConfigurationError([f"http.users: {path}: {', '.join(sorted(twice))} is defined twice"])
     return tuple(users)
 
 

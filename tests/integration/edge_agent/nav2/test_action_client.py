@@ -74,7 +74,7 @@ async def test_a_result_says_why_and_in_whose_words(nav2: RclpyNav2, robot: Driv
     nav2.end(106, "Collision ahead")
     failed = await robot.hears(DriveFailed)
     assert failed.failure is DriveFailure.ABORTED
-    assert "finds no way to move (error code 106: Collision ahead)" in failed.description
+    assert "found no valid command (error code 106: Collision ahead)" in failed.description
 
 
 async def test_a_refused_goal_fails_and_says_so(nav2: RclpyNav2, robot: DrivenRobot) -> None:

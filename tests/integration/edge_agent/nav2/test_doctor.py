@@ -146,7 +146,7 @@ async def test_a_robot_that_does_not_know_where_it_is(
 
     finding = first_missing(view, settings)
     assert finding.link is Link.LOCALISATION
-    assert "no pose comes on amcl_pose" in finding.text
+    assert "no poses on amcl_pose" in finding.text
 
 
 async def test_a_robot_that_is_not_sure(domain_id: int) -> None:

@@ -189,7 +189,7 @@ async def test_stop_in_mid_drive_leaves_the_robot_standing(domain_id: int, peer:
     ("place", "reason"),
     [
         (MapPose(3.0, 0.0, 0.0, "attic"), "map 'attic'"),
-        (MapPose(math.nan, 0.0, 0.0, MAP), "no place to drive to"),
+        (MapPose(math.nan, 0.0, 0.0, MAP), "is not a valid pose"),
     ],
 )
 async def test_place_that_cannot_be_driven_to(robot: DrivenRobot, place: MapPose, reason: str) -> None:

@@ -59,7 +59,7 @@ async def test_a_goal_that_cannot_be_reached_fails_and_an_update_tries_again(ben
         fleet.send(order("n0", "n1"))
         state = await fleet.state(lambda state: failure_of(state) == "ABORTED")
         assert (state["nodeStates"][0]["nodeId"], state["lastNodeId"]) == ("n1", "n0")
-        reason = "no way to the place (error code 208)" in state["errors"][0]["errorDescription"]
+        reason = "no path leads to the goal (error code 208)" in state["errors"][0]["errorDescription"]
         assert reason is (door == "action")
         assert not state["driving"]
         fleet.send(order("n1", "n2", update=1, first=2))

@@ -101,7 +101,7 @@ async def test_a_map_that_map_server_cannot_load_changes_nothing(bench: Bench, t
             assert enabled(state) == [MAP]
             assert state["agvPosition"]["mapId"] == MAP
             (told,) = (each for each in state["actionStates"] if each["actionId"] == "e")
-            assert "the image is no map" in told["resultDescription"]
+            assert "the image is not a map" in told["resultDescription"]
 
 
 async def test_without_a_position_the_robot_waits_for_one_on_the_new_map(

@@ -35,7 +35,7 @@ async def test_a_localisation_that_dies_makes_the_pose_unknown_until_it_is_set(b
             bench.fault("server_died", server="amcl")
             lost = await fleet.state(lambda state: "localizationError" in error_types(state))
             (told,) = (each for each in lost["errors"] if each["errorType"] == "localizationError")
-            assert "no transform leads from the frame map to odom" in told["errorDescription"]
+            assert "no transform from the frame map to odom" in told["errorDescription"]
             assert not lost["agvPosition"]["positionInitialized"]
 
             bench.fault("server_died", server="amcl", active=False)

@@ -39,7 +39,7 @@ async def test_recoveries_are_told_while_they_last(bench: Bench) -> None:
             state = await fleet.state(lambda state: entry(state, "DRIVE_RECOVERS"))
             assert "'n1'" in entry(state, "DRIVE_RECOVERS")["errorDescription"]
             failed = await fleet.state(lambda state: entry(state, "nodeUnreachable"))
-    assert "there is no way to the place" in entry(failed, "nodeUnreachable")["errorDescription"]
+    assert "no path leads to the goal" in entry(failed, "nodeUnreachable")["errorDescription"]
     assert not entry(failed, "DRIVE_RECOVERS")
 
 

@@ -78,7 +78,8 @@ async def test_a_goal_with_a_limit_waits_for_a_controller_that_takes_it(bench: B
             fleet.send(limited("n0", "n1", slow=0, places=places))
             await fleet.state(
                 lambda state: any(
-                    "no node listens to speed_limit" in each["errorDescription"] for each in state["errors"]
+                    "no node subscribes to speed_limit" in each["errorDescription"]
+                    for each in state["errors"]
                 )
             )
             assert bench.speed == 0.0

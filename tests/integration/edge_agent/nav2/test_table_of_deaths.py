@@ -1,4 +1,4 @@
-"""Which process of Nav2 dies, and what is under way: the robot stands, or the state says truthfully that not.
+"""Which process of Nav2 dies, and what is active: the robot stands, or the state says truthfully that not.
 
 A representative part by default; ``--long`` runs the whole table.
 """
@@ -69,7 +69,7 @@ def moving_at(bench: Bench, time: float) -> bool:
 
 
 async def begin(bench: Bench, fleet: FleetControl, work: str) -> None:
-    """Let the robot do what is under way when a process dies."""
+    """Let the robot do what is active when a process dies."""
     if work == "dock":
         bench.fault("foreign_goal", x=20.0, y=0.0)  # a docking server drives by a goal of its own
     elif work == "pass":

@@ -89,7 +89,7 @@ async def test_a_robot_that_cannot_be_understood_is_not_called_silent(
 
         await until(lambda: "cannot be read" in reason(), what="a reason")
         assert reason() == (
-            'sends states that cannot be read: orderId: Input should be a valid string (received {"id":"m"})'
+            'sends states that are unreadable: orderId: Input should be a valid string (received {"id":"m"})'
         )
         await until(
             lambda: reason() and fleet.fleet.view(ROBOT).link is LinkStatus.UNREADABLE,

@@ -117,7 +117,7 @@ async def test_an_order_that_is_never_heard_fails(hasty_fleet: WiredFleet, robot
     fleet.fleet.start_vda_order(ROBOT, make_vda_order("m", "A", "B"))
     failed = await fleet.wait_for("VdaOrderFailed")
     assert isinstance(failed, VdaOrderFailed)
-    assert failed.reason == "the order was sent 5 times, but the robot never took it up"
+    assert failed.reason == "the order was sent 5 times, but the robot never accepted it"
     await until(lambda: robot.received["m"] == 5, what="each sending at the robot")
 
 

@@ -88,7 +88,7 @@ async def test_an_operation_that_the_robot_cannot_do_is_refused(
         failed = await fleet.wait_for("VdaOrderFailed")
     assert isinstance(failed, VdaOrderFailed)
     assert failed.reason == (
-        "the robot cannot take the order: its factsheet does not list the action 'dance'"
+        "the robot cannot execute the order: its factsheet does not list the action 'dance'"
     )
 
 

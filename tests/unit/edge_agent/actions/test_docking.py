@@ -119,7 +119,7 @@ async def test_a_robot_that_does_not_know_where_it_is_does_not_dock() -> None:
     drive.pose = None
 
     report = await end(plugin)
-    assert (report.status, report.result) == ("FAILED", "the robot does not know where it is")
+    assert (report.status, report.result) == ("FAILED", "the robot is not localised")
 
 
 @pytest.mark.parametrize("settings", [{"scopes": ["EDGE"]}, {"blocking_types": ["NONE", "HARD"]}])

@@ -57,7 +57,7 @@ def test_values_are_put_in(template: JsonValue, expected: JsonValue) -> None:
 @pytest.mark.parametrize(
     ("template", "problem"),
     [
-        ({"data": "{hight}"}, "fields.data: there is no parameter 'hight'; there are height, name"),
+        ({"data": "{hight}"}, "fields.data: unknown parameter 'hight'; known: height, name"),
         ({"a": ["x", "{"]}, "fields.a.1: a lone '{'"),
         ("{name.__class__}", "a lone '{'"),
         ("{name!r}", "a lone '{'"),
@@ -168,12 +168,12 @@ def test_what_is_no_number_is_refused(number: Any) -> None:
     "name", ["std_msgs/String", "std_msgs/srv/String", "String", "std_msgs/msg/..", "os/msg/Path"]
 )
 def test_what_is_no_message_type_is_refused_with_what_to_do(name: str) -> None:
-    with pytest.raises(UnknownTypeError, match=r"no name of a type|source the workspace"):
+    with pytest.raises(UnknownTypeError, match=r"is not a type name|source its workspace"):
         message_type(name)
 
 
 def test_a_type_that_its_package_does_not_have() -> None:
-    with pytest.raises(UnknownTypeError, match="there is no type 'std_msgs/msg/Strin' here"):
+    with pytest.raises(UnknownTypeError, match="type 'std_msgs/msg/Strin' is not installed"):
         message_type("std_msgs/msg/Strin")
 
 

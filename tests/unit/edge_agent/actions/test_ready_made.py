@@ -60,7 +60,7 @@ def test_a_value_that_no_message_can_hold_is_refused_beforehand() -> None:
     [
         (
             {**LIFT, "command": {**COMMAND, "type": "std_msgs/msg/Strin"}},
-            "operations.0.command.type: there is no",
+            "operations.0.command.type: type ",
         ),
         (
             {**LIFT, "answer": {**ANSWER, "match": {"dat": "x"}}},
@@ -70,7 +70,7 @@ def test_a_value_that_no_message_can_hold_is_refused_beforehand() -> None:
             {**LIFT, "answer": {**ANSWER, "match": {"data": ["x", 1]}}},
             "operations.0.answer.match.data: 1 is not",
         ),
-        ({**LIFT, "parameters": []}, "operations.0.command.fields.data: there is no parameter 'height'"),
+        ({**LIFT, "parameters": []}, "operations.0.command.fields.data: unknown parameter 'height'"),
         (
             {**CLAMP, "call": {**CALL, "fields": {"data": 1}}},
             "operations.0.call.fields.data: 1 is not true or",
@@ -131,7 +131,7 @@ def test_without_ros_they_are_refused_with_the_reason_and_not_offered() -> None:
     (plugin,) = plugins_of(LIFT, ros=None)
 
     problem = plugin.declaration.problem(action("a", "HARD", "lift", height=1), ActionScope.NODE)
-    assert "action 'lift' is not possible: it uses ROS" in str(problem)
+    assert "action 'lift' is not possible: it needs ROS" in str(problem)
 
 
 async def test_without_ros_they_are_rehearsed_where_it_is_set_so() -> None:

@@ -41,8 +41,8 @@ def test_what_is_installed_comes_behind_what_the_agent_has() -> None:
     assert registry.plugin("good") is not None
     assert registry.problems == (
         "one is broken",
-        "a plug-in does 'wait', which the agent or its operations do",
-        "a plug-in does 'cancelOrder', which the agent or its operations do",
+        "ignoring the plug-in action 'wait': the agent or its operations define it",
+        "ignoring the plug-in action 'cancelOrder': the agent or its operations define it",
     )
 
 
@@ -54,7 +54,7 @@ def test_a_check_that_fails_is_a_reason_against_the_action() -> None:
     registry = ActionRegistry([made(declaration=ActionDeclaration("weigh", NODE, check=check))])
 
     problem = registry.declarations["weigh"].problem(action("a", "HARD", "weigh"), ActionScope.NODE)
-    assert problem == "action 'weigh': its plug-in cannot judge it: OSError: no scale"
+    assert problem == "action 'weigh': its plug-in failed to check it: OSError: no scale"
 
 
 @pytest.mark.parametrize(("given", "expected"), [(None, None), ("too heavy", "action 'weigh': too heavy")])
@@ -136,7 +136,7 @@ def test_one_that_is_not_installed_is_a_mistake_in_the_settings(
 ) -> None:
     there("one")
 
-    with pytest.raises(ConfigurationError, match=r"there is no plug-in 'thre'.*installed: one"):
+    with pytest.raises(ConfigurationError, match=r"unknown plug-in 'thre'.*installed: one"):
         installed(CONTEXT, ActionSettings(**settings))
 
 
@@ -144,10 +144,10 @@ def test_one_that_is_not_installed_is_a_mistake_in_the_settings(
     ("name", "problem"),
     [
         ("missing", "plug-in 'missing' cannot be loaded: ImportError: No module named 'acme'"),
-        ("fails", "plug-in 'fails' failed as it was made: OSError: no hydraulics"),
+        ("fails", "plug-in 'fails' failed to start: OSError: no hydraulics"),
         ("unavailable", "plug-in 'unavailable' does not work on this robot: it needs ROS"),
         ("none", "plug-in 'none' gives <object object"),
-        ("NOT_A_FACTORY", "plug-in 'NOT_A_FACTORY' names 7, which makes no plug-ins"),
+        ("NOT_A_FACTORY", "plug-in 'NOT_A_FACTORY' names 7, which does not create plug-ins"),
     ],
 )
 def test_a_broken_one_costs_its_own_actions_only(there: Callable[..., None], name: str, problem: str) -> None:

@@ -97,7 +97,7 @@ async def test_two_cannot_drive_at_a_time() -> None:
 
 
 async def test_without_a_driver_nothing_drives() -> None:
-    with pytest.raises(DriveError, match="not there yet"):
+    with pytest.raises(DriveError, match="not ready"):
         await ActionDrive().drive(PLACE, deviation_xy=0.1)
 
 
@@ -158,7 +158,7 @@ def test_a_field_that_the_message_does_not_have_is_an_error_with_its_place() -> 
         ConfigurationError, match=r"actions\.load_sensor\.loaded\.dat: std_msgs/msg/Bool has no"
     ):
         LoadSensor(LoadSensorSettings(topic="load", loaded={"dat": True}), ScriptedRos())
-    with pytest.raises(ConfigurationError, match=r"actions\.load_sensor\.type: there is no type"):
+    with pytest.raises(ConfigurationError, match=r"actions\.load_sensor\.type: type '.*' is not installed"):
         LoadSensor(LoadSensorSettings(topic="load", type="acme_msgs/msg/Load"), ScriptedRos())
 
 

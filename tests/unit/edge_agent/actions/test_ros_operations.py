@@ -58,7 +58,7 @@ def test_one_that_takes_a_load_may_be_told_of_it_but_not_twice() -> None:
 @pytest.mark.parametrize(
     ("fields", "problem"),
     [
-        ({"data": "{sid}"}, "p.data: there is no parameter 'sid'"),
+        ({"data": "{sid}"}, "p.data: unknown parameter 'sid'"),
         ({"date": 1}, "p.date: std_msgs/msg/UInt8 has no such field"),
         ({"data": 300}, "p.data: 300 is not an integer from 0 to 255"),
     ],
@@ -137,7 +137,7 @@ async def test_without_a_result_it_says_what_it_can() -> None:
     waiting = answer.expect({"actionId": "a1"}, print)
     ros.say("said", data="jam")
 
-    with pytest.raises(WorkFailedError, match="said says that it has failed"):
+    with pytest.raises(WorkFailedError, match="said reported failure"):
         await waiting
 
 
@@ -168,7 +168,7 @@ async def test_what_is_expected_may_hold_values_of_the_action() -> None:
     named = call(ros, "std_srvs/srv/Trigger", expect={"message": "{actionId} done"}, result="")
 
     assert await named.do({"actionId": "a1"}) is None
-    with pytest.raises(WorkFailedError, match="x says that it has failed"):
+    with pytest.raises(WorkFailedError, match="x reported failure"):
         await named.do({"actionId": "a2"})
 
 
@@ -290,7 +290,7 @@ async def test_without_a_session_it_fails_with_the_reason() -> None:
     [
         ({}, {"success": True, "message": "closed"}, ("FINISHED", "closed")),
         ({}, {"success": False, "message": "jammed"}, ("FAILED", "jammed")),
-        ({}, {"success": False, "message": ""}, ("FAILED", "clamp says that it has failed")),
+        ({}, {"success": False, "message": ""}, ("FAILED", "clamp reported failure")),
         ({"expect": {"message": ["a", "b"]}}, {"success": False, "message": "b"}, ("FINISHED", "b")),
         ({"result": "success"}, {"success": True, "message": ""}, ("FINISHED", "True")),
     ],

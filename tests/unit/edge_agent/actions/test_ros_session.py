@@ -78,7 +78,7 @@ async def test_a_start_that_fails_says_why() -> None:
     robot.closed = {7}
     report = await robot.does(START_ROS_SESSION)
     assert report.status is ActionStatus.FAILED
-    reason, _, after = (report.result or "").partition("; it is tried again")
+    reason, _, after = (report.result or "").partition("; retried")
     assert reason == "the ROS session has failed: no network; namespace /r1, domain 7"
     assert after
 
@@ -112,10 +112,10 @@ async def test_an_address_that_it_is_at_already_can_be_kept_without_a_new_sessio
 @pytest.mark.parametrize(
     ("parameters", "problem"),
     [
-        ({}, "neither a namespace nor a domainId is given"),
+        ({}, "namespace or domainId required"),
         ({"namespace": "r-1"}, "letters, digits and underscores"),
         ({"domainId": 233}, "less than or equal to 232"),
-        ({"domainId": 9, "keep": True}, "journal.enabled is off"),
+        ({"domainId": 9, "keep": True}, "journal.enabled is false"),
     ],
 )
 async def test_configure_says_what_is_wrong_and_changes_nothing(
@@ -134,7 +134,7 @@ async def test_an_address_that_cannot_be_kept_is_told_and_not_moved_to(tmp_path:
     robot = Robot(tmp_path / "file")
     report = await robot.does(CONFIGURE_ROS_SESSION, domainId=9, keep=True)
     assert report.status is ActionStatus.FAILED
-    assert "stays where it is" in (report.result or "")
+    assert "unchanged" in (report.result or "")
     assert robot.keeper.address == RosAddress("/r1", 7)
 
 
@@ -144,7 +144,7 @@ async def test_an_address_is_kept_although_the_first_try_there_fails(tmp_path: P
     robot.closed = {9}
     report = await robot.does(CONFIGURE_ROS_SESSION, domainId=9, keep=True)
     assert report.status is ActionStatus.FAILED
-    assert "it is tried again" in (report.result or "")
+    assert "retried until it is stopped" in (report.result or "")
     assert Robot(tmp_path).keeper.address == robot.keeper.address == RosAddress("/r1", 9)
 
 

@@ -37,7 +37,7 @@ def test_a_table_without_a_kind_takes_a_set_time() -> None:
         ({"kind": "signal", "action_type": "x"}, "answer"),
         ({"kind": "topic", "action_type": "x", "command": {**COMMAND, "on_pause": {}}}, "belong together"),
         ({"kind": "topic", "action_type": "x", "command": {**COMMAND, "topic": "a b"}}, "ROS name"),
-        ({"kind": "turn_signal", "values": {"left": 1}}, "'off' too"),
+        ({"kind": "turn_signal", "values": {"left": 1}}, "must contain 'off'"),
         ({"action_type": "x", "scopes": []}, "scopes"),
         ({"action_type": "x", "secnds": 1}, "secnds"),
         ({"action_type": "x", "parameters": [{"key": "a b"}]}, "parameters"),

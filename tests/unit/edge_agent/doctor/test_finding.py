@@ -6,7 +6,7 @@ from nena_edge_agent.doctor.finding import Link, LinkFinding, LinkVerdict, missi
 def test_the_report_names_the_first_missing_link_and_what_to_do() -> None:
     findings = [
         ok(Link.BROKER, "answers"),
-        missing(Link.LOGIN, "not let in", "see mqtt.username"),
+        missing(Link.LOGIN, "not let in", "check mqtt.username"),
         *unknown([Link.ACCESS], "needs the login"),
         missing(Link.MAP, "is another", "set map_id"),
     ]
@@ -14,7 +14,7 @@ def test_the_report_names_the_first_missing_link_and_what_to_do() -> None:
     assert report(findings).splitlines() == [
         "ok        broker        answers",
         "MISSING   login         not let in",
-        "                        -> see mqtt.username",
+        "                        -> check mqtt.username",
         "-         access        needs the login",
         "MISSING   map           is another",
         "                        -> set map_id",

@@ -44,7 +44,7 @@ def test_a_robot_that_is_well() -> None:
     assert [each.link for each in findings] == list(ROS_LINKS)
     assert {each.verdict for each in findings} == {LinkVerdict.OK}
     (place,) = (each.text for each in findings if each.link is Link.LOCALISATION)
-    assert place == "the robot is at 1.00 m, 2.00 m, 29 degrees, give or take 0.20 m and 6 degrees"
+    assert place == "the robot is at 1.00 m, 2.00 m, 29 degrees, ± 0.20 m and 6 degrees"
 
 
 @pytest.mark.parametrize("lifecycle", [Lifecycle.INACTIVE, Lifecycle.SILENT])
@@ -53,7 +53,7 @@ def test_a_missing_pose_is_named_before_a_nav2_that_waits_for_it(lifecycle: Life
 
     lacks = [each for each in findings if each.verdict is LinkVerdict.MISSING]
     assert [each.link for each in lacks] == [Link.LOCALISATION, Link.NAVIGATION]
-    assert "gives up for good" in lacks[1].remedy
+    assert "gives up after waiting 60 s" in lacks[1].remedy
     assert "activate it" not in lacks[1].remedy
 
 
@@ -65,12 +65,17 @@ def test_a_missing_pose_is_named_before_a_nav2_that_waits_for_it(lifecycle: Life
         (replace(WELL, servers=0), Link.NAMESPACE, "namespace /r1", "start Nav2"),
         (replace(WELL, servers=0, elsewhere=("/", "/r2")), Link.NAMESPACE, "in /, /r2", "ros.namespace"),
         (replace(WELL, lifecycle=Lifecycle.INACTIVE), Link.NAVIGATION, "not active", "autostart"),
-        (replace(WELL, lifecycle=Lifecycle.SILENT), Link.NAVIGATION, "does not answer", "start it again"),
+        (replace(WELL, lifecycle=Lifecycle.SILENT), Link.NAVIGATION, "does not answer", "restart it"),
         (replace(WELL, goal_listeners=0), Link.NAVIGATION, "goal_pose", "bt_navigator"),
         (replace(WELL, pose=None), Link.LOCALISATION, "amcl_pose", "initial position"),
         (replace(WELL, pose=replace(POSE, frame="earth")), Link.LOCALISATION, "'earth'", "ros.frame"),
         (replace(WELL, pose=replace(POSE, x_variance=4.0)), Link.LOCALISATION, "2.00 m", "initial position"),
-        (replace(WELL, pose=replace(POSE, y_variance=math.nan)), Link.LOCALISATION, "no numbers", "initial"),
+        (
+            replace(WELL, pose=replace(POSE, y_variance=math.nan)),
+            Link.LOCALISATION,
+            "invalid variances",
+            "initial",
+        ),
     ],
 )
 def test_a_missing_link_is_named_with_what_to_do(view: RosView, link: Link, text: str, remedy: str) -> None:
@@ -106,11 +111,11 @@ def test_nav2_without_a_lifecycle_manager_is_taken_as_it_is() -> None:
 @pytest.mark.parametrize(
     ("view", "plant_maps", "verdict", "text"),
     [
-        (WELL, set(), LinkVerdict.OK, "orders must name it so; Nav2's map is 50 m by 30 m"),
+        (WELL, set(), LinkVerdict.OK, "orders must use this name; Nav2's map is 50 m by 30 m"),
         (WELL, {"hall", "yard"}, LinkVerdict.OK, "as in the plant model"),
         (WELL, {"yard", "Hall"}, LinkVerdict.MISSING, "the plant model has 'Hall', 'yard'"),
         (None, {"yard"}, LinkVerdict.MISSING, "the plant model has 'yard'"),
-        (None, set(), LinkVerdict.OK, "map_id is 'hall', orders must name it so"),
+        (None, set(), LinkVerdict.OK, "map_id is 'hall', orders must use this name"),
         (RosView(), set(), LinkVerdict.UNKNOWN, "more needs the namespace"),
         (replace(WELL, grid=None), set(), LinkVerdict.DOUBTFUL, "no node publishes a map"),
         (replace(WELL, grid=replace(WELL.grid, frame="odom")), set(), LinkVerdict.MISSING, "frame 'odom'"),  # type: ignore[type-var]  # it is no None

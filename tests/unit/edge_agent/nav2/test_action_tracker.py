@@ -141,7 +141,7 @@ def test_the_reason_may_come_after_the_array(talk: Conversation) -> None:
     (failed,) = talk.ends
     assert isinstance(failed, DriveFailed)
     assert failed.failure is DriveFailure.ABORTED
-    assert "no way to the place (error code 208)" in failed.description
+    assert "no path leads to the goal (error code 208)" in failed.description
 
 
 def test_a_reason_that_does_not_come_is_not_waited_for_long(talk: Conversation) -> None:
@@ -350,10 +350,10 @@ def test_goals_at_the_other_action_are_somebody_elses(talk: Conversation) -> Non
 @pytest.mark.parametrize(
     ("code", "text"),
     [
-        (105, "does not get on"),
-        (208, "no way to the place"),
-        (308, "no way to the place"),
-        (309, "names no places"),
+        (105, "makes no progress"),
+        (208, "no path leads to the goal"),
+        (308, "no path leads to the goal"),
+        (309, "has no poses"),
         (503, "smoother"),
         (701, "recovery"),
         (9001, "navigator"),

@@ -70,7 +70,7 @@ async def test_a_goal_with_a_limit_that_no_controller_hears_is_answered(
         assert [each.failure for each in failed] == [DriveFailure.NOT_TAKEN_UP]
     else:
         assert not failed
-        assert any("no node listens to speed_limit" in each for each in reasons)
+        assert any("no node subscribes to speed_limit" in each for each in reasons)
 
 
 async def test_a_place_of_the_map_before_does_not_count_after_a_restart(
@@ -86,7 +86,7 @@ async def test_a_place_of_the_map_before_does_not_count_after_a_restart(
         await turn_passes()
     poses = [each for each in told if isinstance(each, MapPoseReport)]
     assert [each.localized for each in poses] == [False]
-    assert "its position there is not set" in poses[0].problem
+    assert "the position on it is not set" in poses[0].problem
     assert mark.exists()
 
 

@@ -774,7 +774,7 @@ class TestNavigationGone:
         talk.later(3.1)
         (failed,) = talk.events
         assert isinstance(failed, HaltFailed)
-        assert "no odometry comes" in failed.description
+        assert "there is no odometry" in failed.description
         talk.said += talk.tracker.on_stop_answer(talk.now, answered=True)
         assert talk.events[1:] == [Halted()]
 

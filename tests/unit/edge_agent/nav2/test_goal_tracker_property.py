@@ -224,7 +224,7 @@ class TrackedRobot(RuleBasedStateMachine):
         assert not [g for g in self.server.running() if self.server.generations[g] != EXTERNAL]
 
     def _all_goals_accounted_for(self) -> bool:
-        """Whether no goal of ours is under way to being listed; another's would be mistaken for it."""
+        """Whether no goal of ours is active to being listed; another's would be mistaken for it."""
         return self.tracker._registry._claims == 0 and not self.server.arrays
 
     def _deliver_all(self) -> None:

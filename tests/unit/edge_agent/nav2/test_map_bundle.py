@@ -35,13 +35,13 @@ def test_the_yaml_file_names_the_image_beside_it(
 @pytest.mark.parametrize(
     ("content", "reason"),
     [
-        (b"walls", "no zip or tar"),
+        (b"walls", "not a readable zip or tar"),
         (zipped({"attic.pgm": image()}), "one YAML file in its archive, not 0"),
         (zipped({**FILES, "other.yml": description()}), "one YAML file in its archive, not 2"),
         (zipped({"attic.yaml": description()}), "which is not in the archive"),
         (zipped({"attic.yaml": description("../../etc/x.pgm")}), "which is not in the archive"),
         (zipped({"attic.yaml": b"image: attic.pgm\norigin: [0, 0, 0]\n", "attic.pgm": b""}), "'resolution'"),
-        (zipped({"attic.yaml": b"\xff\xfe"}), "no text"),
+        (zipped({"attic.yaml": b"\xff\xfe"}), "not text"),
         (zipped({"attic.yaml": description("attic.sh"), "attic.sh": b""}), "not in the archive"),
     ],
 )

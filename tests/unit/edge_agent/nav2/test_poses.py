@@ -110,8 +110,8 @@ def test_agreement_with_a_goal(pose: MapPose, deviation_theta: float | None, *, 
     ("pose", "reason"),
     [
         (MapPose(1.0, 2.0, 0.0, "attic"), "map 'attic'"),
-        (MapPose(1.0, math.nan, 0.0, "hall"), "no place to drive to"),
-        (MapPose(1.0, 2.0, math.inf, "hall"), "no place to drive to"),
+        (MapPose(1.0, math.nan, 0.0, "hall"), "is not a valid pose"),
+        (MapPose(1.0, 2.0, math.inf, "hall"), "is not a valid pose"),
     ],
 )
 def test_says_why_a_robot_cannot_be_sent_to_a_place(pose: MapPose, reason: str) -> None:

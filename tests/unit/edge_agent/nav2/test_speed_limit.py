@@ -111,7 +111,7 @@ def test_without_a_listener_a_goal_with_a_limit_has_a_problem(
     limiter: SpeedLimiter, controller: Controller
 ) -> None:
     controller.listeners = []
-    assert "no node listens to speed_limit" in limiter.problem(0.4)
+    assert "no node subscribes to speed_limit" in limiter.problem(0.4)
     assert limiter.problem(None) == limiter.problem(OWN) == ""
     controller.listeners = [b"controller"]
     assert limiter.problem(0.4) == ""

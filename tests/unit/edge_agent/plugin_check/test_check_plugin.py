@@ -97,7 +97,7 @@ def test_types_must_be_there() -> None:
         lambda: ros.subscribe("x", "acme_msgs/msg/Lift", print),
         lambda: ros.client("x", "acme_msgs/srv/Lift"),
     ):
-        with pytest.raises(RosError, match="there is no type"):
+        with pytest.raises(RosError, match="is not installed"):
             ask()
 
 

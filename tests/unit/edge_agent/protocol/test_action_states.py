@@ -235,9 +235,9 @@ def test_a_plug_in_may_know_the_load_better() -> None:
 @pytest.mark.parametrize(
     ("what", "refused"),
     [
-        ([drop()], "carries nothing"),
-        ([pick(), pick("p2")], "loaded already"),
-        ([pick(), drop(), drop("d2")], "carries nothing"),
+        ([drop()], "carries none"),
+        ([pick(), pick("p2")], "already loaded"),
+        ([pick(), drop(), drop("d2")], "carries none"),
         ([pick(), drop(), pick("p2")], None),
     ],
 )

@@ -98,6 +98,6 @@ def test_what_does_not_fit_by_the_thousand_has_an_answer_that_can_be_read(count:
     assert problem.status == 422
     assert len(problem.errors) <= FINDINGS_SHOWN + 1
     assert problem.errors[-1] in {
-        f"message: {count - FINDINGS_SHOWN} more values do not fit",
+        f"message: {count - FINDINGS_SHOWN} more invalid values",
         f"message: {count} values do not fit",
     }

@@ -27,7 +27,7 @@ def test_each_error_is_a_refusal_of_the_table_and_each_refusal_is_used() -> None
 def test_refusals_of_one_status_are_described_together() -> None:
     refusals = (Refusal.UNKNOWN_ORDER, Refusal.NOT_SAVED, Refusal.UNKNOWN_DEPENDENCY)
     assert by_status(refusals) == {
-        404: "There is no such transport order. There is no such dependency.",
+        404: "Unknown transport order. Unknown dependency.",
         503: "The database is unavailable; nothing was saved.",
     }
 

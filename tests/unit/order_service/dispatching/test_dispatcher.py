@@ -48,7 +48,7 @@ from support.dispatching import Told, pairs, vehicles
 from support.fleet_examples import factsheet, state
 from support.order_service import NOW, assigned_order, dispatchable_order
 
-LOW = "has to recharge first"
+LOW = "must recharge first"
 
 
 def decide(
@@ -132,7 +132,7 @@ def test_a_load_keeps_a_vehicle_from_orders_that_begin_with_another_one_and_from
     decisions = decide(orders, [loaded], Told({"V1": 1}))
     assert pairs(decisions) == {"T-2": "V1"}
     assert decisions.reasons == {
-        "T-1": "waits for a vehicle: each of them carries a load, and has no room for another one"
+        "T-1": "waits for a vehicle: each of them carries a load and has no room for another one"
     }
 
 
@@ -152,11 +152,11 @@ def test_a_reason_does_not_grow_with_the_fleet() -> None:
 
 def test_unreachable_destination_is_the_reason() -> None:
     decisions = decide([dispatchable_order()], vehicles(V1=""), Told())
-    assert decisions.reasons["T-1"] == "waits, for vehicle 'V1' has no way: No route for T-1 and V1."
+    assert decisions.reasons["T-1"] == "waits: vehicle 'V1' has no route: No route for T-1 and V1."
 
 
 def test_fleet_without_vehicles_is_said() -> None:
-    assert "the plant model has none" in decide([dispatchable_order()], [], Told()).reasons["T-1"]
+    assert "none in the plant model takes orders" in decide([dispatchable_order()], [], Told()).reasons["T-1"]
 
 
 def test_a_vehicle_that_must_not_do_an_order_is_passed_over_and_the_reason_is_told() -> None:
@@ -189,7 +189,7 @@ def test_a_dispensable_order_is_given_up_for_another_one_but_not_for_its_like() 
     assignment = decide([dispatchable_order()], [parking], told).assignments[0]
     assert assignment.gives_up == "Park-1"
     reason = decide([dispatchable_order(dispensable=True)], [parking], told).reasons["T-1"]
-    assert reason.endswith("has a dispensable order itself")
+    assert reason.endswith("has a dispensable order")
 
 
 def test_a_vehicle_that_is_kept_for_an_order_does_that_one_first_of_all() -> None:
@@ -201,9 +201,9 @@ def test_a_vehicle_that_is_kept_for_an_order_does_that_one_first_of_all() -> Non
 
 
 def test_an_order_for_which_a_vehicle_is_kept_waits_for_no_other_one() -> None:
-    fleet = vehicles(V1="gives up a dispensable order first", V2="")
+    fleet = vehicles(V1="ends a dispensable order first", V2="")
     decisions = decide([dispatchable_order()], fleet, Told({"V1": 1, "V2": 1}), {1: "V1"})
-    assert decisions.reasons == {"T-1": "waits for vehicle 'V1', which gives up a dispensable order first"}
+    assert decisions.reasons == {"T-1": "waits for vehicle 'V1', which ends a dispensable order first"}
 
 
 def test_who_is_scarce_may_choose() -> None:
@@ -387,7 +387,7 @@ def test_each_vehicle_has_a_reason_and_those_that_could_come_first() -> None:
     assert {each.vehicle: each.reason for each in found} == {
         "near": COULD,
         "far": COULD,
-        "lost": "has no way: No route for T-1 and lost.",
+        "lost": "has no route: No route for T-1 and lost.",
         "low": "has to recharge",
         "out": "is offline",
     }
@@ -397,9 +397,9 @@ def test_who_is_not_meant_is_told_who_is() -> None:
     order = dispatchable_order(intended_vehicle="near")
     reasons = {each.vehicle: each.reason for each in explain(order, FLEET, TOLD)}
     assert reasons["near"] == COULD
-    assert reasons["far"] == "is not 'near', which it is for"
+    assert reasons["far"] == "is not 'near', the intended vehicle"
     kept = {each.vehicle: each.reason for each in explain(dispatchable_order(), FLEET, TOLD, kept={1: "far"})}
-    assert kept["near"] == "is not 'far', which is kept for it"
+    assert kept["near"] == "is not 'far', which is reserved for it"
 
 
 def test_who_does_it_is_said() -> None:
@@ -410,11 +410,11 @@ def test_who_does_it_is_said() -> None:
 def test_a_load_that_is_in_the_way_is_told() -> None:
     loaded = [DispatchedVehicle("near", carried=Carried(("",)))]
     (pick,), (drop,) = (explain(dispatchable_order(stop), loaded, TOLD) for stop in ("A:Load", "A:Unload"))
-    assert (pick.fits, pick.reason) == (False, "carries a load, and has no room for another one")
+    assert (pick.fits, pick.reason) == (False, "carries a load and has no room for another one")
     assert (drop.fits, drop.reason) == (True, COULD)
 
 
-ONE = "carries a load, and has no room for another one"
+ONE = "carries a load and has no room for another one"
 
 
 def specified(**specification: Any) -> Factsheet:
@@ -449,7 +449,7 @@ def test_who_says_of_no_places_has_one(sheet: Factsheet | None) -> None:
 def test_each_place_takes_one_load() -> None:
     sheet = specified(load_positions=("front", "rear"))
     assert why((None,), sheet, Pick()) == ""
-    assert why(("front", "rear"), sheet, Pick()) == "carries 2 loads, and has no room for another one"
+    assert why(("front", "rear"), sheet, Pick()) == "carries 2 loads and has no room for another one"
     assert why(("front", None), sheet, Pick()).startswith("carries 2 loads")
     assert why(("front",), sheet, Pick(place="rear")) == ""
     assert why((None,), sheet, Pick(place="rear")) == f"{ONE} at 'rear'"
@@ -514,7 +514,7 @@ def test_a_restriction_lets_it_recharge() -> None:
 
 def test_it_is_kept_for_one_order() -> None:
     vehicle = DispatchedVehicle("V1", kept_for=2)
-    assert vehicle.why_not(dispatchable_order(number=1), recharges=False) == "is kept for another order"
+    assert vehicle.why_not(dispatchable_order(number=1), recharges=False) == "is reserved for another order"
     assert vehicle.why_not(dispatchable_order(number=2), recharges=False) == ""
 
 
@@ -548,14 +548,14 @@ def test_thresholds_belong_to_the_worse_side(*, level: float, critical: bool, de
 
 def test_who_has_too_little_energy_is_restricted_in_words_that_stay() -> None:
     reason = energy(3).restriction(fully=True)
-    assert reason == "has to recharge first: its energy is not above 20 %, which is critical"
+    assert reason == "must recharge first: critical energy (at most 20 %)"
     assert energy(19).restriction(fully=False) == reason
 
 
 def test_who_recharges_goes_on_until_it_is_fully_or_sufficiently_recharged() -> None:
-    assert "until it has 95 %" in energy(60, charging=True).restriction(fully=True)
+    assert "until its energy is 95 %" in energy(60, charging=True).restriction(fully=True)
     assert energy(60, charging=True).restriction(fully=False) == ""
-    assert "until it has 50 %" in energy(49, charging=True).restriction(fully=False)
+    assert "until its energy is 50 %" in energy(49, charging=True).restriction(fully=False)
     assert energy(95, charging=True).restriction(fully=True) == ""
 
 

@@ -183,7 +183,7 @@ async def test_orders_of_a_sequence_are_done_in_turn_by_one_vehicle() -> None:
         S.ACTIVE,
         S.BEING_PROCESSED,
     ]
-    assert site.order("T-2").reason == "waits for its turn in order sequence 'S', behind 'T-0'"
+    assert site.order("T-2").reason == "waits for its turn in order sequence 'S', after 'T-0'"
     assert site.told().processing_vehicle == "V1"
     site.fleet.finish("V2")
 
@@ -194,7 +194,7 @@ async def test_orders_of_a_sequence_are_done_in_turn_by_one_vehicle() -> None:
         assert site.told().finished_index == number
     assert site.vehicle("V1").processing_state is ProcessingState.AWAITING_ORDER
     assert site.vehicle("V1").order_sequence == "S"
-    assert "awaits the next order of order sequence 'S'" in site.vehicle("V1").reason
+    assert "waits for the next order of order sequence 'S'" in site.vehicle("V1").reason
 
     site.create("late", "A", intendedVehicle="V1")
     assert site.order("late").reason.startswith(
@@ -234,7 +234,7 @@ async def test_a_sequence_keeps_its_vehicle_whatever_the_failure_policy_says() -
     site.create("T-0", "B", wrappingSequence="S", onFailure=[{"do": "OTHER_VEHICLE"}])
     site.fleet.fail("V1")
     assert site.order("T-0").state is S.FAILED
-    assert "there is no other vehicle for it" in site.order("T-0").reason
+    assert "there is no other suitable vehicle" in site.order("T-0").reason
 
 
 async def test_a_sequence_is_for_its_intended_vehicle_only() -> None:

@@ -59,7 +59,7 @@ async def test_a_vehicle_that_kept_a_load_drops_it_before_it_picks_up_another_on
     engine.create(request("B:Load", "C:Unload", intendedVehicle="V1"), "T")
     order = engine.state.orders.named("T")
     assert order
-    carries = "carries a load, and has no room for another one"
+    carries = "carries a load and has no room for another one"
     assert order.status.reason == f"waits for vehicle 'V1', which {carries}"
     assert [each.reason for each in await engine.explain(order) if each.vehicle == "V1"] == [carries]
 
@@ -152,7 +152,7 @@ async def test_keys_of_the_settings_decide_who_is_taken() -> None:
     assert fleet.sent[0][0] == "V2"
     order = engine.state.orders.named("T")
     assert order
-    assert "first by BY_ENERGY_LEVEL of 2 vehicles" in str(order.status.history)
+    assert "first by BY_ENERGY_LEVEL of 2 free vehicles" in str(order.status.history)
 
 
 async def test_a_state_that_changes_nothing_starts_no_decision(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -203,8 +203,8 @@ async def test_what_was_not_sent_is_withdrawn_at_once() -> None:
 
     engine.withdraw(order.number, "no longer wanted")
 
-    assert reason(engine, "T-1") == "withdrawn, and the vehicle was at nothing for it: no longer wanted"
-    assert engine.status(engine.registry.discover(key("V1"))).reason == "has nothing to do: no order waits"
+    assert reason(engine, "T-1") == "withdrawn before the vehicle had started: no longer wanted"
+    assert engine.status(engine.registry.discover(key("V1"))).reason == "idle: no order waits"
 
 
 async def test_a_cancelled_robot_keeps_what_it_held_until_it_is_seen_standing() -> None:

@@ -245,7 +245,7 @@ async def test_restart_with_another_plant_fails_what_is_not_possible_any_more(
     smaller = PlantModel(name="small", points=(point("A"), point("B")), paths=(path("A B"),))
     again = await make_engine(smaller, store, ScriptedFleet({}))
     assert now(again, order).state is S.FAILED
-    assert "not possible in this plant any more" in now(again, order).reason
+    assert "no longer possible in this plant" in now(again, order).reason
 
 
 async def test_restart_with_another_plant_fails_what_cannot_go_on(engine: Engine, store: MemoryStore) -> None:
@@ -282,7 +282,7 @@ async def test_restart_with_a_vda_order_that_cannot_be_read_fails_the_order(
     store.found.missions[order.number] = "{}"
     again = await make_engine(PLANT, store, ScriptedFleet({"V1": "A"}))
     assert now(again, order).state is S.FAILED
-    assert "cannot be read" in now(again, order).reason
+    assert "unreadable" in now(again, order).reason
 
 
 async def test_restart_ends_what_was_withdrawn_before_it_was_sent(engine: Engine, store: MemoryStore) -> None:

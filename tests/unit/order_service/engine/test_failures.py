@@ -63,7 +63,7 @@ async def test_a_drive_is_tried_again_and_then_another_way() -> None:
 
     fleet.fail("V1")
     assert status_of(engine).state is S.FAILED
-    assert status_of(engine).reason == "wheel lost: FATAL wheel (no REPLAN: there is no other way)"
+    assert status_of(engine).reason == "wheel lost: FATAL wheel (no REPLAN: there is no other route)"
 
 
 async def test_a_pause_before_the_next_try_is_told_and_outlives_a_restart() -> None:
@@ -71,7 +71,7 @@ async def test_a_pause_before_the_next_try_is_told_and_outlives_a_restart() -> N
     engine, fleet = await make_two(store)
     engine.create(request("C", onFailure=[{"do": "RETRY", "after": 60}]), "T")
     fleet.fail("V1")
-    assert "but it is tried again at" in status_of(engine).reason
+    assert "but its next try is at" in status_of(engine).reason
     now = engine.clock.now()
 
     again, fleet = await make_two(store)
@@ -103,7 +103,7 @@ async def test_another_vehicle_goes_on_and_the_first_one_never_gets_it_again() -
     assert status_of(engine).current_drive_order_index == 1
     fleet.fail("V2")
     assert status_of(engine).state is S.FAILED
-    assert "no other vehicle" in status_of(engine).reason
+    assert "no other suitable vehicle" in status_of(engine).reason
 
 
 async def test_a_loaded_vehicle_keeps_its_order() -> None:
@@ -116,7 +116,7 @@ async def test_a_loaded_vehicle_keeps_its_order() -> None:
 
     assert status_of(engine).processing_vehicle == loader
     assert status_of(engine).held
-    assert "no other one can go on with it" in status_of(engine).reason
+    assert "no other one can continue" in status_of(engine).reason
 
 
 async def test_a_pick_that_an_earlier_try_has_begun_keeps_the_order_at_its_vehicle() -> None:
@@ -134,7 +134,7 @@ async def test_a_pick_that_an_earlier_try_has_begun_keeps_the_order_at_its_vehic
     fleet.fail(loader)
 
     assert status_of(engine).processing_vehicle == loader
-    assert "no other one can go on with it" in status_of(engine).reason
+    assert "no other one can continue" in status_of(engine).reason
 
 
 async def test_an_operation_is_left_out_where_the_destination_says_so() -> None:

@@ -81,7 +81,7 @@ async def test_an_operation_that_was_broken_off_is_told_and_not_done_again_by_it
     fleet.confirm_cancel("V1")
     assert len(fleet.sent) == 1
     assert status_of(engine).state is S.FAILED
-    assert "look what is done" in status_of(engine).reason
+    assert "check what it has done" in status_of(engine).reason
 
 
 async def test_who_resumes_hears_that_an_operation_was_broken_off() -> None:
@@ -92,7 +92,7 @@ async def test_who_resumes_hears_that_an_operation_was_broken_off() -> None:
     fleet.confirm_cancel("V1")
     held = status_of(engine).held
     assert held
-    assert "since then: the vehicle had begun its operation" in held.reason
+    assert "since then: the vehicle was stopped during its operation" in held.reason
 
 
 async def test_a_gentle_hold_ends_where_the_base_does() -> None:
@@ -136,7 +136,7 @@ async def test_what_fails_while_it_is_held_is_said_and_waits() -> None:
     assert status_of(engine).state is S.BEING_PROCESSED
     assert status_of(engine).reason.endswith("tea; since then: wheel lost: FATAL wheel")
     engine.withdraw(order.number, "not wanted")
-    assert status_of(engine).reason == "withdrawn, and the vehicle was at nothing for it: not wanted"
+    assert status_of(engine).reason == "withdrawn before the vehicle had started: not wanted"
 
 
 async def test_a_held_robot_keeps_its_place_and_others_say_why_they_wait() -> None:

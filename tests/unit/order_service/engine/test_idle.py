@@ -57,7 +57,7 @@ async def test_nobody_is_sent_anywhere_unless_that_is_switched_on() -> None:
     engine, fleet = await make({"V1": "A"}, charge=10, energy={"respected": True})
     later(engine, 60)
     assert fleet.sent == []
-    assert reason_of(engine) == "has to recharge first: its energy is not above 30 %, which is critical"
+    assert reason_of(engine) == "must recharge first: critical energy (at most 30 %)"
 
 
 async def test_idle_vehicles_park_at_places_of_their_own() -> None:
@@ -86,9 +86,7 @@ async def test_who_cannot_park_says_so() -> None:
     later(engine, 1)
     assert fleet.sent == []
     assert reason_of(engine, "V1").endswith("no order waits")
-    assert reason_of(engine, "V3").endswith(
-        "it should park, but no parking position is free that it can reach"
-    )
+    assert reason_of(engine, "V3").endswith("it should park, but no reachable parking position is free")
 
 
 async def test_parking_gives_way_to_an_order_that_waits() -> None:
@@ -99,7 +97,7 @@ async def test_parking_gives_way_to_an_order_that_waits() -> None:
 
     waiting = engine.state.orders.named("T")
     assert waiting
-    assert waiting.status.reason == "waits for vehicle 'V1', which gives up a dispensable order first"
+    assert waiting.status.reason == "waits for vehicle 'V1', which ends a dispensable order first"
     assert engine.state.orders.get(park.number).state is S.WITHDRAWN
     assert "gives way to order T" in engine.state.orders.get(park.number).status.reason
     assert fleet.cancelled == []
@@ -163,7 +161,7 @@ async def test_low_energy_is_recharged_and_nothing_else_is_done() -> None:
     later(engine, 60)
     waiting = engine.state.orders.named("T")
     assert waiting
-    assert waiting.status.reason.endswith("recharges, and goes on until it has 90 % of its energy")
+    assert waiting.status.reason.endswith("recharging until its energy is 90 %")
     fleet.fields["V1"] = power(90, charging=True)
     fleet.appear("V1", "D")
     assert fleet.sent[-1][1].order_id == "T-0"

@@ -73,16 +73,16 @@ async def test_what_nobody_uses_may_change() -> None:
     [
         (without("E"), "'T-2'"),
         (without("C"), "'T-1'"),
-        (without("C"), "vehicle 'V1' uses 'C', which would be gone"),
-        (without("F"), "vehicle 'V2' uses 'F', which would be gone"),
-        (moved("C"), "vehicle 'V1' uses 'C', which would be elsewhere"),
-        ({"paths": PLANT.paths[1:]}, "vehicle 'V1' uses 'A --- B', which would be gone"),
+        (without("C"), "vehicle 'V1' uses 'C', which would be removed"),
+        (without("F"), "vehicle 'V2' uses 'F', which would be removed"),
+        (moved("C"), "vehicle 'V1' uses 'C', which would be moved"),
+        ({"paths": PLANT.paths[1:]}, "vehicle 'V1' uses 'A --- B', which would be removed"),
         (
             {"paths": (path("A B", 3000), *PLANT.paths[1:])},
-            "vehicle 'V1' uses 'A --- B', which would be elsewhere",
+            "vehicle 'V1' uses 'A --- B', which would be moved",
         ),
         ({"blocks": ()}, "vehicle 'V1' uses 'B', which would be in other blocks"),
-        ({"vehicles": PLANT.vehicles[1:]}, "vehicle 'V1' works, and would be gone"),
+        ({"vehicles": PLANT.vehicles[1:]}, "vehicle 'V1' has an order, and would be removed"),
         (
             {
                 "vehicles": (
@@ -90,7 +90,7 @@ async def test_what_nobody_uses_may_change() -> None:
                     *PLANT.vehicles[1:],
                 )
             },
-            "vehicle 'V1' works, and would be another robot",
+            "vehicle 'V1' has an order, and would be another robot",
         ),
         ({"vehicles": PLANT.vehicles[:2]}, "transport order 'T-2' is for vehicle 'V3'"),
     ],

@@ -84,4 +84,4 @@ def test_a_place_that_is_held_in_vain_is_taken_where_none_is_free() -> None:
 
 @pytest.mark.parametrize("costs", [{}, {"D": 1.0}])
 def test_why_nobody_can_recharge_is_said(costs: dict[str, float]) -> None:
-    assert choose(costs=costs).reason == "there is no recharge location that it can reach"
+    assert choose(costs=costs).reason == "there is no reachable recharge location"

@@ -77,7 +77,7 @@ async def test_nothing_is_given_before_each_robot_was_heard() -> None:
     engine.create(request("D", intendedVehicle="V1"), "T-2")
     assert fleet.extended == []
     reason = status_of(engine, "T-1").reason
-    assert reason.endswith("but it waits after the start until V2 has told its state")
+    assert reason.endswith("but it waits after the start for the state of V2")
 
     fleet.mute.clear()
     fleet.appear("V2", "D")
@@ -204,7 +204,7 @@ async def test_an_order_of_a_robot_that_is_no_vehicle_any_more_is_held_and_ends(
     assert fleet.cancelled == ["V1"]
     fleet.confirm_cancel("V1")
     assert status_of(engine, "T-1").state is S.FAILED
-    assert status_of(engine, "T-1").reason == "there is no vehicle 'V1' any more"
+    assert status_of(engine, "T-1").reason == "vehicle 'V1' no longer exists"
 
 
 async def test_an_order_of_which_nothing_was_sent_is_not_done_by_a_robot_that_works_on_another() -> None:
@@ -224,7 +224,7 @@ async def test_an_order_of_which_nothing_was_sent_is_not_done_by_a_robot_that_wo
     again = await make_engine(with_vehicles(V2="V1"), store, ScriptedFleet({"V2": "E"}))
 
     assert status_of(again, "T-1").state is S.FAILED
-    assert "'V1' is another robot now" in status_of(again, "T-1").reason
+    assert "'V1' is now another robot" in status_of(again, "T-1").reason
     other = status_of(again, "T-2")
     assert (other.state, other.processing_vehicle) == (S.BEING_PROCESSED, "V1")
 
@@ -300,5 +300,5 @@ async def test_what_depends_on_an_order_that_is_lost_fails_with_it() -> None:
 
     again = await make_engine(PLANT, store, ScriptedFleet({}))
 
-    assert status_of(again, "T-1").reason == "what had been sent to the vehicle cannot be read"
+    assert status_of(again, "T-1").reason == "the VDA order of the vehicle is unreadable"
     assert status_of(again, "T-2").state is S.FAILED

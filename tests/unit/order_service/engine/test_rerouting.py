@@ -255,14 +255,14 @@ async def test_operation_that_has_begun_is_not_done_a_second_time() -> None:
     engine.on_events(OperationStarted(key("V1"), fleet.missions[key("V1")].order_id))
     fleet.confirm_cancel("V1")
     assert order(engine).state is TransportOrderState.FAILED
-    assert "look what is done" in order(engine).status.reason
+    assert "check what it has done" in order(engine).status.reason
 
 
 async def test_vehicle_at_work_is_not_stopped() -> None:
     fleet = ScriptedFleet({})
     engine = await under_way(fleet, ahead=0, goal="Shelf:Load")
     engine.on_events(OperationStarted(key("V1"), fleet.missions[key("V1")].order_id))
-    with pytest.raises(NotReroutableError, match="does its operation"):
+    with pytest.raises(NotReroutableError, match="executing its operation"):
         reroute(engine, FORCED)
 
 

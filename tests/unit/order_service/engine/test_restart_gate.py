@@ -28,7 +28,7 @@ def test_who_was_there_before_is_waited_for() -> None:
     gate = make(fleet, clock, "V1", "V2")
 
     assert not opened(gate)
-    assert gate.reason == "it waits after the start until V1 has told its state"
+    assert gate.reason == "it waits after the start for the state of V1"
 
     fleet.mute.clear()
     assert opened(gate)

@@ -35,7 +35,7 @@ def test_one_order_at_a_time_has_its_turn() -> None:
     bench = Bench()
     first, second, third = (bench.add(number) for number in (1, 2, 3))
     assert bench.sequences.why_waiting(first) == ""
-    assert bench.sequences.why_waiting(third).endswith("behind 'T-1'")
+    assert bench.sequences.why_waiting(third).endswith("after 'T-1'")
     assert bench.fail(second) == ([], "T-1")
     assert bench.fail(first) == ([], "T-3")
     assert bench.sequences.why_waiting(third) == ""
@@ -62,7 +62,7 @@ def test_an_order_without_a_sequence_is_not_its_affair() -> None:
 def test_vehicles_are_bound_to_one_sequence_and_the_sequence_to_one_vehicle() -> None:
     bench = Bench(intendedVehicle="V-2")
     member, alone = bench.add(1), raw_order(number=9)
-    assert "which is for 'V-2'" in bench.sequences.misfit(member, "V-1")
+    assert "which is 'V-2'" in bench.sequences.misfit(member, "V-1")
     assert bench.sequences.misfit(member, "V-2") == ""
     bench.sequences.bind(member, "V-2")
     assert bench.sequences.bound_to("V-2") == "S"

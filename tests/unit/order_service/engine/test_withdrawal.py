@@ -37,7 +37,7 @@ async def test_an_immediate_withdrawal_counts_after_a_gentle_one() -> None:
     assert fleet.cancelled == ["V1"]
     fleet.confirm_cancel("V1")
 
-    assert reason(engine, number) == "FAILED: withdrawn: not wanted; the vehicle has let it go"
+    assert reason(engine, number) == "FAILED: withdrawn: not wanted; the vehicle has released it"
 
 
 async def test_a_failure_of_a_withdrawn_order_is_tried_no_more() -> None:
@@ -54,4 +54,4 @@ async def test_a_vda_order_that_was_done_all_the_same_ends_a_withdrawn_order() -
     engine.withdraw(number, "not wanted")
     fleet.finish("V1")
 
-    assert reason(engine, number).endswith("not wanted; the vehicle had done what it had been sent")
+    assert reason(engine, number).endswith("not wanted; the vehicle had finished its base")

@@ -35,7 +35,7 @@ def test_nobody_is_there() -> None:
     bench = Bench()
     assert "no connection to the MQTT broker" in bench.view().availability.reason
     bench.take(bench.fleet.on_broker(connected=True, now=bench.now))
-    assert bench.view().availability.reason == "has never been heard of"
+    assert bench.view().availability.reason == "has never connected"
     bench.connection(ConnectionState.ONLINE)
     assert bench.view().availability.reason == "has not reported its state yet"
     assert bench.view().vehicle_state is VehicleState.UNKNOWN
@@ -93,13 +93,13 @@ def test_a_fatal_error() -> None:
 def test_a_robot_that_does_not_know_where_it_is() -> None:
     bench = Bench().online()
     bench.robot.localized = False
-    assert reason(bench) == "does not know where it is: set its initial position"
+    assert reason(bench) == "is not localised: set its initial position"
 
 
 def test_a_robot_that_has_started_again_and_has_no_pose_yet() -> None:
     bench = Bench().online()
     bench.robot.has_pose = False
-    assert reason(bench) == "does not know where it is: set its initial position"
+    assert reason(bench) == "is not localised: set its initial position"
 
 
 def test_a_robot_that_never_reports_where_it_is_can_take_an_order() -> None:

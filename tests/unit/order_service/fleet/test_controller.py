@@ -64,7 +64,7 @@ def test_messages_that_cannot_be_read_are_counted_by_robot() -> None:
 
 def test_a_robot_whose_states_cannot_be_read_is_not_silent() -> None:
     bench = Bench().online()
-    problem = "sends states that cannot be read: orderId: is missing"
+    problem = "sends states that are unreadable: orderId: is missing"
     bench.now += bench.settings.silent_after + 1.0
     bench.fleet.on_malformed(ROBOT, problem, bench.now)
     view = bench.view()
@@ -76,7 +76,7 @@ def test_a_robot_whose_states_cannot_be_read_is_not_silent() -> None:
 def test_a_robot_of_which_nothing_could_be_read_has_been_heard_of() -> None:
     bench = Bench()
     bench.fleet.on_broker(connected=True, now=bench.now)
-    problem = "sends states that cannot be read: message: Invalid JSON (received 'x')"
+    problem = "sends states that are unreadable: message: Invalid JSON (received 'x')"
     bench.fleet.on_malformed(ROBOT, problem, bench.now)
     assert bench.view().availability.reason == problem
     bench.online()
@@ -86,7 +86,7 @@ def test_a_robot_of_which_nothing_could_be_read_has_been_heard_of() -> None:
 
 def test_a_quoted_value_that_changes_is_no_news() -> None:
     bench = Bench()
-    problem = "sends states that cannot be read: orderId: no text (received {})"
+    problem = "sends states that are unreadable: orderId: no text (received {})"
     assert bench.fleet.on_malformed(ROBOT, problem.format(1), bench.now)
     assert not bench.fleet.on_malformed(ROBOT, problem.format(2), bench.now)
 

@@ -111,13 +111,13 @@ def test_a_vda_order_that_fits_is_taken(factsheet: Factsheet) -> None:
                     )
                 )
             ),
-            "needs the parameter 'height'",
+            "requires the parameter 'height'",
         ),
         (sheet(fields=demanded("order.nodes.nodePosition.theta")), "which cannot be filled here"),
         (sheet(fields=demanded("order.edges.trajectory")), "which cannot be filled here"),
         (sheet(fields=demanded("order.orderDescription")), "which cannot be filled here"),
         (sheet(strings={"maximum_id_length": 1}), "longer than 1"),
-        (sheet(strings={"id_numerical_only": True}), "digits only"),
+        (sheet(strings={"id_numerical_only": True}), "numeric IDs"),
         (sheet(strings={"maximum_message_length": 300}), "allows messages of 300 bytes, not "),
     ],
 )
@@ -159,7 +159,7 @@ def test_a_load_has_no_longer_name_than_the_robot_takes() -> None:
 def test_what_the_robots_version_cannot_say_is_a_problem() -> None:
     broken = MISSION.model_copy(update={"edges": ()})
 
-    assert "cannot be said in VDA 5050 2.1.0" in (order_problem(broken, Abilities(sheet())) or "")
+    assert "cannot be expressed in VDA 5050 2.1.0" in (order_problem(broken, Abilities(sheet())) or "")
 
 
 def test_an_instant_action_is_looked_at_as_well() -> None:
@@ -187,7 +187,9 @@ def test_an_order_that_the_robot_cannot_take_is_never_sent() -> None:
 
     assert bench.orders_sent() == []
     (failed,) = bench.told(VdaOrderFailed)
-    assert failed.reason == ("the robot cannot take the order: its factsheet does not list the action 'pick'")
+    assert failed.reason == (
+        "the robot cannot execute the order: its factsheet does not list the action 'pick'"
+    )
     bench.start(make_vda_order("m2", "A", "B"))
     bench.run()
     assert [each.order_id for each in bench.told(VdaOrderFinished)] == ["m2"]
@@ -204,7 +206,7 @@ def test_an_instant_action_that_the_robot_cannot_take_is_never_sent() -> None:
     (ended,) = bench.told(InstantActionEnded)
     assert ended.status is ActionStatus.FAILED
     assert ended.reason == (
-        "not sent: the robot cannot take it: its factsheet does not list the action 'startPause'"
+        "not sent: the robot cannot execute it: its factsheet does not list the action 'startPause'"
     )
 
 

@@ -108,7 +108,7 @@ def test_a_heading_that_somebody_asked_for_is_not_left_out_but_refused() -> None
 
     assert positions(made)[1].theta == 1.0
     assert order_problem(made, robot) == (
-        "its factsheet does not list headings, so it cannot take one up at a coordinate"
+        "its factsheet does not list headings, so coordinates cannot have one"
     )
 
 
@@ -127,7 +127,7 @@ def test_a_demanded_heading_without_a_deviation_cannot_be_filled() -> None:
     robot = abilities(demands=("nodes.nodePosition.theta",))
 
     assert order_problem(fitted(MISSION, robot), robot) == (
-        "its factsheet demands the field 'nodes.nodePosition.theta', which cannot be filled here"
+        "its factsheet requires the field 'nodes.nodePosition.theta', which cannot be filled here"
     )
 
 

@@ -54,7 +54,7 @@ def test_what_the_robot_cannot_do_fails() -> None:
     bench.deliver()
     bench.report()
     assert ended(bench).status is ActionStatus.FAILED
-    assert ended(bench).reason == "the robot could not do it"
+    assert ended(bench).reason == "the robot failed to execute it"
 
 
 @pytest.mark.clause("6.2.1/fleet")
@@ -77,7 +77,7 @@ def test_a_seen_action_is_not_sent_again_and_has_its_limit() -> None:
     bench.wait(19, reporting=True)
     assert bench.told(InstantActionEnded) == []
     bench.wait(3, reporting=True)
-    assert ended(bench).reason == "the robot has not ended it within 20 s"
+    assert ended(bench).reason == "the robot did not finish it within 20 s"
     assert len(bench.sent) == 1
 
 
@@ -111,7 +111,7 @@ def test_an_action_for_an_absent_robot_is_not_kept_for_later() -> None:
     bench = Bench().online()
     bench.connection(ConnectionState.OFFLINE)
     bench.instruct(action("startPause"))
-    assert ended(bench).reason == "not sent: the robot is offline: it has signed off from the broker"
+    assert ended(bench).reason == "not sent: the robot is offline: it has disconnected from the broker"
     bench.connection(ConnectionState.ONLINE)
     bench.wait(30, reporting=True)
     assert bench.sent == []
@@ -124,7 +124,10 @@ def test_an_action_that_was_perhaps_lost_is_not_sent_to_a_robot_that_comes_back(
     bench.lose()
     bench.connection(ConnectionState.CONNECTION_BROKEN)
     bench.tick()
-    assert "has lost its connection to the broker; whether it got the action" in ended(bench).reason
+    assert (
+        "has lost its connection to the broker; it is unknown whether it received the action"
+        in ended(bench).reason
+    )
     bench.connection(ConnectionState.ONLINE)
     bench.wait(30, reporting=True)
     assert bench.instants_sent() == ["startPause"]
@@ -174,7 +177,7 @@ def test_there_is_a_limit_to_what_is_under_way() -> None:
     for number in range(INSTANT_ACTIONS_LIMIT + 1):
         bench.instruct(action("logReport", f"i{number}"))
     assert len(bench.instants_sent()) == INSTANT_ACTIONS_LIMIT
-    assert ended(bench).reason == "not sent: 50 instant actions are under way at the robot"
+    assert ended(bench).reason == "not sent: 50 instant actions are active at the robot"
 
 
 def test_somebodys_own_cancel_ends_the_vda_order_and_is_told() -> None:

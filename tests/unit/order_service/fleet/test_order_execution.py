@@ -102,7 +102,7 @@ def test_an_order_that_is_never_taken_up_fails_with_the_number_of_sendings() -> 
     bench = Bench().online()
     bench.start(make_vda_order("m", "A", "B"))
     bench.wait(60, reporting=True)
-    assert failure(bench).reason == "the order was sent 6 times, but the robot never took it up"
+    assert failure(bench).reason == "the order was sent 6 times, but the robot never accepted it"
     assert bench.orders_sent() == ["m"] * 6
 
 
@@ -272,7 +272,7 @@ def test_a_node_that_cannot_be_reached_cancels_the_order_and_then_fails_it() -> 
     assert bench.ends() == {}, "the robot still has the order"
     bench.deliver()
     bench.report()
-    assert failure(bench).reason == "the robot cannot go on with it"
+    assert failure(bench).reason == "the robot cannot continue it"
     assert failure(bench).details == ("NODE_UNREACHABLE: no way",)
     assert bench.robot.idle
 
@@ -288,7 +288,7 @@ def test_a_fatal_error_that_names_nothing_is_given_some_time() -> None:
     bench.wait(3, reporting=True)
     bench.deliver()
     bench.report()
-    assert failure(bench).reason == "the robot stands with an error that it cannot go on with"
+    assert failure(bench).reason == "the robot has stopped with an error"
     assert failure(bench).details == ("lidarDirty",)
 
 
@@ -431,7 +431,7 @@ def test_a_robot_that_went_to_manual_has_given_the_order_up() -> None:
     bench.start_and_tell(make_vda_order("m", "A", "B"))
     bench.robot.set_mode(OperatingMode.MANUAL)
     bench.report()
-    assert failure(bench).reason == "the robot gave the order up when it went to operating mode MANUAL"
+    assert failure(bench).reason == "the robot abandoned the order when it changed to operating mode MANUAL"
     assert bench.instants_sent() == [], "nothing is sent to a robot in manual mode"
     assert not bench.view().availability.can_take_order
 
@@ -460,7 +460,7 @@ def test_a_robot_that_forgot_its_order_has_lost_the_vda_order() -> None:
     bench.robot.restart(journal=False)
     bench.now += 1
     bench.report()
-    assert "no longer has the order: it knows no order" in failure(bench).reason
+    assert "no longer has the order: it has no order" in failure(bench).reason
     assert bench.orders_sent() == ["m"], "it is not given again without being asked for"
 
 
@@ -483,7 +483,7 @@ def test_somebody_elses_cancel_fails_the_vda_order() -> None:
     bench.start_and_tell(make_vda_order("m", "A", "B"))
     bench.robot._clear()
     bench.report()
-    assert failure(bench).reason == "the robot gave the order up before its end"
+    assert failure(bench).reason == "the robot abandoned the order"
 
 
 @pytest.mark.clause("6.6/restart")
@@ -651,7 +651,7 @@ def test_an_end_that_was_told_is_the_last_word() -> None:
     (end,) = run.on_state(state(order_id="other"), 0.0)
     assert isinstance(end, VdaOrderFailed)
     assert end.kind is FailureKind.LOST
-    assert "it is at the order 'other'" in end.reason
+    assert "it has the order 'other'" in end.reason
 
 
 def test_who_has_an_update_that_only_a_newer_store_knows_has_not_lost_the_order() -> None:

@@ -209,7 +209,7 @@ def test_an_update_that_the_robot_refuses_ends_the_vda_order(*, named: bool) -> 
     bench.report()
 
     (failed,) = bench.told(VdaOrderFailed)
-    assert failed.reason == "the robot refuses to go on with the order"
+    assert failed.reason == "the robot refuses to continue the order"
     assert len(updates(bench)) == (2 if named else 3)
 
 

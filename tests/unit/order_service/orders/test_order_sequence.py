@@ -24,14 +24,14 @@ def sequence(*orders: str, **fields: Any) -> OrderSequence:
 def test_goes_from_its_first_order_to_its_end() -> None:
     made = sequence("A", "B")
     assert (made.next_order, made.status.finished_index) == ("A", -1)
-    assert made.status.reason == "waits for a vehicle that begins with 'A', 1 of 2"
+    assert made.status.reason == "waiting for a vehicle to start 'A', 1 of 2"
     made = made.bound("V-1", NOW)
-    assert (made.bound_vehicle, made.status.reason) == ("V-1", "vehicle V-1 is to do 'A', 1 of 2")
+    assert (made.bound_vehicle, made.status.reason) == ("V-1", "vehicle V-1 will execute 'A', 1 of 2")
     made = made.advanced({"A"}.__contains__, NOW)
     assert (made.next_order, made.status.finished_index) == ("B", 0)
     made = made.advanced({"A", "B"}.__contains__, NOW)
     assert (made.next_order, made.bound_vehicle, made.status.finished) == (None, "V-1", False)
-    assert "waits for orders to be added" in made.status.reason
+    assert "waiting for orders" in made.status.reason
     made = made.completed("by a host", NOW)
     assert (made.status.finished, made.bound_vehicle, made.status.finished_time) == (True, None, NOW)
     assert codes(made) == [
@@ -89,7 +89,7 @@ def test_orders_that_do_not_fit_are_refused_with_a_reason(
 def test_one_that_is_complete_or_full_takes_no_orders(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "complete" in next(sequence().completed("by a host", NOW).refusals(request("A")))
     monkeypatch.setattr(order_sequence, "ORDERS_LIMIT", 1)
-    assert "1 orders already" in next(sequence("A").refusals(request("A")))
+    assert "already has 1 orders" in next(sequence("A").refusals(request("A")))
 
 
 @given(st.lists(st.sampled_from(["A", "B", "C"]), max_size=6))

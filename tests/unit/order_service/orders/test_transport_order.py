@@ -113,7 +113,7 @@ def test_what_hinders_the_vehicle_is_said_once_and_only_while_it_does() -> None:
 
 def test_a_withdrawn_order_says_what_it_waits_for_and_why() -> None:
     order = assigned_order("A").withdrawn("not needed", NOW).hindered("the robot is silent")
-    assert order.status.reason == "not needed; waits until vehicle V-1 lets it go, but the robot is silent"
+    assert order.status.reason == "not needed; waiting for vehicle V-1 to release it, but the robot is silent"
 
 
 def test_unroutable_is_final() -> None:

@@ -80,7 +80,7 @@ def test_locked_and_unlinked_locations_are_refused() -> None:
         check_request(request("Storage:NOP", "Packing:NOP"), changed, ())
     assert [finding.text.split(": ")[1].split(";")[0] for finding in caught.value.findings] == [
         "location 'Storage' is locked",
-        "location 'Packing' is linked to no point, so no vehicle can serve it.",
+        "location 'Packing' has no link to a point, so no vehicle can reach it.",
     ]
 
 

@@ -142,7 +142,7 @@ def test_a_destination_that_cannot_be_reached_is_named() -> None:
     with pytest.raises(NoRouteError) as caught:
         router.route_through("A", [["B"], ["C"], ["D"]])
     assert (caught.value.source, caught.value.destinations) == ("B", ("C",))
-    with pytest.raises(NoRouteError, match="a place that no vehicle can reach"):
+    with pytest.raises(NoRouteError, match="an unreachable place"):
         router.route_through("A", [[]])
     with pytest.raises(UnknownObjectError, match="'X'"):
         router.route_through("A", [["B"], ["X"]])

@@ -49,7 +49,7 @@ def test_a_file_that_is_deleted_or_replaced_is_noticed(sqlite_url: str) -> None:
     kept = file.rename(file.with_suffix(".kept"))
     assert "deleted" in lock.loss()
     file.touch()
-    assert "another file" in lock.loss()
+    assert "replaced" in lock.loss()
     kept.rename(file)
     assert lock.loss() == ""
     lock.release()

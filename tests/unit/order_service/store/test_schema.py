@@ -81,9 +81,7 @@ def test_store_that_cannot_be_opened_is_one_line_without_secrets(bad: str) -> No
     ],
 )
 def test_a_disk_that_takes_nothing_is_looked_at(reason: str) -> None:
-    assert str(unusable(reason)) == (
-        f"store.url cannot be used: {reason}. Look at the room on its disk, and at the disk itself"
-    )
+    assert str(unusable(reason)) == (f"store.url cannot be used: {reason}. Check the disk and its free space")
 
 
 def test_any_name_of_postgresql_means_the_one_driver() -> None:

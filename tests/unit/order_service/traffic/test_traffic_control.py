@@ -86,7 +86,7 @@ def test_whether_others_would_have_to_make_room_is_known_before_anybody_is_asked
     assert scene.control.displaces(RouteRequest("v", "C"))
     assert scene.control.displaces(RouteRequest("v", "B"))
     assert not scene.control.displaces(RouteRequest("w", "D"))
-    assert not scene.control.displaces(RouteRequest("w", "A")), "no way leads there"
+    assert not scene.control.displaces(RouteRequest("w", "A")), "no route leads there"
     assert list(scene.decide()) == []
 
 

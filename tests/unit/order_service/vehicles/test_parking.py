@@ -88,7 +88,7 @@ def test_assigned_position_is_the_only_one() -> None:
     assert choose(here="fair", requests=assigned) == PARKED
     assert choose(taken=["fair"], requests=assigned).reason == "its assigned parking position 'fair' is taken"
     gone = choose(requests=properties_of(ASSIGNED_PARKING_POSITION, "gone"))
-    assert gone.reason == "its assigned parking position 'gone' is no point of the plant model"
+    assert gone.reason == "its assigned parking position 'gone' is not a point of the plant model"
 
 
 def test_preferred_position_is_taken_while_it_is_free() -> None:
@@ -138,7 +138,7 @@ def test_the_ways_to_some_positions_are_looked_at_and_not_to_all() -> None:
 
 def test_why_nobody_can_park_is_said() -> None:
     full = choose(taken=["near", "fair", "good"])
-    assert full == Parking(reason="no parking position is free that it can reach")
+    assert full == Parking(reason="no reachable parking position is free")
     nowhere = choose(plant=PlantModel(name="no yard", points=(point("aisle"),)))
     assert nowhere.reason == "the plant model has no parking positions"
 

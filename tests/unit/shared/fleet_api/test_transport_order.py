@@ -10,10 +10,10 @@ from support.order_service import request
 @pytest.mark.parametrize(
     ("steps", "problem"),
     [
-        ([{"do": "FAIL"}, {"do": "RETRY"}], "nothing comes after HOLD or FAIL"),
-        ([{"do": "HOLD"}, {"do": "FAIL"}], "nothing comes after HOLD or FAIL"),
+        ([{"do": "FAIL"}, {"do": "RETRY"}], "HOLD and FAIL must be last"),
+        ([{"do": "HOLD"}, {"do": "FAIL"}], "HOLD and FAIL must be last"),
         ([{"do": "SKIP", "times": 2}], "is done once"),
-        ([{"do": "HOLD", "after": 2}], "waits for nothing"),
+        ([{"do": "HOLD", "after": 2}], "does not wait"),
         ([{"do": "RETRY", "times": 0}], "greater than or equal to 1"),
         ([{"do": "PRAY"}], "Input should be"),
         ([{"do": "RETRY"}] * 21, "at most 20"),

@@ -98,7 +98,7 @@ def test_nothing_of_a_packet_is_given_before_all_of_it_is_here() -> None:
         "qos 2",
         "qos 3",
         "not UTF-8",
-        "no topic",
+        "not a valid topic",
         "short topic",
         "no number",
         "empty",

@@ -123,7 +123,7 @@ def test_released_edge_needs_released_ends() -> None:
 @pytest.mark.clause("6.1.1")
 def test_nothing_is_released_behind_the_base() -> None:
     assert violations(graph("+--++")) == ("edge 'e3' is released, but not both of its nodes are",)
-    assert violations(graph("+-+")) == ("node 'n2' is released behind the end of the base",)
+    assert violations(graph("+-+")) == ("node 'n2' is released beyond the end of the base",)
 
 
 @pytest.mark.clause("6.1.1/ids")

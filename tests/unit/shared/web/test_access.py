@@ -102,7 +102,9 @@ async def test_each_role_may_do_what_it_may(door: Door, role: str, method: str, 
         assert answer.json() == role.lower()
     else:
         assert answer.headers["content-type"] == "application/problem+json"
-        assert answer.json()["detail"] == f"{role.lower()} is {role.lower()}; this takes the role operator."
+        assert (
+            answer.json()["detail"] == f"{role.lower()} is {role.lower()}; this requires the role operator."
+        )
 
 
 @pytest.mark.parametrize(
@@ -119,7 +121,7 @@ async def test_without_a_token_of_somebody_it_is_401(door: Door, header: str) ->
 async def test_a_token_that_nobody_has_is_told_from_none(door: Door) -> None:
     wrong = (await door.ask("GET", authorization="Bearer wrong")).json()["detail"]
 
-    assert wrong == "This token is nobody's. " + (await door.ask("GET")).json()["detail"]
+    assert wrong == "Unknown token. " + (await door.ask("GET")).json()["detail"]
 
 
 async def test_what_is_for_everybody_takes_no_token(door: Door) -> None:
@@ -204,7 +206,7 @@ async def test_tokens_of_the_issuer_count_beside_our_own(door: Door, issuer: Oid
         refused = await client.post("/orders", headers=showing(issuer.token("vic")))
         assert (refused.status_code, refused.json()["detail"]) == (
             403,
-            "vic is viewer; this takes the role operator.",
+            "vic is viewer; this requires the role operator.",
         )
 
 
@@ -230,7 +232,7 @@ async def test_without_a_role_it_is_403_and_says_what_to_do(issuer: OidcIssuer) 
         answer = await client.get("/orders", headers=showing(issuer.token("bob")))
 
     assert answer.status_code == 403
-    assert "Ask whoever runs the issuer" in answer.json()["detail"]
+    assert "Ask the administrator of the issuer" in answer.json()["detail"]
 
 
 async def test_an_issuer_that_is_away_keeps_nobody_else_out(door: Door, issuer: OidcIssuer) -> None:
@@ -238,7 +240,7 @@ async def test_an_issuer_that_is_away_keeps_nobody_else_out(door: Door, issuer: 
     async with guarded(issuer, door.file) as client:
         answer = await client.get("/orders", headers=showing(issuer.token("ann")))
         assert (answer.status_code, answer.headers["retry-after"]) == (503, "10")
-        assert "issuer cannot be asked" in answer.json()["detail"]
+        assert "issuer is unavailable" in answer.json()["detail"]
         assert (await client.post("/orders", headers=showing("OPERATOR"))).status_code == 200
         assert (await client.get("/orders", headers=showing("wrong"))).status_code == 401
 
@@ -306,7 +308,7 @@ async def test_who_has_no_role_is_not_told_so_without_end(issuer: OidcIssuer) ->
                 assert (await client.get("/orders", headers=bob)).status_code == 403
             assert (await client.get("/orders", headers=bob)).status_code == 429
             assert (await client.get("/orders", headers=showing(issuer.token("vic")))).status_code == 200
-    assert [each["event"] for each in logged].count("somebody without a role") == WRONG_TOKENS_AT_ONCE
+    assert [each["event"] for each in logged].count("user without a role") == WRONG_TOKENS_AT_ONCE
 
 
 async def test_tokens_that_cannot_be_checked_are_not_shown_without_end(issuer: OidcIssuer) -> None:
@@ -316,7 +318,7 @@ async def test_tokens_that_cannot_be_checked_are_not_shown_without_end(issuer: O
             for _ in range(WRONG_TOKENS_AT_ONCE):
                 assert (await client.get("/orders", headers=showing(issuer.token()))).status_code == 503
             assert (await client.get("/orders", headers=showing(issuer.token()))).status_code == 429
-    assert [each["event"] for each in logged].count("a token that cannot be checked") == WRONG_TOKENS_AT_ONCE
+    assert [each["event"] for each in logged].count("token could not be checked") == WRONG_TOKENS_AT_ONCE
 
 
 async def test_a_key_that_may_not_be_looked_up_now_is_no_reason_to_refuse(issuer: OidcIssuer) -> None:

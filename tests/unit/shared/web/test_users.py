@@ -146,7 +146,7 @@ def test_the_settings_say_whether_one_has_to_log_in(tmp_path: Path) -> None:
         ("[[users]]\n", "users"),
         (
             '[[user]]\nname = "a"\nrole = "admin"\ntoken_sha256 = "%s"\n' % ("0" * 64) * 2,
-            "a stands there twice",
+            "a is defined twice",
         ),
     ],
 )

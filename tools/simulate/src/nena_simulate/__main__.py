@@ -29,7 +29,7 @@ def _sizes(text: str) -> list[int]:
     except ValueError:
         sizes = []
     if not sizes or min(sizes) < 1:
-        message = f"'{text}' is no list of fleet sizes; write 6,8,10"
+        message = f"'{text}' is not a list of fleet sizes; use 6,8,10"
         raise typer.BadParameter(message)
     return sizes
 
@@ -44,30 +44,29 @@ def _draw(folder: Path, plant: PlantModel, figures: Iterable[Figures]) -> None:
 PlantFile = Annotated[
     Path, typer.Argument(help="Plant model: openTCS XML, LIF or NeNa JSON.", exists=True, dir_okay=False)
 ]
-FleetSizes = Annotated[str, typer.Option(help="Fleet sizes, with commas: 6,8,10.")]
+FleetSizes = Annotated[str, typer.Option(help="Fleet sizes: 6,8,10.")]
 Hours = Annotated[float, typer.Option(help="Simulated hours.", min=0.01)]
 OrderFile = Annotated[
     Path | None,
     typer.Option(help="CSV with from,to,per_hour or at,from,to; or JSON (docs/simulate.md).", exists=True),
 ]
 Backlog = Annotated[
-    int, typer.Option(help="Keep so many orders waiting, drawn by the relations' rates.", min=0)
+    int,
+    typer.Option(help="Number of orders kept waiting at all times, drawn by the relations' rates.", min=0),
 ]
-Seed = Annotated[int, typer.Option(help="What is drawn by lot; the same seed: the same result.")]
+Seed = Annotated[int, typer.Option(help="Random seed; the same seed gives the same result.")]
 Speed = Annotated[float, typer.Option(help="Speed of the robots, m/s.", min=0.01)]
-Work = Annotated[float, typer.Option(help="Seconds to pick or to drop.", min=0)]
-WarmUp = Annotated[float, typer.Option(help="Minutes before anything counts.", min=0)]
+Work = Annotated[float, typer.Option(help="Time to pick or drop, seconds.", min=0)]
+WarmUp = Annotated[float, typer.Option(help="Minutes that do not count.", min=0)]
 SettingsFile = Annotated[Path | None, typer.Option(help="Settings of the order service (TOML).", exists=True)]
 Spread = Annotated[
-    float, typer.Option(help="How far robots are slower or faster, by lot: 0.3 is 30 %.", min=0, max=0.9)
+    float, typer.Option(help="Random deviation of robots' speeds: 0.3 is 30 %.", min=0, max=0.9)
 ]
-Loss = Annotated[float, typer.Option(help="Share of messages that get lost.", min=0, max=0.5)]
-JsonFile = Annotated[Path | None, typer.Option(help="Write the whole report here.")]
-MarkdownFile = Annotated[Path | None, typer.Option(help="Write the tables here.")]
-PictureFolder = Annotated[
-    Path | None, typer.Option(help="Write an SVG for each fleet size into this folder.")
-]
-Jobs = Annotated[int, typer.Option(help="Fleet sizes that are simulated at the same time.", min=1)]
+Loss = Annotated[float, typer.Option(help="Share of messages that are lost.", min=0, max=0.5)]
+JsonFile = Annotated[Path | None, typer.Option(help="File for the report as JSON.")]
+MarkdownFile = Annotated[Path | None, typer.Option(help="File for the tables as Markdown.")]
+PictureFolder = Annotated[Path | None, typer.Option(help="Folder for a heat map (SVG) per fleet size.")]
+Jobs = Annotated[int, typer.Option(help="Fleet sizes simulated in parallel.", min=1)]
 
 
 @app.command()

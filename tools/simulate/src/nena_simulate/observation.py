@@ -137,5 +137,5 @@ class _Words:
             text = self._names.sub("another", text)
             text = re.sub(r"(another )?(another)+", "another", text)
             text = re.sub(r"^vehicle another travels to destination \d+ of \d+(, but it )?", "", text)
-            self._known[reason] = re.sub(r"\d+(\.\d+)?", "n", text) or "is between two pieces of its base"
+            self._known[reason] = re.sub(r"\d+(\.\d+)?", "n", text) or "between two parts of its base"
         return self._known[reason]

@@ -121,7 +121,7 @@ class Report:
             ("orders per hour", lambda one: one.orders_per_hour),
             ("orders finished", lambda one: one.finished),
             ("orders failed", lambda one: one.failed),
-            ("orders that wait at the end", lambda one: one.waiting),
+            ("orders waiting at the end", lambda one: one.waiting),
             ("lead time p50, s", lambda one: "-" if one.lead_p50 is None else one.lead_p50),
             ("lead time p95, s", lambda one: "-" if one.lead_p95 is None else one.lead_p95),
             ("utilisation", lambda one: f"{one.utilisation:.0%}"),

@@ -319,6 +319,6 @@ def _places(case: Case, random: Random) -> list[Point]:
     places = {each.name: each for each in (*named, *parking, *random.sample(free, len(free)))}
     chosen = list(places.values())[: case.robots]
     if len(chosen) < case.robots:
-        message = f"{case.robots} robots do not fit: only {len(chosen)} points are free at first"
+        message = f"{case.robots} robots do not fit: only {len(chosen)} points are free"
         raise ValueError(message)
     return chosen

@@ -36,7 +36,7 @@ class _Selector(selectors.SelectSelector):
         less than the clock can count would ask for it again for ever.
         """
         if timeout is None:
-            message = "the simulation waits for something that cannot happen"
+            message = "the simulation waits for an event that cannot happen"
             raise TimeStoodStillError(message)
         self.now += max(timeout, TURN_SECONDS)
         return []

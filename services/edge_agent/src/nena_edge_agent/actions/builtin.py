@@ -97,7 +97,9 @@ class LogReportSettings(SettingsGroup):
     """Log reports on request of fleet control."""
 
     folder: Path = Field(Path("~/.local/state/nena/log_reports"), description="Folder of the reports.")
-    keep: int = Field(20, ge=1, le=1000, description="How many reports are kept; the oldest one goes.")
+    keep: int = Field(
+        20, ge=1, le=1000, description="Maximum number of reports; beyond, the oldest is removed."
+    )
 
 
 class LogReport:
@@ -108,7 +110,7 @@ class LogReport:
         scopes=(ActionScope.INSTANT,),
         parameters=(Parameter("reason", ValueDataType.STRING, description="for people"),),
         restartable=True,
-        description="Stores what the agent has logged of late, and names the file.",
+        description="Writes the agent's recent log lines to a file and returns its name.",
     )
 
     def __init__(self, settings: LogReportSettings) -> None:
@@ -143,7 +145,7 @@ class MapTransforms:
         SHOW_MAP_TRANSFORMS,
         scopes=(ActionScope.INSTANT,),
         restartable=True,
-        description="Tells how the plant lies on the maps of the robot, which transforms poses itself.",
+        description="Returns the transforms from the plant to the robot's maps; the robot applies them.",
     )
 
     def __init__(self, texts: Mapping[str, str]) -> None:
@@ -175,7 +177,7 @@ class ZoneSetDownload:
             ),
         ),
         restartable=True,
-        description="Fetches a zone set.",
+        description="Downloads a zone set.",
     )
 
     def __init__(self, codec: Codec, settings: DownloadSettings) -> None:
@@ -230,11 +232,11 @@ def _parsed(content: bytes) -> Any:  # noqa: ANN401 - anything that JSON holds
     try:
         return json.loads(content)
     except RecursionError as error:
-        message = "objects or arrays are nested too deep"
+        message = "objects or arrays are nested too deeply"
         raise ValueError(message) from error
 
 
-NO_ROS = 'it uses ROS, which this robot does not have; actions.without_ros = "rehearse" would rehearse it'
+NO_ROS = 'it needs ROS, which this robot does not have; actions.without_ros = "rehearse" simulates it'
 
 
 class UseBehaviorTree:
@@ -250,7 +252,7 @@ class UseBehaviorTree:
             cancel_allowed=True,
             open_ended=True,
             restartable=True,
-            description="Drives the edge by another behaviour tree of Nav2.",
+            description="Drives the edge with another behaviour tree of Nav2.",
         )
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002

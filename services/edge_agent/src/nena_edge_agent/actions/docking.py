@@ -35,7 +35,7 @@ class Docking:
             FORWARD,
             ValueDataType.NUMBER,
             required=False,
-            description=f"m ahead, below zero backwards; {settings.forward:g} if not given",
+            description=f"m forward, negative: backward; default {settings.forward:g}",
             minimum=-reach,
             maximum=reach,
         )
@@ -89,7 +89,7 @@ class _Drive(BackgroundAction):
     async def _work(self) -> ActionReport:
         start = self._drive.pose
         if start is None:
-            message = "the robot does not know where it is"
+            message = "the robot is not localised"
             raise WorkFailedError(message)
         goal = beside(start, self._ahead, self._settings.left, self._settings.turn)
         while not await self._driven(goal):

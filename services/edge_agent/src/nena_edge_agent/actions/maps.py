@@ -77,11 +77,11 @@ def map_actions(
     link = Parameter(MAP_LINK, ValueDataType.STRING, description="http or https")
     digest = Parameter(MAP_HASH, ValueDataType.STRING, required=False, description="SHA-256, hexadecimal")
     return (
-        _MapAction(store, fetch, _declared(DOWNLOAD_MAP, instant, "Fetches a map.", link, digest)),
+        _MapAction(store, fetch, _declared(DOWNLOAD_MAP, instant, "Downloads a map.", link, digest)),
         _MapAction(
-            store, enable, _declared(ENABLE_MAP, on_nodes, "Has a map be used.", *(_PLACE if places else ()))
+            store, enable, _declared(ENABLE_MAP, on_nodes, "Enables a map.", *(_PLACE if places else ()))
         ),
-        _MapAction(store, delete, _declared(DELETE_MAP, instant, "Forgets a map that is not enabled.")),
+        _MapAction(store, delete, _declared(DELETE_MAP, instant, "Deletes a map that is not enabled.")),
     )
 
 
@@ -131,7 +131,7 @@ class _MapAction:
         except (MapRefusedError, DownloadError) as problem:
             raise WorkFailedError(str(problem)) from problem
         except DriveError as problem:
-            message = f"the map is enabled, the position is not set: {problem}"
+            message = f"the map is enabled, but the position is not set: {problem}"
             report = ActionReport(action.action_id, ActionStatus.FAILED, message, maps=self._store.maps)
             raise WorkFailedError(message, report) from problem
         return ActionReport(action.action_id, ActionStatus.FINISHED, maps=self._store.maps)

@@ -62,7 +62,7 @@ def _text_problems(text: str, names: Collection[str]) -> Iterator[str]:
             brace = found.group()
             yield f"a lone '{brace}' in '{text}'; write {{name}} for a value, '{brace * 2}' for a brace"
         elif name and name not in names:
-            yield f"there is no parameter '{name}'; there are {', '.join(sorted(names))}"
+            yield f"unknown parameter '{name}'; known: {', '.join(sorted(names))}"
 
 
 def _written(found: re.Match[str], values: Mapping[str, JsonValue]) -> str:
@@ -346,13 +346,13 @@ def _load(name: str, kind: str) -> Any:  # noqa: ANN401
     found = _NAME.fullmatch(name)
     if found is None or found.group(2) != kind:
         example = EXAMPLES[kind]
-        text = f"'{name}' is no name of a type such as {example}"
+        text = f"'{name}' is not a type name such as {example}"
         raise UnknownTypeError(text)
     prepare_environment()
     try:
         return getattr(import_module(f"{found.group(1)}.{kind}"), found.group(3))
     except (ImportError, AttributeError) as error:
-        text = f"there is no type '{name}' here ({error}); source the workspace that has it before the start"
+        text = f"type '{name}' is not installed ({error}); source its workspace before the start"
         raise UnknownTypeError(text) from error
 
 

@@ -28,8 +28,8 @@ from nena_shared.vda5050.state import Load
 
 DOCK_ID, ANGLE, DISTANCE = "dockId", "angle", "distance"
 _SERVERS: Mapping[Behaviour, tuple[str, str, str]] = {
-    Behaviour.DOCK: ("dock_robot", "DockRobot", "Docks by Nav2's docking server."),
-    Behaviour.UNDOCK: ("undock_robot", "UndockRobot", "Leaves the dock by Nav2's docking server."),
+    Behaviour.DOCK: ("dock_robot", "DockRobot", "Docks with Nav2's docking server."),
+    Behaviour.UNDOCK: ("undock_robot", "UndockRobot", "Undocks with Nav2's docking server."),
     Behaviour.SPIN: ("spin", "Spin", "Turns on the spot."),
     Behaviour.BACK_UP: ("backup", "BackUp", "Drives straight backwards."),
     Behaviour.DRIVE_ON_HEADING: ("drive_on_heading", "DriveOnHeading", "Drives straight ahead."),
@@ -60,7 +60,7 @@ def _parameters(settings: Nav2OperationSettings) -> tuple[Parameter, ...]:
     number, most = ValueDataType.NUMBER, settings.maximum
     match settings.behavior:
         case Behaviour.DOCK:
-            named = f"name of the dock; '{settings.dock_id}' if not given" if settings.dock_id else "dock"
+            named = f"name of the dock; default '{settings.dock_id}'" if settings.dock_id else "dock"
             required = not settings.dock_id
             return (Parameter(DOCK_ID, ValueDataType.STRING, required=required, description=named),)
         case Behaviour.SPIN:
@@ -94,7 +94,7 @@ class Nav2Operation:
         except RosError as error:
             raise WorkFailedError(str(error)) from error
         if result.get("success") is False:
-            message = "the server says that it has not succeeded"
+            message = "the server reports failure"
             raise WorkFailedError(message)
         return ActionReport(action.action_id, ActionStatus.FINISHED, charging=self._settings.charging)
 

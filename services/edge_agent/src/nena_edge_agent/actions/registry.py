@@ -79,12 +79,12 @@ def make(name: str, context: PluginContext) -> tuple[ActionPlugin, ...]:
         message = f"plug-in '{name}' does not work on this robot: {error}"
         raise PluginBrokenError(message) from error
     except Exception as error:
-        log.exception("an action plug-in failed as it was made", plugin=name)
-        message = f"plug-in '{name}' failed as it was made: {_words(error)}"
+        log.exception("an action plug-in failed to start", plugin=name)
+        message = f"plug-in '{name}' failed to start: {_words(error)}"
         raise PluginBrokenError(message) from error
     for plugin in found:
         if not _is_plugin(plugin):
-            message = f"plug-in '{name}' gives {plugin!r}, which has no declaration or no start"
+            message = f"plug-in '{name}' gives {plugin!r}, which lacks declaration or start"
             raise PluginBrokenError(message)
     return found
 
@@ -108,7 +108,7 @@ def _wanted(settings: ActionSettings) -> Iterator[str]:
     missing = [name for name in (*named, *settings.options) if name not in there]
     if missing:
         known = ", ".join(there) or "none"
-        text = f"there is no plug-in '{missing[0]}' of the entry points {GROUP}; installed: {known}"
+        text = f"unknown plug-in '{missing[0]}' of the entry points {GROUP}; installed: {known}"
         raise ConfigurationError([f"actions.{'plugins' if missing[0] in named else 'options'}: {text}"])
     yield from named
 
@@ -121,7 +121,7 @@ def _load(name: str) -> PluginFactory:
         message = f"plug-in '{name}' cannot be loaded: {_words(error)}"
         raise PluginBrokenError(message) from error
     if not callable(factory):
-        message = f"plug-in '{name}' names {factory!r}, which makes no plug-ins"
+        message = f"plug-in '{name}' names {factory!r}, which does not create plug-ins"
         raise PluginBrokenError(message)
     return cast("PluginFactory", factory)
 
@@ -167,16 +167,17 @@ class ActionRegistry:
         try:
             self._add(plugin)
         except ConfigurationError:
-            text = f"a plug-in does '{plugin.declaration.action_type}', which the agent or its operations do"
-            log.warning("an action of a plug-in is left out", reason=text)
+            name = plugin.declaration.action_type
+            text = f"ignoring the plug-in action '{name}': the agent or its operations define it"
+            log.warning("ignoring an action of a plug-in", reason=text)
             self.problems = (*self.problems, text)
 
     def _add(self, plugin: ActionPlugin) -> None:
         action_type = plugin.declaration.action_type
         if action_type in PREDEFINED:
-            raise ConfigurationError([f"operations: the agent itself does '{action_type}'; leave it out"])
+            raise ConfigurationError([f"operations: '{action_type}' is built in; remove it"])
         if action_type in self._plugins:
-            raise ConfigurationError([f"operations: '{action_type}' stands there twice"])
+            raise ConfigurationError([f"operations: '{action_type}' is defined twice"])
         self._plugins[action_type] = plugin
 
 
@@ -190,8 +191,8 @@ def _guarded(declaration: ActionDeclaration) -> ActionDeclaration:
         try:
             problem = check(action)
         except Exception as error:
-            log.exception("an action plug-in failed at a check", action_type=action.action_type)
-            return f"its plug-in cannot judge it: {type(error).__name__}: {error}"
+            log.exception("an action plug-in failed to check an action", action_type=action.action_type)
+            return f"its plug-in failed to check it: {type(error).__name__}: {error}"
         return None if problem is None else str(problem)
 
     return replace(declaration, check=guarded)

@@ -50,7 +50,7 @@ class ActionDrive:
             case Halted():
                 self._stand.set()
             case PositionInitialized(succeeded, description) if self._placed and not self._placed.done():
-                self._placed.set_result("" if succeeded else description or "the localisation refuses it")
+                self._placed.set_result("" if succeeded else description or "the localisation rejected it")
             case Arrived(generation) if generation == self._generation:
                 self._end("")
             case DriveFailed(generation, failure, description) if generation == self._generation:
@@ -76,7 +76,7 @@ class ActionDrive:
 
         """
         if self._driver is None or self._result is not None:
-            message = "another action drives" if self._driver else "the driver is not there yet"
+            message = "another action drives" if self._driver else "the driver is not ready"
             raise DriveError(message)
         self._generation -= 1
         goal = DriveGoal(self._generation, pose, deviation_xy, deviation_theta, maximum_speed)
@@ -100,7 +100,7 @@ class ActionDrive:
 
         """
         if self._driver is None or self._placed is not None:
-            message = "another action sets the position" if self._driver else "the driver is not there yet"
+            message = "another action sets the position" if self._driver else "the driver is not ready"
             raise DriveError(message)
         self._placed = asyncio.get_running_loop().create_future()
         try:

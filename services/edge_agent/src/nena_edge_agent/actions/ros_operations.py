@@ -220,7 +220,7 @@ class Answer:
                 return
             text = self._result(message)
             if failed is not None and matches(message, failed):
-                reason = text or f"{self._settings.topic} says that it has failed"
+                reason = text or f"{self._settings.topic} reported failure"
                 answered.set_exception(WorkFailedError(reason))
             elif matches(message, match):
                 answered.set_result(text)
@@ -289,7 +289,7 @@ class Call:
         """Call it, and give the result.
 
         Raises:
-            WorkFailedError: the response says that it has failed.
+            WorkFailedError: the response reported failure.
             RosError: there is none.
             FieldError: a value does not fit its field.
 
@@ -300,7 +300,7 @@ class Call:
         result = value_at(response, self._result) if self._result else None
         text = None if result in (None, "") else str(result)
         if not matches(response, self._expected.filled(values)):
-            message = text or f"{self._settings.service} says that it has failed"
+            message = text or f"{self._settings.service} reported failure"
             raise WorkFailedError(message)
         return text
 
@@ -512,4 +512,4 @@ class _Running(BackgroundAction):
             try:
                 self._steps.command.cancel(self._values)
             except (RosError, FieldError) as error:
-                log.warning("an action could not be taken back", reason=str(error))
+                log.warning("an action could not be cancelled", reason=str(error))

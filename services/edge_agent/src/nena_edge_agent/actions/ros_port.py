@@ -226,7 +226,7 @@ class _Subscription:
         try:
             handle(fields)
         except Exception:
-            log.exception("an action plug-in failed at a message", topic=self._topic)
+            log.exception("an action plug-in failed to handle a message", topic=self._topic)
 
 
 class _Client:
@@ -293,7 +293,7 @@ class _Action:
         answer = await session.call(self._results, asked, seconds=LONGEST_GOAL)
         if answer is None:
             await self._cancelled(session, goal_id)
-            message = f"nothing was heard of the end of the goal of {self._name}"
+            message = f"no result from {self._name}"
             raise RosError(message)
         result = read(answer.result)
         if answer.status != SUCCEEDED:
@@ -306,9 +306,9 @@ class _Action:
         request.goal_info.goal_id = goal_id
         asked = self._kind.Impl.GetResultService.Request(goal_id=goal_id)
         if await session.call(self._cancel, request, seconds=ANSWERS_WITHIN) is None:
-            log.warning("a goal was not cancelled: the action's server does not answer", action=self._name)
+            log.warning("a goal was not cancelled: the action server does not answer", action=self._name)
         elif await session.call(self._results, asked, seconds=ANSWERS_WITHIN) is None:
-            log.warning("a goal was cancelled, and its end was not heard of", action=self._name)
+            log.warning("a goal was cancelled; its end was not confirmed", action=self._name)
 
 
 async def _found(client: Any, what: str, seconds: float) -> None:  # noqa: ANN401

@@ -28,9 +28,7 @@ from nena_shared.vda5050.topics import RobotKey
 INSTANT = (ActionScope.INSTANT,)
 NAMESPACE = Parameter("namespace", ValueDataType.STRING, required=False, description="such as /r1")
 DOMAIN_ID = Parameter("domainId", ValueDataType.INTEGER, required=False, description="0 to 232")
-KEEP = Parameter(
-    "keep", ValueDataType.BOOL, required=False, description="whether it holds after a restart too; if not: no"
-)
+KEEP = Parameter("keep", ValueDataType.BOOL, required=False, description="keep after a restart; default: no")
 
 
 class SessionSwitch:
@@ -85,7 +83,7 @@ class SessionAction:
         try:
             await self.work(self.switch, action)
         except SessionError as error:
-            message = f"{error}; {keeper.address}; it is tried again until it is stopped"
+            message = f"{error}; {keeper.address}; retried until it is stopped"
             raise WorkFailedError(message) from error
         return ActionReport(
             action.action_id, ActionStatus.FINISHED, f"ROS session {keeper.state}, {keeper.address}"
@@ -95,14 +93,14 @@ class SessionAction:
 def session_actions(switch: SessionSwitch) -> tuple[ActionPlugin, ...]:
     """Build the actions of one robot."""
     start = ActionDeclaration(
-        START_ROS_SESSION, INSTANT, restartable=True, description="Has the robot join the ROS graph."
+        START_ROS_SESSION, INSTANT, restartable=True, description="Connects the robot to ROS."
     )
     stop = ActionDeclaration(
         STOP_ROS_SESSION,
         INSTANT,
         restartable=True,
         needs_idle=True,
-        description="Has the robot leave the ROS graph; refused while an order is active.",
+        description="Disconnects the robot from ROS; refused while an order is active.",
     )
     configure = ActionDeclaration(
         CONFIGURE_ROS_SESSION,
@@ -110,7 +108,7 @@ def session_actions(switch: SessionSwitch) -> tuple[ActionPlugin, ...]:
         parameters=(NAMESPACE, DOMAIN_ID, KEEP),
         restartable=True,
         needs_idle=True,
-        description="Has the robot be in another namespace or domain; refused while an order is active.",
+        description="Moves the robot to another namespace or domain; refused while an order is active.",
     )
     works = ((start, _start), (stop, _stop), (configure, _configure))
     return tuple(SessionAction(declaration, work, switch) for declaration, work in works)
@@ -127,13 +125,13 @@ async def _stop(switch: SessionSwitch, _: Action) -> None:
 async def _configure(switch: SessionSwitch, action: Action) -> None:
     address, keep = _wanted(switch.keeper.address, action), action.parameter(KEEP.key) is True
     if keep and switch.store is None:
-        message = "the robot keeps nothing over restarts: journal.enabled is off"
+        message = "nothing is kept after restarts: journal.enabled is false"
         raise WorkFailedError(message)
     if keep and switch.store:  # at first: a session that fails there now is tried again there, also later
         try:
             await asyncio.to_thread(switch.store.write, address, switch.settings)
         except OSError as error:
-            message = f"the robot stays where it is, as the address cannot be kept: {error}"
+            message = f"unchanged: the address cannot be stored: {error}"
             raise WorkFailedError(message) from error
     if address != switch.keeper.address:
         await switch.keeper.move(address)
@@ -143,7 +141,7 @@ def _wanted(address: RosAddress, action: Action) -> RosAddress:
     """Return the address that the action asks for; what it does not name stays."""
     namespace, domain_id = action.parameter(NAMESPACE.key), action.parameter(DOMAIN_ID.key)
     if namespace is None and domain_id is None:
-        message = "neither a namespace nor a domainId is given"
+        message = "namespace or domainId required"
         raise WorkFailedError(message)
     try:
         return address.changed(

@@ -232,7 +232,7 @@ class TurnSignalSettings(RosOperationSettings):
     @model_validator(mode="after")
     def _can_be_put_out(self) -> Self:
         if "off" not in self.values:
-            message = "values says what is sent for 'off' too"
+            message = "values must contain 'off'"
             raise ValueError(message)
         return self
 
@@ -263,7 +263,7 @@ class DockOperationSettings(OperationBase):
             BlockingType.SOFT,
             BlockingType.HARD,
         }:
-            message = "an action that drives has the scope NODE, and blocks the order: SOFT or HARD"
+            message = "an action that drives needs the scope NODE and the blocking type SOFT or HARD"
             raise ValueError(message)
         return self
 
@@ -305,7 +305,7 @@ class Nav2OperationSettings(OperationBase):
     @model_validator(mode="after")
     def _stands(self) -> Self:
         if self.scopes != (ActionScope.NODE,) or BlockingType.NONE in self.blocking_types:
-            message = "an action that drives has the scope NODE, and blocks the order: SOFT or HARD"
+            message = "an action that drives needs the scope NODE and the blocking type SOFT or HARD"
             raise ValueError(message)
         return self
 

@@ -57,17 +57,17 @@ async def examine_broker(settings: EdgeAgentSettings) -> BrokerView:
     place = f"{mqtt.host}:{mqtt.port}"
     problem = await _reach(mqtt)
     if problem:
-        remedy = "see that the broker listens there, that no firewall is between, and mqtt.host and mqtt.port"
-        first = missing(Link.BROKER, f"{place} is not reached: {problem}", remedy)
+        remedy = "check mqtt.host and mqtt.port, the broker, and firewalls"
+        first = missing(Link.BROKER, f"{place} is unreachable: {problem}", remedy)
         return BrokerView([first, *unknown((Link.LOGIN, Link.ACCESS), "needs the broker")])
-    reached = ok(Link.BROKER, f"{place} takes connections")
+    reached = ok(Link.BROKER, f"{place} accepts connections")
     probe = _BrokerProbe(settings)
     async with probe.connected() as problem:
         if problem:
             return BrokerView(
                 [reached, _not_let_in(mqtt, problem), *unknown([Link.ACCESS], "needs the login")]
             )
-        let_in = ok(Link.LOGIN, f"let in {as_whom(mqtt)}")
+        let_in = ok(Link.LOGIN, f"logged in {as_whom(mqtt)}")
         plant_maps = await probe.plant_maps()
         refused = probe.refused
     access = _access(settings, refused, await asyncio.to_thread(_ask_to_write, settings))
@@ -177,13 +177,11 @@ def as_whom(mqtt: MqttSettings) -> str:
 
 
 def _not_let_in(mqtt: MqttSettings, problem: str) -> LinkFinding:
-    who = f"user '{mqtt.username}'" if mqtt.username else "a client without a user name"
-    remedy = "see mqtt.username and mqtt.password_file, and whether the broker knows this user"
+    who = f"user '{mqtt.username}'" if mqtt.username else "an anonymous client"
+    remedy = "check mqtt.username and mqtt.password_file, and the users of the broker"
     if mqtt.tls.wanted:
-        remedy += (
-            "; for a certificate that is not believed, mqtt.tls.ca, mqtt.tls.certificate and both clocks"
-        )
-    return missing(Link.LOGIN, f"{who} is not let in: {problem}", remedy)
+        remedy += "; for an untrusted certificate, mqtt.tls.ca, mqtt.tls.certificate and both clocks"
+    return missing(Link.LOGIN, f"the broker rejected {who}: {problem}", remedy)
 
 
 def _access(settings: EdgeAgentSettings, refused: list[str], not_written: str) -> LinkFinding:
@@ -191,11 +189,11 @@ def _access(settings: EdgeAgentSettings, refused: list[str], not_written: str) -
     scheme = topics_for(settings.version, settings.interface_name)
     subtree = f"{scheme.interface_name}/{scheme.major_version}/{robot}"
     if refused:
-        remedy = f"in the broker's access list, let this user read {', '.join(refused)}"
+        remedy = f"in the broker's access list, allow this user to read {', '.join(refused)}"
         return missing(Link.ACCESS, f"may not subscribe to {', '.join(refused)}", remedy)
     if not_written:
         text = f"may not write {scheme.of(robot, Topic.VISUALIZATION)}: {not_written}"
-        remedy = f"in the broker's access list, let this user write below {subtree}/"
+        remedy = f"in the broker's access list, allow this user to write below {subtree}/"
         return missing(Link.ACCESS, text, remedy)
     return ok(Link.ACCESS, f"may subscribe and write below {subtree}/")
 

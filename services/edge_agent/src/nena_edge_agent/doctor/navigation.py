@@ -76,17 +76,17 @@ def judge_clock(*, kept: bool | None, ros_offset: float | None) -> LinkFinding:
     if ros_offset is not None and abs(ros_offset) > MOST_OFF:
         return missing(
             Link.CLOCK,
-            f"the robot's ROS messages are stamped {ros_offset:+.1f} s off this computer's clock",
+            f"the robot's ROS messages differ by {ros_offset:+.1f} s from this computer's clock",
             "synchronise both by NTP or PTP; on a real robot, use_sim_time must be false in every node",
         )
     if kept is False:
         return LinkFinding(
             Link.CLOCK,
             LinkVerdict.DOUBTFUL,
-            "nothing keeps this computer's clock right, as far as the kernel knows",
-            "have chrony or systemd-timesyncd keep it, by the same source as fleet control",
+            "this computer's clock is not synchronised, according to the kernel",
+            "synchronise it with chrony or systemd-timesyncd, from the same source as fleet control",
         )
-    seen = "as ROS's stamps" if ros_offset is not None else "no stamp of ROS to compare it with"
+    seen = "as ROS time stamps" if ros_offset is not None else "no ROS time stamp to compare"
     return ok(Link.CLOCK, f"{'synchronised' if kept else 'runs'}; {seen}")
 
 
@@ -114,11 +114,9 @@ def judge_map(
     """Judge the map's id as fleet control must name it, and Nav2's map; ``view`` None: a loopback robot."""
     if plant_maps and map_id not in plant_maps:
         names = ", ".join(f"'{each}'" for each in sorted(plant_maps))
-        remedy = (
-            "set map_id to the plant's name of this map, or vda5050:mapId in the plant model to the robot's"
-        )
+        remedy = "set map_id to this map's name in the plant model, or vda5050:mapId there to the robot's"
         return missing(Link.MAP, f"map_id is '{map_id}', and the plant model has {names}", remedy)
-    agreed = f"map_id is '{map_id}', {'as in the plant model' if plant_maps else 'orders must name it so'}"
+    agreed = f"map_id is '{map_id}', {'as in the plant model' if plant_maps else 'orders must use this name'}"
     if view is None:
         return ok(Link.MAP, agreed)
     if not view.servers:
@@ -137,7 +135,7 @@ def _nav2_map(view: RosView, settings: RosSettings, agreed: str) -> LinkFinding:
         text = f"Nav2's map is in frame '{grid.frame}', goals are given in '{settings.frame}'"
         return missing(Link.MAP, text, "set ros.frame to Nav2's global frame")
     if pose and not grid.holds(pose.x, pose.y):
-        text = f"the robot believes to be at {pose.x:.2f} m, {pose.y:.2f} m, which is not on Nav2's map"
+        text = f"the robot reports {pose.x:.2f} m, {pose.y:.2f} m, which is not on Nav2's map"
         return missing(Link.MAP, text, "load the map of this place, or set the initial position again")
     return ok(Link.MAP, f"{agreed}; Nav2's map is {grid.width:.0f} m by {grid.height:.0f} m")
 
@@ -146,15 +144,15 @@ def _domain(view: RosView, settings: RosSettings) -> LinkFinding:
     if view.nodes:
         shown = ", ".join(view.nodes[:NODES_SHOWN]) + (", ..." if len(view.nodes) > NODES_SHOWN else "")
         return ok(Link.DOMAIN, f"{len(view.nodes)} nodes in domain {settings.domain_id}: {shown}")
-    text = f"no other node is seen in domain {settings.domain_id}"
+    text = f"no other nodes in domain {settings.domain_id}"
     if view.busy_domains:
         found = ", ".join(map(str, view.busy_domains))
         return missing(
             Link.DOMAIN, f"{text}, but there are nodes in {found}", "set ros.domain_id to the robot's"
         )
     remedy = (
-        "set ros.domain_id to the robot's ROS_DOMAIN_ID; see that the robot's nodes run, that both have the "
-        "same RMW_IMPLEMENTATION and ROS_AUTOMATIC_DISCOVERY_RANGE, and that the network passes UDP multicast"
+        "set ros.domain_id to the robot's ROS_DOMAIN_ID; check that the robot's nodes run, that both have "
+        "the same RMW_IMPLEMENTATION and ROS_AUTOMATIC_DISCOVERY_RANGE, and that UDP multicast is allowed"
     )
     return missing(Link.DOMAIN, text, remedy)
 
@@ -173,18 +171,18 @@ def _navigation(view: RosView, settings: RosSettings) -> LinkFinding:
     names = settings.names
     if view.lifecycle in (Lifecycle.INACTIVE, Lifecycle.SILENT) and view.pose is None:
         state = (
-            "is not active" if view.lifecycle is Lifecycle.INACTIVE else "does not answer, as while it starts"
+            "is not active" if view.lifecycle is Lifecycle.INACTIVE else "does not answer; it may be starting"
         )
         return missing(Link.NAVIGATION, f"Nav2 {state}, and the robot has no pose", POSE_FIRST)
     if view.lifecycle is Lifecycle.INACTIVE:
         remedy = "activate it: ros2 service call .../manage_nodes, or autostart: true in Nav2's parameters"
         return missing(Link.NAVIGATION, f"{names.lifecycle} says that Nav2 is not active", remedy)
     if view.lifecycle is Lifecycle.SILENT:
-        return missing(Link.NAVIGATION, f"{names.lifecycle} does not answer", "Nav2 hangs: start it again")
+        return missing(Link.NAVIGATION, f"{names.lifecycle} does not answer", "Nav2 hangs: restart it")
     if not view.goal_listeners:
-        remedy = "see that bt_navigator is configured and active; ros.names.goal_pose names the topic"
+        remedy = "check that bt_navigator is configured and active; ros.names.goal_pose names the topic"
         return missing(Link.NAVIGATION, f"no node subscribes to {names.goal_pose}", remedy)
-    known = "active" if view.lifecycle is Lifecycle.ACTIVE else "there; it has no lifecycle manager to ask"
+    known = "active" if view.lifecycle is Lifecycle.ACTIVE else "available; it has no lifecycle manager"
     text = f"{known}, and takes goals on {names.goal_pose}{_drives(view)}"
     tolerance = settings.goals.goal_tolerance
     if tolerance is not None and view.tolerance is not None and tolerance < view.tolerance:
@@ -198,7 +196,7 @@ def _drives(view: RosView) -> str:
     """Describe what Nav2's parameters say."""
     told = []
     if view.tolerance is not None:
-        told.append(f"counts them as reached within {view.tolerance:g} m (no node may allow less)")
+        told.append(f"goal tolerance {view.tolerance:g} m (no node may allow less)")
     if view.server_timeout is not None:
         told.append(f"waits {view.server_timeout:g} ms for its servers")
     return "".join(f"; {each}" for each in told)
@@ -208,23 +206,23 @@ def _localisation(view: RosView, settings: RosSettings) -> LinkFinding:
     pose, names = view.pose, settings.names
     if pose is None:
         remedy = (
-            "set the initial position (RViz, or the action initPosition); see whether the localisation runs. "
+            "set the initial position (RViz, or the action initPosition); check that the localisation runs. "
             "Nav2 needs it within 60 s of its start"
         )
-        return missing(Link.LOCALISATION, f"no pose comes on {names.pose}", remedy)
+        return missing(Link.LOCALISATION, f"no poses on {names.pose}", remedy)
     if pose.frame.removeprefix("/") != settings.frame:
-        text = f"poses are in frame '{pose.frame}', and ros.frame is '{settings.frame}': they are passed over"
+        text = f"poses are in frame '{pose.frame}', and ros.frame is '{settings.frame}': they are ignored"
         return missing(Link.LOCALISATION, text, "set ros.frame to the frame of the localisation")
     place = f"{pose.x:.2f} m, {pose.y:.2f} m, {math.degrees(pose.yaw):.0f} degrees"
     if not localized(pose, settings.localisation):
-        text = f"the robot is not sure to be at {place}: {_spread(pose)}"
-        return missing(Link.LOCALISATION, text, "set the initial position, or drive the robot about by hand")
+        text = f"the robot's position is uncertain: {place}: {_spread(pose)}"
+        return missing(Link.LOCALISATION, text, "set the initial position, or drive the robot around by hand")
     return ok(Link.LOCALISATION, f"the robot is at {place}, {_spread(pose)}")
 
 
 def _spread(pose: PoseReading) -> str:
     variances = (pose.x_variance, pose.y_variance, pose.yaw_variance)
     if not all(variance >= 0 for variance in variances):
-        return "with variances that are no numbers"
+        return "with invalid variances"
     xy = math.sqrt(max(pose.x_variance, pose.y_variance))
-    return f"give or take {xy:.2f} m and {math.degrees(math.sqrt(pose.yaw_variance)):.0f} degrees"
+    return f"± {xy:.2f} m and {math.degrees(math.sqrt(pose.yaw_variance)):.0f} degrees"

@@ -27,9 +27,9 @@ from nena_shared.vda5050.topics import RobotKey
 
 PROGRAM = "nena-edge-agent doctor"
 DESCRIPTION = (
-    "Looks at each link between fleet control and Nav2, in order, with the settings of the agent, and says "
-    "which is missing and what to do. It gives no goals and may run beside the agent. Exit status: 0 when no "
-    "link is missing, 1 when one is, 2 for settings that do not fit."
+    "Check each link between fleet control and Nav2, in sequence, with the settings of the agent, and report "
+    "which is missing and what to do. Sends no goals; can run beside the agent. Exit status: 0 if no "
+    "link is missing, 1 if one is, 2 for invalid settings."
 )
 
 

@@ -73,7 +73,7 @@ def simulated_actions() -> tuple[ActionPlugin, ...]:
         SimulatedAction(
             _declare(
                 "needParameter",
-                "Is refused without its parameter.",
+                "Refused without its parameter.",
                 Parameter("count", ValueDataType.INTEGER, description="any whole number"),
             ),
             lambda _: None,

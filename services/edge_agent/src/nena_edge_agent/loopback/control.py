@@ -383,7 +383,7 @@ class ControlApi:
 def _obey(control: SimulationControl, message: Inbound) -> tuple[str, ...]:
     """Obey the command; returns what keeps it from being obeyed."""
     if message.retained:
-        return ("a retained command may be old and is not obeyed; send it without the retain flag",)
+        return ("retained commands may be old and are ignored; send it without the retain flag",)
     if len(message.payload) > LONGEST_PAYLOAD:
         return (f"a command has at most {LONGEST_PAYLOAD} bytes",)
     try:

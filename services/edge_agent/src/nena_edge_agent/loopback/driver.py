@@ -349,7 +349,7 @@ class LoopbackDriver:
         if goal.pose.map_id != self._pose.map_id:
             return f"the robot is on map '{self._pose.map_id}', the goal on '{goal.pose.map_id}'"
         if any(circle.holds(goal.pose.x, goal.pose.y) for circle in self._unreachable):
-            return "no way leads there"
+            return "no route leads there"
         return None
 
     def _stand(self) -> None:

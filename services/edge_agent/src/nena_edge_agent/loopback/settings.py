@@ -30,30 +30,31 @@ class LoopbackSettings(SettingsGroup):
     x: Finite = Field(0.0, description="Start position of the first robot, m.")
     y: Finite = Field(0.0, description="Start position of the first robot, m.")
     theta: Finite = Field(0.0, description="Start heading, rad.")
-    spacing: Finite = Field(2.0, description="Metres in x from each robot to the next, in y from row to row.")
+    spacing: Finite = Field(2.0, description="Distance between robots (x) and between rows (y), m.")
     row: int = Field(0, ge=0, description="Robots per row; 0: all in one row.")
     starts: tuple[StartPose, ...] = Field(
-        (), description="Start poses robot by robot, as [[loopback.starts]] tables; the others stand in rows."
+        (),
+        description="Start poses of single robots, as [[loopback.starts]] tables; the others stand in rows.",
     )
     speed: Positive = Field(1.0, description="m/s")
     turn_rate: Positive = Field(2.0, description="rad/s")
     deceleration: float = Field(
         0.0, ge=0, allow_inf_nan=False, description="Deceleration of a stop, m/s²; 0: stops at once."
     )
-    pose_interval: Positive = Field(0.2, description="Seconds between two poses while driving.")
+    pose_interval: Positive = Field(0.2, description="Interval between poses while driving, seconds.")
     charge: float = Field(100.0, ge=0, le=100, description="State of charge at the start, percent.")
     drain: float = Field(1.0, ge=0, le=100, description="Charge used per 100 m of driving, percent.")
-    charge_rate: Positive = Field(1.0, description="Percent of charge per second of charging.")
+    charge_rate: Positive = Field(1.0, description="Charging speed, percent per second.")
     control: bool = Field(
         default=False,
-        description="Enable simulation control: MQTT commands for what people and the surroundings do.",
+        description="Enable simulation control: MQTT commands that simulate people and the environment.",
     )
     rehearsal: bool = Field(
         default=False, description="Add simulated actions: some fail, or need a parameter."
     )
-    restarts: int = Field(5, ge=0, le=1000, description="Restarts of a failed robot of a fleet, at most.")
+    restarts: int = Field(5, ge=0, le=1000, description="Maximum restarts of a failed robot of a fleet.")
     restart_pause: Positive = Field(
-        1.0, description="Seconds before the first restart; each further one waits twice as long."
+        1.0, description="Delay before the first restart, seconds; doubles each time."
     )
 
     def start(self, index: int) -> StartPose:

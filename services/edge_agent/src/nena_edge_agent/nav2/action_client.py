@@ -93,7 +93,7 @@ class ActionClient:
 
         ``tree`` is the name of a behaviour tree of the settings; "": Nav2's own.
 
-        Tells whether the server has accepted it, None: it has not answered in time.
+        Tells whether the server has accepted it, None: it did not answer in time.
         """
         request = self._types.Impl.SendGoalService.Request()
         request.goal_id.uuid = list(bytes.fromhex(goal_id))

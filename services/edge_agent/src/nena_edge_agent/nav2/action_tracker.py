@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 WITHOUT_REASON = (
-    "it gives no reason. Likely it was deactivated or paused by its lifecycle manager, or one of its servers "
+    "it gives no reason. Probably its lifecycle manager deactivated or paused it, or one of its servers "
     "did not answer in time: default_server_timeout of bt_navigator is 20 ms, too short for a loaded computer"
 )
 """What to think of a goal that is aborted with error code 0."""
@@ -208,8 +208,8 @@ class ActionTracker(GoalTracker):
         drive = self._drive
         if foreign and drive is not None and drive.goal_id is not None and drive.reached_at is None:
             text = (
-                f"another client gave Nav2 a goal ({foreign}), which Nav2 does not take while it drives over "
-                "several places: this robot makes way, and the goal can be given again"
+                f"another client gave Nav2 a goal ({foreign}), which Nav2 rejects while it drives through "
+                "several places: this robot pauses, so that the goal can be sent again"
             )
             self._fail(drive, DriveFailure.TAKEN_OVER, text)
         return self._advance(now)
@@ -272,7 +272,7 @@ class ActionTracker(GoalTracker):
 
     def _give_alone(self, drive: GoalDrive) -> None:
         """Return a goal again without what comes behind it."""
-        log.info("a node on the way was left out and is driven to", generation=drive.goal.generation)
+        log.info("a skipped node is driven to separately", generation=drive.goal.generation)
         self._drive = GoalDrive(replace(drive.goal, ahead=()))
 
     def _advance(self, now: float) -> list[Command]:
@@ -317,7 +317,7 @@ class ActionTracker(GoalTracker):
 
     def _refusal(self, drive: GoalDrive) -> str:
         if drive is self._sent_for and self._refused:
-            return f"Nav2 has refused the goal, given {drive.times_given} times: is bt_navigator active?"
+            return f"Nav2 rejected the goal, sent {drive.times_given} times: is bt_navigator active?"
         return super()._refusal(drive)
 
 
@@ -354,7 +354,7 @@ class ActionSide:
         if settings.by_action_only and action_type(settings.navigation) is None:
             message = (
                 "nav2_msgs cannot be loaded: source the robot's ROS installation with Nav2 before the start, "
-                "or drive by topics (ros.navigation = topics)"
+                "or set ros.navigation = topics"
             )
             raise StartError(message)
 

@@ -214,9 +214,8 @@ class Nav2Driver:
                 return
             self._limiter.for_goal(goal.maximum_speed)
         if goal.behavior_tree and not self._tracker.by_action:
-            problem = (
-                f"the behaviour tree '{goal.behavior_tree}' needs {self._settings.action}, which is not there"
-            )
+            needed = self._settings.action
+            problem = f"the behaviour tree '{goal.behavior_tree}' needs {needed}, which is not available"
         if problem is None:
             self._apply(self._tracker.go_to(goal, now))
         else:
@@ -254,7 +253,7 @@ class Nav2Driver:
 
     @property
     def drives(self) -> bool:
-        """Whether a goal of ours is under way, or may be."""
+        """Whether a goal of ours is active, or may be."""
         return self._tracker.may_drive
 
     def await_map(self, reason: str) -> None:
@@ -282,7 +281,7 @@ class Nav2Driver:
 
     def _tell_unplaced(self, report: MapPoseReport | None) -> None:
         if report is not None:
-            problem = f"the map '{self._map_id}' was enabled, and its position there is not set"
+            problem = f"the map '{self._map_id}' was enabled, but the position on it is not set"
             pose = replace(report.pose, map_id=self._map_id)
             self._tell(
                 MapPoseReport(pose, localized=False, vx=report.vx, omega=report.omega, problem=problem)
@@ -333,7 +332,7 @@ class Nav2Driver:
         self._forget_place()
         self._tracker.forget_pose()
         if report is not None:
-            self._log.warning("the robot's position is not known any more", reason=problem)
+            self._log.warning("the robot's position is no longer known", reason=problem)
             self._tell(replace(report, localized=False, vx=None, omega=None, problem=problem))
 
     def _forget_place(self) -> None:
@@ -603,7 +602,7 @@ class Nav2Driver:
                 self._log.info("goal cancelled", goal=goal_id)
                 self._tasks.start("cancel a goal", self._cancel(node, goal_id), vital=False)
             case StopMotion():
-                self._log.warning("goals of the controller, the behaviours and docking cancelled")
+                self._log.warning("cancelled the goals of controller, behaviours and docking")
                 self._tasks.start("stop the robot", self._stop_motion(node), vital=False)
             case RequestPose():
                 self._tasks.start("ask for a pose", self._request_pose(node), vital=False)

@@ -17,47 +17,49 @@ class Meaning(NamedTuple):
 
 _NO_TRANSFORM = "check localisation and clocks on the robot, and set its position"
 _SETTINGS = "compare the names in Nav2's behaviour tree with the plug-ins in its parameters"
-_STANDS_IN_WALL = "clear the place, or move the robot out by hand and check its position on the map"
-_NO_WAY = "clear the way, and compare the place with the map; Nav2 keeps obstacles until it sees them gone"
+_STANDS_IN_WALL = "clear the area, or move the robot out by hand and check its position on the map"
+_NO_WAY = (
+    "clear the path, and compare the position with the map; Nav2 keeps obstacles until it sees them gone"
+)
 _MEANINGS = {
-    100: Meaning("the controller gives no reason", "look at the log of controller_server on the robot"),
+    100: Meaning("the controller gave no reason", "check the log of controller_server on the robot"),
     101: Meaning("Nav2 has no such controller", _SETTINGS),
-    102: Meaning("the controller misses a transform", _NO_TRANSFORM),
-    103: Meaning("the controller cannot use the path", "look at the log of controller_server on the robot"),
-    104: Meaning("the controller has given up waiting", "clear the robot's path"),
-    105: Meaning("the robot does not get on", "clear its path; check brakes, emergency stop and motors"),
-    106: Meaning("the controller finds no way to move", "clear the robot's path"),
-    107: Meaning("the controller takes too long", "check the load of the robot's computer"),
-    200: Meaning("the planner gives no reason", "look at the log of planner_server on the robot"),
+    102: Meaning("the controller lacks a transform", _NO_TRANSFORM),
+    103: Meaning("the controller cannot use the path", "check the log of controller_server on the robot"),
+    104: Meaning("the controller gave up waiting", "clear the robot's path"),
+    105: Meaning("the robot makes no progress", "clear its path; check brakes, emergency stop and motors"),
+    106: Meaning("the controller found no valid command", "clear the robot's path"),
+    107: Meaning("the controller is too slow", "check the load of the robot's computer"),
+    200: Meaning("the planner gave no reason", "check the log of planner_server on the robot"),
     201: Meaning("Nav2 has no such planner", _SETTINGS),
-    202: Meaning("the planner misses a transform", _NO_TRANSFORM),
-    203: Meaning("the robot is outside of the map", "set the robot's position, and check which map it has"),
-    204: Meaning("the place is outside of the map", "compare the plant model with the robot's map"),
-    205: Meaning("the robot stands in what the map has as occupied", _STANDS_IN_WALL),
-    206: Meaning("the place is occupied", "clear the place, or compare the plant model with the map"),
-    207: Meaning("the planner takes too long", "check the load of the robot's computer"),
-    208: Meaning("there is no way to the place", _NO_WAY),
-    309: Meaning("the goal names no places"),
+    202: Meaning("the planner lacks a transform", _NO_TRANSFORM),
+    203: Meaning("the robot is outside of the map", "set the robot's position, and check its map"),
+    204: Meaning("the goal is outside of the map", "compare the plant model with the robot's map"),
+    205: Meaning("the robot's position is occupied on the map", _STANDS_IN_WALL),
+    206: Meaning("the goal is occupied", "clear the goal, or compare the plant model with the map"),
+    207: Meaning("the planner is too slow", "check the load of the robot's computer"),
+    208: Meaning("no path leads to the goal", _NO_WAY),
+    309: Meaning("the goal has no poses"),
     901: Meaning("the docking server does not know this dock", "name a dock of its database"),
     902: Meaning("the docking server cannot use this dock", "check the dock's type and pose in its database"),
-    903: Meaning("the robot did not get to the place before the dock", "clear the way to the dock"),
-    904: Meaning("the dock was not found", "check what the robot finds it by, and that nothing hides it"),
+    903: Meaning("the robot did not reach the staging pose of the dock", "clear the path to the dock"),
+    904: Meaning("the dock was not found", "check that the robot can detect it and that nothing hides it"),
     905: Meaning(
         "the robot could not be steered into the dock", "clear the dock, and check the robot's path"
     ),
-    906: Meaning("the robot is docked and does not charge", "check the dock's power and contacts"),
+    906: Meaning("the robot is docked but not charging", "check the dock's power and contacts"),
     907: Meaning("docking took too long", "clear the dock, and check the robot's path"),
-    999: Meaning("the docking server gives no reason", "look at the log of docking_server on the robot"),
+    999: Meaning("the docking server gave no reason", "check the log of docking_server on the robot"),
 }
 _FAMILIES = {
     500: "the smoother has failed",
-    600: "a waypoint was missed",
+    600: "missed a waypoint",
     700: "a recovery has failed",
     900: "docking has failed",
     9000: "the navigator has failed",
 }
 """Codes from these on whose single meanings help nobody who stands beside the robot."""
-_UNKNOWN = "Nav2 gives a code that this program does not know"
+_UNKNOWN = "unknown error code of Nav2"
 
 
 def meaning_of(code: int, message: str = "") -> Meaning | None:

@@ -133,7 +133,7 @@ class GoalTracker:
             confirmation_time=settings.confirmation_time, settle_time=settings.settle_time
         )
         self._standstill = Standstill()
-        self._navigation = NavigationReport(available=False, reason="Nav2 has not been looked for yet")
+        self._navigation = NavigationReport(available=False, reason="Nav2 has not been searched for yet")
         self._drive: GoalDrive | None = None
         self._halt: _Halt | None = None
         self._cancels: dict[str, float] = {}
@@ -230,7 +230,7 @@ class GoalTracker:
         if code == UNKNOWN_GOAL_ID:
             self._registry.forget(goal_id)
         elif code is None:
-            log.warning("no answer to the cancelling of a goal", goal=goal_id)
+            log.warning("no answer to a cancel request", goal=goal_id)
         return self._advance(now)
 
     def on_stop_answer(self, now: float, *, answered: bool) -> list[Command]:
@@ -243,7 +243,7 @@ class GoalTracker:
         drive = self._drive
         if drive is not None:
             self._run_away(now)
-            text = f"bt_navigator has sent no feedback for {seconds:g} s; its controller is told to stop"
+            text = f"bt_navigator has sent no feedback for {seconds:g} s; stopping its controller"
             self._fail(drive, DriveFailure.NAVIGATION_GONE, text)
         return self._advance(now)
 
@@ -279,7 +279,7 @@ class GoalTracker:
         drive = self._drive
         if gone and drive is not None and drive.reached_at is None:
             if drive.goal_id is not None:
-                text = "Nav2 vanished or was restarted while it was driving"
+                text = "Nav2 stopped or restarted during the drive"
                 self._fail(drive, DriveFailure.NAVIGATION_GONE, text)
             else:
                 drive.counted_from, drive.give_up_at = drive.times_given, None
@@ -314,12 +314,12 @@ class GoalTracker:
         """Let the status of the goal's id take effect; 0 to 3 mean that it is still driven."""
         status = self._registry.status(goal_id)
         if lost:
-            text = f"Nav2 does not list the goal {goal_id} any more: it was restarted"
+            text = f"Nav2 no longer lists the goal {goal_id}: it was restarted"
             self._fail(drive, DriveFailure.NAVIGATION_GONE, text)
         elif status is GoalStatus.SUCCEEDED:
             drive.reached_at = now
         elif status is GoalStatus.CANCELED:
-            text = f"the goal {goal_id} was cancelled, and not by this robot's agent"
+            text = f"the goal {goal_id} was cancelled by another client"
             self._fail(drive, DriveFailure.CANCELED_FROM_OUTSIDE, text)
         elif status is GoalStatus.ABORTED:
             self._fail_aborted(drive, goal_id)
@@ -332,7 +332,7 @@ class GoalTracker:
         else:
             text = (
                 f"Nav2 has aborted the goal {goal_id}: the place cannot be reached, the way is blocked, "
-                "or the robot does not know where it is; Nav2's log on the robot tells which"
+                "or the robot is not localised; Nav2's log on the robot tells which"
             )
             self._fail(drive, DriveFailure.ABORTED, text)
 
@@ -386,7 +386,7 @@ class GoalTracker:
             speed, omega = self._standstill.speed, self._standstill.omega
             return f"{asked}, and the odometry still shows {speed:.2f} m/s, {omega:.2f} rad/s"
         answer = "has" if self._stop_answered else "has not"
-        return f"{asked}; its controller {answer} answered, and no odometry comes"
+        return f"{asked}; its controller {answer} answered, and there is no odometry"
 
     def _run_away(self, now: float) -> None:
         """Assume that the controller may drive on although the navigator does not lead it any more."""
@@ -435,7 +435,7 @@ class GoalTracker:
         the controller follows the old path, and when that ends first, the new goal gets its result undriven.
         The goal given now has nothing to pre-empt, so this happens once for each goal.
         """
-        log.info("goal succeeded elsewhere and is given again", generation=drive.goal.generation)
+        log.info("goal succeeded elsewhere; sending it again", generation=drive.goal.generation)
         self._drive = GoalDrive(drive.goal)
 
     def _ask_for_pose(self, drive: GoalDrive, now: float) -> None:
@@ -490,7 +490,9 @@ class GoalTracker:
         reached = status is GoalStatus.SUCCEEDED and self._may_agree(drive.goal)
         if not reached and status not in (GoalStatus.ACCEPTED, GoalStatus.EXECUTING):
             return False
-        log.info("a goal of before the restart goes on", goal=goal_id, generation=drive.goal.generation)
+        log.info(
+            "continuing with a goal from before the restart", goal=goal_id, generation=drive.goal.generation
+        )
         drive.goal_id, drive.times_given = goal_id, 1
         drive.reached_at = now if reached else None
         return True
@@ -520,10 +522,10 @@ class GoalTracker:
     def _refusal(self, drive: GoalDrive) -> str:
         if drive.times_given:
             return (
-                f"Nav2 has not taken the goal, given {drive.times_given} times: "
-                "is bt_navigator active, and does it listen to this topic?"
+                f"Nav2 has not accepted the goal, sent {drive.times_given} times: "
+                "is bt_navigator active, and does it subscribe to this topic?"
             )
-        return "no goal can be given: Nav2 does not finish the cancelling of the goal before"
+        return "no goal can be sent: Nav2 does not finish cancelling the previous goal"
 
     def _cancel_leftovers(self, now: float) -> None:
         """Cancel goals of ours that are not wanted any more, again and again until they end.

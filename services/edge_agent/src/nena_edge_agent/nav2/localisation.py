@@ -97,9 +97,7 @@ class Localisation:
     def _tell_frame(self, frame: str) -> None:
         if frame != self._frame_told:
             self._frame_told = frame
-            log.warning(
-                "poses are dropped: they are in another frame", frame=frame, ours=self._settings.frame
-            )
+            log.warning("ignoring poses in another frame", frame=frame, ours=self._settings.frame)
 
 
 class LocaliserWatch:
@@ -121,9 +119,9 @@ class LocaliserWatch:
             return None  # all of Nav2 may be going, which is told first
         self._publishers = publishers
         if self._missed:
-            return "the localisation has gone: nothing publishes its pose"
+            return "the localisation is not running: nothing publishes its pose"
         if before and publishers - before:
-            return "the localisation was started again, and its pose from before counts no more"
+            return "the localisation was restarted; its earlier pose is no longer used"
         if inactive and not was_inactive:
             return "the localisation is not active"
         return None
@@ -137,7 +135,9 @@ def _spread(reading: PoseReading) -> str:
     """Describe how unsure the localisation is; a variance below 0 is no measure of anything."""
     deviations = [math.sqrt(max(0.0, each)) for each in (reading.x_variance, reading.y_variance)]
     turn = math.sqrt(max(0.0, reading.yaw_variance))
-    return f"the localisation gives its place to {max(deviations):.2f} m and its heading to {turn:.2f} rad"
+    return (
+        f"the localisation is uncertain: position ± {max(deviations):.2f} m and its heading to {turn:.2f} rad"
+    )
 
 
 def _moves(velocity: tuple[float, float]) -> bool:
@@ -207,7 +207,7 @@ class InitialPosition:
         if self._latest is None:
             return (
                 f"the localisation has sent no pose after {attempt.given} initial positions: "
-                "is it running, and does it get laser scans?"
+                "is it running, and does it receive laser scans?"
             )
         return (
             f"the localisation stays at x {self._latest.x:.2f} m, y {self._latest.y:.2f} m, "

@@ -106,7 +106,7 @@ class MapBundle:
         try:
             return cls._read(_opened(content))
         except _UNREADABLE as error:
-            message = f"the map is no zip or tar archive that can be read ({error})"
+            message = f"the map is not a readable zip or tar archive ({error})"
             raise BadBundleError(message) from error
 
     @classmethod
@@ -118,7 +118,7 @@ class MapBundle:
         try:
             text = archive.read(named[0], YAML_LIMIT).decode().replace("\r\n", "\n")
         except UnicodeDecodeError:
-            message = f"{named[0]} is no text"
+            message = f"{named[0]} is not text"
             raise BadBundleError(message) from None
         entries = _entries(named[0], text)
         suffix = PurePosixPath(entries["image"]).suffix.lower()
@@ -205,7 +205,7 @@ class _Zip:
     def read(self, name: str, limit: int) -> bytes:
         entry = self._entries[name]
         if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-            message = f"{name} is compressed in a way that is not read; use deflate"
+            message = f"{name} has an unsupported compression; use deflate"
             raise BadBundleError(message)
         with self._file.open(entry) as file:
             return _limited(file.read(limit + 1), name, limit)

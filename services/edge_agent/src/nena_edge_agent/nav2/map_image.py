@@ -118,7 +118,7 @@ class MapWatch:
         """
         info, cells = grid.info, memoryview(grid.data).tobytes()
         if len(cells) > CELLS_LIMIT:
-            message = f"a map of {len(cells)} cells is too large to be shown"
+            message = f"a map of {len(cells)} cells is too large to publish"
             raise ValueError(message)
         corner, turn = info.origin.position, info.origin.orientation
         map_id = self._map_id()
@@ -144,7 +144,7 @@ class MapWatch:
         transform = self._frame.on(map_id)
         image = occupancy_image(cells, int(info.width), int(info.height), side_limit=SIDE_LIMIT)
         if len(image.png) > PNG_LIMIT:
-            message = f"the picture of the map has {len(image.png)} bytes, which is too much to be sent"
+            message = f"the picture of the map has {len(image.png)} bytes, which is too large to publish"
             raise ValueError(message)
         corner, turn = info.origin.position, info.origin.orientation
         heading = 2 * atan2(float(turn.z), float(turn.w))

@@ -19,9 +19,9 @@ log = get_logger(__name__)
 LOAD_TIMEOUT = 30.0
 """Seconds that map_server may take to load a map."""
 PROBLEMS = {
-    1: "it finds no such file: do agent and map_server see the same folder?",
-    2: "the image is no map",
-    3: "the YAML file is no description of a map",
+    1: "file not found: do agent and map_server see the same folder?",
+    2: "the image is not a map",
+    3: "the YAML file does not describe a map",
 }
 """What a result of load_map says."""
 
@@ -94,7 +94,7 @@ class MapServer:
         """Note which map was enabled in an earlier run of the program."""
         self.map_id, self._file = map_id, file
         if file:
-            self._problem = f"map_server was not told yet to use the map '{map_id}'"
+            self._problem = f"map_server has not loaded the map '{map_id}'"
 
     def remember(self, mark: Path) -> None:
         """Note the file that is there while the robot's place on the enabled map is not known."""
@@ -112,7 +112,7 @@ class MapServer:
         try:
             self._mark.unlink(missing_ok=True)
         except OSError as error:
-            log.warning("after a restart the position is to be set again", error=str(error))
+            log.warning("set the position again after a restart", error=str(error))
 
     async def use(self, map_id: str, file: str) -> None:
         """Switch Nav2 and the driver to another map.
@@ -122,7 +122,7 @@ class MapServer:
 
         """
         if self._user is not None and self._user.drives:
-            message = "the robot drives: enable the map while it stands"
+            message = "the robot is moving: enable the map while it stands"
             raise MapNotLoadedError(message)
         self._change = f"map_server loads the map '{map_id}'"
         before, self.map_id = self.map_id, map_id
@@ -181,16 +181,16 @@ class MapServer:
         self._own_file = self._own_file or await self._file_of_server(session)
         path = file or self._own_file
         if not path:
-            message = "map_server does not name the file of the robot's own map (yaml_filename)"
+            message = "map_server has no file for the robot's own map (yaml_filename)"
             raise MapNotLoadedError(message)
         request = self._load.srv_type.Request(map_url=path)
         answer = await session.call(self._load, request, seconds=LOAD_TIMEOUT)
         if answer is None:
-            message = f"{self._load.srv_name} does not answer: does map_server run?"
+            message = f"{self._load.srv_name} does not answer: is map_server running?"
             raise MapNotLoadedError(message)
         if answer.result:
             reason = PROBLEMS.get(answer.result, f"result {answer.result}")
-            message = f"map_server does not load {path}: {reason}"
+            message = f"map_server did not load {path}: {reason}"
             raise MapNotLoadedError(message)
         log.info("map loaded", map_id=self.map_id, file=path)
         for client in self._clear:

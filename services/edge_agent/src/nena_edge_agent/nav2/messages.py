@@ -26,7 +26,7 @@ class NotFiniteError(ValueError):
     """A number that no robot can drive to."""
 
     def __init__(self, number: float) -> None:
-        super().__init__(f"{number} is no finite number")
+        super().__init__(f"{number} is not a finite number")
         self.number = number
 
 
@@ -140,7 +140,7 @@ def plan_points(message: Any) -> tuple[str, tuple[tuple[float, float], ...]]:  #
     chosen = [*poses[:-1:step], *poses[-1:]]
     points = tuple((each.pose.position.x, each.pose.position.y) for each in chosen)
     if not all(math.isfinite(x) and math.isfinite(y) for x, y in points):
-        text = "a plan with a point that is no place"
+        text = "a plan with an invalid point"
         raise UnusablePoseError(text)
     return message.header.frame_id, points
 

@@ -71,7 +71,7 @@ def agrees(pose: MapPose, goal: MapGoal, *, xy_slack: float = 0.0, theta_slack: 
 def impossible(pose: MapPose, map_id: str) -> str | None:
     """Return why a robot on the map ``map_id`` cannot be sent to ``pose``; None: it can."""
     if pose.map_id != map_id:
-        return f"the place is on map '{pose.map_id}', and the robot on '{map_id}'"
+        return f"the goal is on map '{pose.map_id}', the robot on '{map_id}'"
     if not all(map(math.isfinite, (pose.x, pose.y, pose.theta))):
-        return f"x {pose.x}, y {pose.y}, heading {pose.theta} is no place to drive to"
+        return f"x {pose.x}, y {pose.y}, heading {pose.theta} is not a valid pose"
     return None

@@ -16,8 +16,8 @@ MISSES = 2
 DISCOVERY = 5.0
 """Seconds that it takes at most to see what there is in the ROS graph."""
 POSE_FIRST = (
-    "set the initial position first. Nav2's planner waits 60 s for one and then gives up for good: if Nav2 "
-    "has run for longer without, start it again"
+    "set the initial position first. Nav2's planner gives up after waiting 60 s for it: if Nav2 "
+    "has run longer without one, restart it"
 )
 """What to do where Nav2 is not active and the robot has no pose."""
 
@@ -90,7 +90,7 @@ def judge(
     missing = _missing(presence, settings, pose_known=pose_known)
     there = presence.servers and _takes_goals(presence, settings) and pose_known
     if missing and not there and seconds < DISCOVERY and presence.lifecycle in UNTOLD:
-        missing = f"the agent has just started, and looks for Nav2 {_where(settings)}"
+        missing = f"the agent has just started and is searching for Nav2 {_where(settings)}"
         return NavigationReport(available=False, reason=missing, starting=True)
     return NavigationReport(available=missing is None, reason=missing or "")
 
@@ -125,7 +125,7 @@ def _inactive(presence: Presence, settings: RosSettings, *, pose_known: bool) ->
         return f"{names.localiser} {where} says that the localisation is not active: activate it on the robot"
     if not pose_known:
         return (
-            f"no pose has come on {names.pose} {where}: set the initial position, or see whether "
+            f"no pose has come on {names.pose} {where}: set the initial position, or check that "
             "the localisation runs"
         )
     return None

@@ -183,8 +183,8 @@ class Battery:
         if self._scale == "fraction" and percentage > SUSPICIOUS_FRACTION and not self._warned:
             self._warned = True
             log.warning(
-                "the battery's percentage is above 1: does the robot send percent? "
-                "Then set ros.battery_scale to percent",
+                "the battery's percentage is above 1: if the robot sends percent, "
+                "set ros.battery_scale to percent",
                 percentage=percentage,
             )
 

@@ -122,7 +122,7 @@ class RosSession:
                 await self._ended.wait()
             self._thread.join(1.0)  # its last deed was to tell that it has ended
         except TimeoutError:
-            log.warning("the ROS thread does not end; it is left to the end of the process", seconds=seconds)
+            log.warning("the ROS thread did not end; leaving it until the process exits", seconds=seconds)
 
     def subscribe(
         self,

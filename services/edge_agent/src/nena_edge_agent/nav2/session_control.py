@@ -123,7 +123,7 @@ class SessionManager:
         """Begin the session, unless it is active.
 
         Raises:
-            SessionError: it cannot begin now; it is tried again until it is stopped.
+            SessionError: it cannot begin now; retried until it is stopped.
 
         """
         async with self.step:
@@ -169,7 +169,7 @@ class SessionManager:
         try:
             await self._open()
         except SessionError as error:
-            log.warning("ROS session does not begin", address=str(self.address), reason=error.reason)
+            log.warning("ROS session could not start", address=str(self.address), reason=error.reason)
 
     async def _open(self) -> None:
         self._become(SessionState.INITIATING)
@@ -226,13 +226,13 @@ class SessionStore:
             return own
         except (OSError, ValidationError) as error:
             log.warning(
-                "the kept ROS address cannot be read", file=str(self._file), reason=shortened(str(error))
+                "the stored ROS address is unreadable", file=str(self._file), reason=shortened(str(error))
             )
             return own
         if record.instead_of != own:
-            log.warning("the kept ROS address counts no more: the settings have changed", settings=str(own))
+            log.warning("ignoring the stored ROS address: the settings have changed", settings=str(own))
             return own
-        log.info("ROS address as it was kept", file=str(self._file), address=str(record.address))
+        log.info("using the stored ROS address", file=str(self._file), address=str(record.address))
         return record.address
 
     def write(self, address: RosAddress, settings: RosSettings) -> None:

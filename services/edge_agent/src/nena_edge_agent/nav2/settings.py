@@ -25,7 +25,7 @@ _NODE_NAME = re.compile(_TOKEN)
 def _ros_namespace(namespace: str) -> str:
     if not _NAMESPACE.fullmatch(namespace):
         message = (
-            "a ROS namespace is made of letters, digits and underscores, with '/' between its parts, "
+            "a ROS namespace consists of letters, digits and underscores, with '/' between its parts, "
             "and no part starts with a digit: r1 or hall_2/r1"
         )
         raise ValueError(message)
@@ -35,7 +35,7 @@ def _ros_namespace(namespace: str) -> str:
 def _ros_name(name: str) -> str:
     if not _NAME.fullmatch(name):
         message = (
-            "a ROS name is made of letters, digits and underscores, with '/' between its parts: amcl_pose, "
+            "a ROS name consists of letters, digits and underscores, with '/' between its parts: amcl_pose, "
             "or /sensors/battery for one outside of the robot's namespace"
         )
         raise ValueError(message)
@@ -44,7 +44,7 @@ def _ros_name(name: str) -> str:
 
 def _ros_node_name(name: str) -> str:
     if not _NODE_NAME.fullmatch(name):
-        message = "the name of a ROS node is made of letters, digits and underscores: nena_edge_agent"
+        message = "the name of a ROS node consists of letters, digits and underscores: nena_edge_agent"
         raise ValueError(message)
     return name
 

@@ -61,7 +61,7 @@ class SpeedLimiter:
         """Note the controller's own speed by its parameters, m/s: a limit above that would make it faster."""
         if speed != self._own_speed:
             log.warning(
-                "the controller's speed is not the one noted: set description.maximum_speed to it",
+                "the controller's speed differs from description.maximum_speed: set the latter to it",
                 controller=speed,
                 noted=self._own_speed,
             )
@@ -85,8 +85,8 @@ class SpeedLimiter:
         if not too_fast or self.listened:
             return ""
         return (
-            f"no node listens to {self._topic}, and the next goal has a limit of {goal_limit:g} m/s: "
-            "does controller_server run?"
+            f"no node subscribes to {self._topic}, and the next goal has a limit of {goal_limit:g} m/s: "
+            "is controller_server running?"
         )
 
     def for_goal(self, limit: float | None) -> None:

@@ -83,7 +83,7 @@ class Chain:
             cos, sin = math.cos(found.yaw), math.sin(found.yaw)
             x, y = found.x + cos * x - sin * y, found.y + sin * x + cos * y
             yaw, stamp, frame = yaw + found.yaw, max(stamp, found.stamp), found.parent
-        self.missing = f"no transform leads from the frame {self._top} to {frame}"
+        self.missing = f"no transform from the frame {self._top} to {frame}"
         return None
 
 
@@ -156,7 +156,7 @@ class TransformWatch:
         published = source is PoseSource.AUTO and self._node.count_publishers(topic) > 0
         self._looks = 0 if published else self._looks + 1
         if published and self._subscriptions:
-            log.info("poses come by topic", topic=topic)
+            log.info("using poses from the topic", topic=topic)
             for each in self._subscriptions:
                 self._node.destroy_subscription(each)
             self._subscriptions, self._told = [], None
@@ -169,7 +169,7 @@ class TransformWatch:
         kind, names = interface(TRANSFORMS), self._settings.names
         if kind is None:
             return
-        log.info("poses are taken of transforms", base=self._settings.base_frame, map=self._settings.frame)
+        log.info("using poses from transforms", base=self._settings.base_frame, map=self._settings.frame)
         self._subscriptions = [
             session.subscribe(self._node, kind, topic, qos, read=transforms_of, handle=handle, limit=WAITING)
             for topic, qos, handle in (

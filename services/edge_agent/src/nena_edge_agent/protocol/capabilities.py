@@ -115,7 +115,7 @@ _ALWAYS: tuple[OptionalParameter, ...] = (
     OptionalParameter(
         parameter="order.nodes.nodePosition",
         support=Support.REQUIRED,
-        description="The robot drives to coordinates and has no nodes by name.",
+        description="The robot drives to coordinates; it does not know nodes by name.",
     ),
     OptionalParameter(parameter="order.nodes.nodePosition.theta", support=Support.SUPPORTED),
     OptionalParameter(parameter="order.nodes.nodePosition.allowedDeviationTheta", support=Support.SUPPORTED),
@@ -163,7 +163,7 @@ def supported(capabilities: Capabilities, tolerance: float | None = None) -> tup
 
     ``tolerance`` is the distance in m from a goal within which navigation counts it as reached.
     """
-    least = f"at least {tolerance:g} m: Nav2 counts a goal as reached within that" if tolerance else None
+    least = f"at least {tolerance:g} m: Nav2's goal tolerance" if tolerance else None
     deviation = OptionalParameter(
         parameter="order.nodes.nodePosition.allowedDeviationXY",
         support=Support.SUPPORTED,

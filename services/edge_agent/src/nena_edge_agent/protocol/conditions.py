@@ -90,7 +90,7 @@ def journal_lost(problem: str) -> ErrorEntry:
     return ErrorEntry(
         error_type=JOURNAL_LOST,
         error_level=ErrorLevel.FATAL,
-        error_description=f"what the robot was doing is not known: {problem}",
+        error_description=f"it is unknown what the robot was doing: {problem}",
         error_hint="check where the robot is and what it carries, then follow the description",
     )
 
@@ -106,7 +106,7 @@ def _localization(robot: RobotState) -> ErrorEntry | None:
         return None  # expected then, and NAVIGATION_NOT_AVAILABLE says why
     return error(
         ErrorType.LOCALIZATION_ERROR,
-        f"the robot is not localised, and does not drive{_why(pose)}",
+        f"the robot is not localised and does not drive{_why(pose)}",
         hint="set its initial position",
     )
 
@@ -168,7 +168,7 @@ def _collision(robot: RobotState) -> ErrorEntry | None:
         error_level=ErrorLevel.WARNING,
         error_description=f"the collision monitor stops the robot on its way to '{node.node_id}' (field "
         f"'{stop.polygon}')",
-        error_hint="clear the robot's surroundings, and it drives on; if nothing is there, check its sensors",
+        error_hint="clear the area around the robot to continue; if it is clear, check the sensors",
         error_references=_references(nodeId=node.node_id, orderId=robot.progress.order_id),
     )
 
@@ -183,9 +183,9 @@ def _recovers(robot: RobotState) -> ErrorEntry | None:
     return ErrorEntry(
         error_type=DRIVE_RECOVERS,
         error_level=ErrorLevel.WARNING,
-        error_description=f"navigation cannot drive to '{node.node_id}' as it is, and tries to get the robot "
-        "free: it clears its obstacles, spins, waits and backs up",
-        error_hint="clear the way to the node; the drive fails when navigation gives up",
+        error_description=f"navigation cannot drive to '{node.node_id}' and tries to free the robot: "
+        "it clears its obstacles, spins, waits and backs up",
+        error_hint="clear the path to the node; the drive fails when navigation gives up",
         error_references=_references(nodeId=node.node_id, orderId=robot.progress.order_id),
     )
 
@@ -221,9 +221,9 @@ def _deviation(robot: RobotState) -> ErrorEntry | None:
     return ErrorEntry(
         error_type=DEVIATION_TOO_SMALL,
         error_level=ErrorLevel.WARNING,
-        error_description=f"node '{node.node_id}' allows a deviation of {allowed:g} m, and Nav2 counts a "
-        f"goal as reached within {limits.tolerance:g} m: the drive to it can fail",
-        error_hint="allow the node a larger deviation, or lower xy_goal_tolerance of Nav2's goal checker",
+        error_description=f"node '{node.node_id}' allows a deviation of {allowed:g} m, but Nav2's goal "
+        f"tolerance is {limits.tolerance:g} m: the drive can fail",
+        error_hint="increase the node's allowed deviation, or lower xy_goal_tolerance of Nav2's goal checker",
         error_references=_references(nodeId=node.node_id, orderId=robot.progress.order_id),
     )
 

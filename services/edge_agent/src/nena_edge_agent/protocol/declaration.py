@@ -120,9 +120,9 @@ class ActionDeclaration:
     def load_problem(self, *, loaded: bool) -> str | None:
         """Return why the action cannot be done by a robot that is loaded, or is not; None if it can."""
         if self.load is LoadChange.TAKE and loaded:
-            return f"action '{self.action_type}' takes a load, and the robot is loaded already"
+            return f"action '{self.action_type}' takes a load, but the robot is already loaded"
         if self.load is LoadChange.GIVE and not loaded:
-            return f"action '{self.action_type}' gives a load away, and the robot carries nothing"
+            return f"action '{self.action_type}' gives a load, but the robot carries none"
         return None
 
 

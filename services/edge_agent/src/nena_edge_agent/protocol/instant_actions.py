@@ -53,7 +53,7 @@ def receive(robot: RobotState, message: InstantActions) -> None:
     if problem := robot.history.outdated(message.nena_epoch):
         entry = error(
             ErrorType.VALIDATION_FAILURE,
-            f"the instant actions are not carried out: {problem}",
+            f"the instant actions are refused: {problem}",
             hint=EPOCH_HINT,
             topic="instantActions",
             header_id=message.header_id,
@@ -134,7 +134,7 @@ def _refuse(
 def _refuse_message(robot: RobotState, message: InstantActions) -> None:
     entry = error(
         ErrorType.INSUFFICIENT_MEMORY,
-        f"the message has {len(message.actions)} instant actions, the robot takes {MESSAGE_LIMIT}",
+        f"the message has {len(message.actions)} instant actions, the robot accepts {MESSAGE_LIMIT}",
         hint="send them in parts",
         topic="instantActions",
         header_id=message.header_id,
@@ -187,7 +187,7 @@ def _start_pause(robot: RobotState, action: Action) -> None:
 
 def _stop_pause(robot: RobotState, action: Action) -> None:
     """End the pause; a startPause that still runs fails. The pause button cannot be released remotely."""
-    robot.end_instant_actions(START_PAUSE, ActionStatus.FAILED, "taken back by stopPause")
+    robot.end_instant_actions(START_PAUSE, ActionStatus.FAILED, "revoked by stopPause")
     robot.paused = False
     if robot.reports.pause_button:
         text = "the pause button is pressed"

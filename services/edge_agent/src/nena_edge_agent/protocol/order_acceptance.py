@@ -62,7 +62,7 @@ class Situation:
     dated: bool = True
 
 
-EPOCH_HINT = "end the order service that was replaced; if none was, compare the clocks of their machines"
+EPOCH_HINT = "stop the order service that was replaced; if none was, compare the clocks of their machines"
 STRAY = 1.0
 """Maximum distance of a stopped robot from the node that it has reached, metres."""
 
@@ -84,7 +84,7 @@ def _mode_fault(order: Order, situation: Situation) -> ErrorEntry | None:
     return refusal(
         ErrorType.MOBILE_ROBOT_NOT_AVAILABLE,
         order,
-        f"the robot is in mode {situation.operating_mode} and takes no orders",
+        f"the robot is in mode {situation.operating_mode} and accepts no orders",
         hint="switch the robot to AUTOMATIC",
     )
 
@@ -95,7 +95,7 @@ def _off_fault(order: Order, situation: Situation) -> ErrorEntry | None:
     return refusal(
         ErrorType.MOBILE_ROBOT_NOT_AVAILABLE,
         order,
-        f"the robot takes no orders: {situation.off}",
+        f"the robot accepts no orders: {situation.off}",
         hint=f"start it by the instant action {START_ROS_SESSION}",
     )
 
@@ -104,8 +104,8 @@ def _fatal_fault(order: Order) -> ErrorEntry:
     return refusal(
         ErrorType.MOBILE_ROBOT_NOT_AVAILABLE,
         order,
-        "the robot has a fatal error and takes no orders",
-        hint="see the errors of level FATAL for what a person has to do",
+        "the robot has a fatal error and accepts no orders",
+        hint="the errors of level FATAL say what to do",
     )
 
 
@@ -120,7 +120,7 @@ def _size_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | None:
             return refusal(
                 ErrorType.INSUFFICIENT_MEMORY,
                 order,
-                f"the order has {count} {what}, the robot takes {limit}",
+                f"the order has {count} {what}, the robot accepts {limit}",
                 hint="send the order in parts",
             )
     return None
@@ -135,8 +135,8 @@ def _parameter_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | N
     return refusal(
         ErrorType.UNSUPPORTED_PARAMETER,
         order,
-        f"the robot cannot act on {name}" + (f" of edge '{edge.edge_id}'" if edge else ""),
-        hint="leave it out, or have the agent tolerate it by its setting tolerated_parameters",
+        f"the robot does not support {name}" + (f" of edge '{edge.edge_id}'" if edge else ""),
+        hint="omit it, or list it in the agent's setting tolerated_parameters",
         parameter=name,
         edge_id=edge.edge_id if edge else None,
     )
@@ -176,7 +176,7 @@ def load_fault(
     if found is None:
         return None
     action, problem = found
-    hint = "see the state's loads for what the robot carries, and send actions that fit"
+    hint = "the state's loads show what the robot carries; send matching actions"
     return refusal(ErrorType.INVALID_ORDER_ACTION, order, problem, hint=hint, action_id=action.action_id)
 
 
@@ -189,7 +189,7 @@ def map_fault(order: Order, situation: Situation) -> ErrorEntry | None:
                 ErrorType.UNKNOWN_MAP_ID,
                 order,
                 f"node '{node.node_id}' is on '{position.map_id}', the robot has {map_list(situation.maps)}",
-                hint="bring the map to the robot, or compare the plant model with the agent's setting map_id",
+                hint="download the map to the robot, or compare the plant model with the setting map_id",
                 node_id=node.node_id,
             )
     return None
@@ -260,7 +260,7 @@ def repeated_action_fault(order: Order, used: frozenset[str], *, skip: int = 0) 
                 ErrorType.INVALID_ORDER_ACTION,
                 order,
                 f"the actionId '{action.action_id}' is used by another action",
-                hint="give each action an id of its own",
+                hint="give each action a unique actionId",
                 action_id=action.action_id,
             )
     return None
@@ -322,7 +322,7 @@ def _outdated_fault(order: Order, situation: Situation) -> ErrorEntry | None:
         return refusal(
             ErrorType.OUTDATED_ORDER_UPDATE,
             order,
-            f"update {order.order_update_id} is older than update {situation.order_update_id}, which is held",
+            f"update {order.order_update_id} is older than the current {situation.order_update_id}",
             hint="continue from the orderUpdateId in the robot's state",
         )
     if situation.cancelled:
@@ -343,7 +343,7 @@ def _same_id_fault(order: Order, situation: Situation, capabilities: Capabilitie
     return refusal(
         ErrorType.SAME_ORDER_UPDATE_ID,
         order,
-        f"update {order.order_update_id} was already accepted with another content",
+        f"update {order.order_update_id} was already accepted with different content",
         hint="give each update a higher orderUpdateId",
     )
 
@@ -392,7 +392,7 @@ def _changed_fault(
     return refusal(
         capabilities.rules.wrong_stitching_node,
         order,
-        f"the update repeats node '{first.node_id}' with another content",
+        f"the update repeats node '{first.node_id}' with different content",
         hint="repeat the last released node of the order as it was; put new actions on a node behind it",
         node_id=first.node_id,
     )
@@ -447,7 +447,7 @@ def _identity_fault(order: Order) -> ErrorEntry | None:
     if order.order_id:
         return None
     return refusal(
-        ErrorType.VALIDATION_FAILURE, order, "the orderId is empty", hint="give each order an id of its own"
+        ErrorType.VALIDATION_FAILURE, order, "the orderId is empty", hint="give each order a unique orderId"
     )
 
 
@@ -479,8 +479,8 @@ def _replay_fault(order: Order, situation: Situation) -> ErrorEntry | None:
     return refusal(
         ErrorType.OUTDATED_ORDER_UPDATE,
         order,
-        f"{problem}; it is not carried out again",
-        hint="send each order under a new orderId, with a higher headerId or the present time as timestamp",
+        f"{problem}; it is not executed again",
+        hint="send each order under a new orderId, with a higher headerId or the current time as timestamp",
     )
 
 
@@ -510,7 +510,7 @@ def _numbering_fault(order: Order) -> ErrorEntry | None:
     return refusal(
         ErrorType.VALIDATION_FAILURE,
         order,
-        f"a new order begins with sequenceId 0, not {first}, and the robot does not hold '{order.order_id}'",
+        f"a new order begins with sequenceId 0, not {first}, and the robot has no order '{order.order_id}'",
         hint="send the order from its beginning",
         node_id=order.nodes[0].node_id,
     )

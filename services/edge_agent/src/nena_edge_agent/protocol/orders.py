@@ -160,7 +160,7 @@ def _order_to_cancel(robot: RobotState, action: Action) -> JsonValue:
 
 
 def _refuse_cancel(robot: RobotState, action: Action) -> None:
-    text = "there is no order to cancel"
+    text = "no order to cancel"
     if not robot.idle:
         text = f"the active order is '{robot.progress.order_id}', not '{_order_to_cancel(robot, action)}'"
     robot.instant_actions.change(action.action_id, ActionStatus.FAILED, text)

@@ -39,7 +39,7 @@ SAFE = SafetyReport()
 UNKNOWN_VELOCITY = VelocityReport(None, None)
 NO_GOALS = GoalTable()
 NOT_REPORTED = NavigationReport(
-    available=False, reason="the agent is starting, and navigation has not reported yet", starting=True
+    available=False, reason="the agent is starting; navigation has not reported yet", starting=True
 )
 
 

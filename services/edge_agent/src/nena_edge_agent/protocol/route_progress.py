@@ -104,7 +104,7 @@ def information(robot: RobotState) -> tuple[Information, ...]:
     if drive and drive.recoveries and robot.goal.target is not None:
         references.append(_reference("recoveries", str(drive.recoveries)))
     sentences = [
-        f"{distance.left:.1f} m of the {name} are left, {distance.percent} % driven"
+        f"{distance.left:.1f} m of the {name} left, {distance.percent} % driven"
         for name, distance in known.items()
     ]
     return (

@@ -96,10 +96,10 @@ class ZoneSets:
 
         """
         if zone_set.zone_set_id in self._sets:
-            message = f"the robot holds a zone set '{zone_set.zone_set_id}' already"
+            message = f"the robot already has a zone set '{zone_set.zone_set_id}'"
             raise DuplicateZoneSetError(message)
         if len(self._sets) >= SETS_HELD or len(zone_set.zones) > ZONES_IN_A_SET:
-            message = f"the robot holds {SETS_HELD} zone sets of {ZONES_IN_A_SET} zones each, at most"
+            message = f"the robot can store {SETS_HELD} zone sets of {ZONES_IN_A_SET} zones each"
             raise NoRoomForZoneSetError(message)
         for zone in zone_set.zones:
             self._check(zone)
@@ -132,7 +132,7 @@ class ZoneSets:
 
     def _find(self, zone_set_id: str) -> ZoneSet:
         if zone_set_id not in self._sets:
-            message = f"the robot holds no zone set '{zone_set_id}'"
+            message = f"the robot has no zone set '{zone_set_id}'"
             raise ZoneSetRefusedError(message)
         return self._sets[zone_set_id]
 
@@ -144,7 +144,7 @@ class ZoneSets:
             message = f"zone '{zone.zone_id}' has more than {VERTICES_OF_A_ZONE} vertices"
             raise NoRoomForZoneSetError(message)
         if not is_simple(_contour(zone)):
-            message = f"the contour of zone '{zone.zone_id}' crosses itself, or holds no ground"
+            message = f"the contour of zone '{zone.zone_id}' crosses itself or has no area"
             raise ZoneSetRefusedError(message)
 
     def _is_enabled(self, zone_set: ZoneSet) -> bool:

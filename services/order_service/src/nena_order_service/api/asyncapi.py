@@ -22,7 +22,7 @@ from nena_shared.fleet_api.transport_order import (
 from nena_shared.fleet_api.vehicle import VehicleStatus
 
 PARAMETERS = {
-    "host": "A name that the host has chosen for itself.",
+    "host": "Name chosen by the host.",
     "transportOrder": "Name of a transport order.",
     "orderSequence": "Name of an order sequence.",
     "serialNumber": "Serial number of a vehicle's robot.",

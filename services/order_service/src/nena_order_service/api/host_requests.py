@@ -324,7 +324,9 @@ class HostRequests:
         profile = self._vehicle(name).profile
         map_id = map_id or profile.map_id
         if not profile.knows_frame(map_id):
-            raise VehicleNotReachedError(name, "its factsheet, which says who transforms poses, has not come")
+            raise VehicleNotReachedError(
+                name, "its factsheet has not arrived, so it is unknown who transforms poses"
+            )
         points = [each for each in self._engine.plant.points if (each.map_id or profile.map_id) == map_id]
         near = [each for each in points if _distance(each, pose) <= profile.deviation_xy]
         point = min(near, key=lambda each: _distance(each, pose)).name if near else ""

@@ -109,7 +109,7 @@ class MqttLimits:
             detail = f"Too many requests. Ask again in {seconds:.1f} s."
             return _too_many(HTTPStatus.TOO_MANY_REQUESTS, detail)
         if in_work >= REQUESTS_LIMIT:
-            detail = f"{REQUESTS_LIMIT} requests are in work already. Retry when they are answered."
+            detail = f"{REQUESTS_LIMIT} requests are in progress. Retry when they are answered."
             return _too_many(HTTPStatus.SERVICE_UNAVAILABLE, detail)
         return None
 
@@ -249,17 +249,19 @@ def _call(operation: Operation[Any], command: Command) -> Call[Any]:
 
 def _unknown(name: str) -> Problem:
     known = ", ".join(COMMANDS)
-    detail = f"There is no command {name!r}. Take one of {known}."
+    detail = f"There is no command {name!r}. Use one of {known}."
     return Problem(title="Unknown command", status=HTTPStatus.NOT_FOUND, detail=detail)
 
 
 def read_request(message: Inbound, model: type[M], *, max_body: int) -> M | Problem:
     """Return the request, or what is wrong with it."""
     if message.retained:
-        detail = "The request is retained, so it would come again. Publish it without the retain flag."
+        detail = (
+            "The request is retained, so it would be delivered again. Publish it without the retain flag."
+        )
         return Problem(title="Retained request", status=HTTPStatus.BAD_REQUEST, detail=detail)
     if len(message.payload) > max_body:
-        detail = f"The request is longer than {max_body} bytes. Send less at once."
+        detail = f"The request is longer than {max_body} bytes. Send a shorter one."
         return Problem(title="Too long", status=HTTPStatus.REQUEST_ENTITY_TOO_LARGE, detail=detail)
     try:
         return model.model_validate_json(message.payload, by_alias=True, by_name=False)

@@ -125,7 +125,7 @@ class HostOperations:
 
     @_does(table.DELIVERY)
     async def delivery(self, call: Call[None]) -> Reply:
-        """Return how far a transport order has come on its way to its robot."""
+        """Return the delivery of a transport order to its robot."""
         return Reply(await self._orders.delivery(call.name))
 
     @_does(table.ASSIGNMENT)
@@ -233,7 +233,7 @@ class HostOperations:
 
     @_does(table.INSTANT_ACTION)
     async def instant_action(self, call: Call[InstantActionRequest]) -> Reply:
-        """Send an instant action to a vehicle, and wait a while for its end."""
+        """Send an instant action to a vehicle and wait for its end, up to a timeout."""
         asked = call.request
         action_type = ACTION_TYPES.get(asked.action_type, asked.action_type)
         parameters = self._parameters(call.name, asked)

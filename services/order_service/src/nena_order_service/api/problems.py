@@ -97,7 +97,7 @@ def _problem_of_validation(request: Request, error: RequestValidationError) -> P
 
 def _problem_of_status(request: Request, error: HTTPException) -> Problem:
     details = {
-        HTTPStatus.NOT_FOUND: f"There is nothing at {request.url.path}. /openapi.json lists all paths.",
+        HTTPStatus.NOT_FOUND: f"Unknown path {request.url.path}; see /openapi.json.",
         HTTPStatus.METHOD_NOT_ALLOWED: f"{request.method} is not supported at this path; see /openapi.json.",
     }
     status = HTTPStatus(error.status_code)

@@ -53,7 +53,7 @@ READING = frozenset({"GET", "HEAD", "OPTIONS"})
 GUARDED: tuple[Operation[Any], ...] = (*OPERATIONS, CHANGE_PLANT)
 
 NOT_READY: dict[int | str, dict[str, object]] = {
-    503: {"model": Readiness, "description": "What is missing, and what that means."}
+    503: {"model": Readiness, "description": "What is missing, and its effect."}
 }
 PLANT_BODY: dict[str, Any] = {
     "requestBody": {
@@ -276,11 +276,9 @@ def _events(stream: EventStream) -> APIRouter:
         transport_order: Annotated[
             ObjectName | None, Query(alias="transportOrder", description="Only this order.")
         ] = None,
-        vehicle: Annotated[
-            ObjectName | None, Query(description="Only this vehicle, and the orders that it works on.")
-        ] = None,
+        vehicle: Annotated[ObjectName | None, Query(description="Only this vehicle and its orders.")] = None,
         last_event_id: Annotated[
-            str | None, Header(alias="Last-Event-ID", description="Id of the last event received.")
+            str | None, Header(alias="Last-Event-ID", description="ID of the last event received.")
         ] = None,
         after: Annotated[
             str | None, Query(max_length=100, description="The same, for clients that cannot set headers.")
@@ -361,7 +359,7 @@ class BodyLimit:
             await self._app(scope, receive, send)
             return
         limit = self._larger.get(scope["path"], self._limit)
-        detail = f"The body is longer than {limit} bytes. Send less at once, or raise max_body."
+        detail = f"The body is longer than {limit} bytes. Send a shorter one, or raise max_body."
         if _content_length(scope) > limit:
             await refusal(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, detail)(scope, receive, send)
             return

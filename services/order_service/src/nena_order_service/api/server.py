@@ -104,9 +104,9 @@ def make_standby_app(active_url: Callable[[], str], problem: Callable[[], str]) 
 
 def _go_there(active_url: str, path: str) -> Response:
     where = (
-        f"Send the request to the active one: {active_url}{path}"
+        f"Send the request to the active order service: {active_url}{path}"
         if active_url
-        else "The active one is not known yet. Retry in a moment, here and at the others"
+        else "The active order service is not known yet. Retry in a moment"
     )
     links = {"Link": f'<{active_url}{path}>; rel="alternate"'} if active_url else {}
     return _retry("Standing by", f"This order service is a standby. {where}.", links)

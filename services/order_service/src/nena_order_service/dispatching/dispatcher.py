@@ -61,9 +61,9 @@ class Energy:
         levels = self.thresholds
         if self.charging and not self.recharged(fully=fully):
             until = levels.fully_recharged if fully else max(levels.sufficiently_recharged, levels.critical)
-            return f"recharges, and goes on until it has {until} % of its energy"
+            return f"recharging until its energy is {until} %"
         if self.critical:
-            return f"has to recharge first: its energy is not above {levels.critical} %, which is critical"
+            return f"must recharge first: critical energy (at most {levels.critical} %)"
         return ""
 
 
@@ -202,7 +202,7 @@ class Carried:
             return ""
         loads = "a load" if len(self.loads) == 1 else f"{len(self.loads)} loads"
         where = f" at {pick.place!r}" if pick.place else ""
-        return f"carries {loads}, and has no room for another one{where}"
+        return f"carries {loads} and has no room for another one{where}"
 
 
 def carried(state: State, factsheet: Factsheet | None) -> Carried | None:
@@ -263,11 +263,11 @@ class DispatchedVehicle:
         if self.obstacle:
             return self.obstacle
         if self.kept_for is not None and self.kept_for != order.number:
-            return "is kept for another order"
+            return "is reserved for another order"
         if self.restriction and not recharges:
             return self.restriction
         if self.gives_up and order.status.dispensable:
-            return "has a dispensable order itself"
+            return "has a dispensable order"
         return self.carried.why_no_room(pick) if self.carried and pick else ""
 
 
@@ -405,7 +405,7 @@ class _Choices:
 
     def why(self, best: Candidate) -> str:
         """Return why a vehicle gets the order that is not the nearest one to it."""
-        return f"least way for all orders ({best.cost.complete:.0f}) of {self.free} vehicles that are free"
+        return f"least driving in total ({best.cost.complete:.0f}), {self.free} free vehicles"
 
 
 class _Round:
@@ -555,7 +555,7 @@ class _Round:
         if not free:
             return why_nobody(self._intended(order), hindrances)
         why = self._knowledge.why_no_way(order, free[-1])
-        return f"waits, for vehicle {free[-1]!r} has no way: {why}"
+        return f"waits: vehicle {free[-1]!r} has no route: {why}"
 
     def _possible(self, pairs: Iterable[tuple[TransportOrder, DispatchedVehicle]]) -> Iterator[Candidate]:
         for order, vehicle in pairs:
@@ -587,7 +587,7 @@ class _Round:
     def _why_not(self, order: TransportOrder, vehicle: DispatchedVehicle) -> str:
         intended = self._intended(order)
         if intended not in (None, vehicle.name):
-            return "is not the vehicle that is asked for"
+            return "is not the intended vehicle"
         misfit = self._knowledge.misfit(order, vehicle.name)
         if misfit:
             return misfit
@@ -605,11 +605,11 @@ class _Round:
         if self._intended(best.order) is not None:
             return "it is the intended vehicle"
         if choices == 1:
-            return "it is the only vehicle that is free"
+            return "it is the only free vehicle"
         key = self._settings.vehicle_candidates[0]
         if key is CandidateKey.BY_COMPLETE_ROUTING_COSTS:
-            return f"cheapest way ({best.cost.complete:.0f}) of {choices} vehicles that are free"
-        return f"first by {key} of {choices} vehicles that are free"
+            return f"cheapest route ({best.cost.complete:.0f}) of {choices} free vehicles"
+        return f"first by {key} of {choices} free vehicles"
 
 
 def why_nobody(intended: str | None, hindrances: Mapping[str, str]) -> str:
@@ -617,7 +617,7 @@ def why_nobody(intended: str | None, hindrances: Mapping[str, str]) -> str:
     if intended is not None:
         return f"waits for vehicle {intended!r}, which {hindrances.get(intended, 'takes no orders')}"
     if not hindrances:
-        return "waits for a vehicle: the plant model has none that takes orders"
+        return "waits for a vehicle: none in the plant model takes orders"
     kinds = sorted(set(hindrances.values()))
     more = " or something else" if len(kinds) > KINDS_NAMED else ""
     return f"waits for a vehicle: each of them {' or '.join(kinds[:KINDS_NAMED])}{more}"
@@ -662,8 +662,8 @@ def _fit(
         return VehicleFit(vehicle.name, fits=True, reason="does it")
     intended = order.status.intended_vehicle
     for wanted, why in (
-        (kept, f"is not {kept!r}, which is kept for it"),
-        (intended, f"is not {intended!r}, which it is for"),
+        (kept, f"is not {kept!r}, which is reserved for it"),
+        (intended, f"is not {intended!r}, the intended vehicle"),
     ):
         if wanted not in (None, vehicle.name):
             return VehicleFit(vehicle.name, fits=False, reason=why)
@@ -674,6 +674,6 @@ def _fit(
     cost = knowledge.cost(order, vehicle.name).complete
     if cost == inf:
         return VehicleFit(
-            vehicle.name, fits=False, reason=f"has no way: {knowledge.why_no_way(order, vehicle.name)}"
+            vehicle.name, fits=False, reason=f"has no route: {knowledge.why_no_way(order, vehicle.name)}"
         )
     return VehicleFit(vehicle.name, fits=True, reason=COULD, cost=cost)

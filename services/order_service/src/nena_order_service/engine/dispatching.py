@@ -65,7 +65,7 @@ class OrderFit:
     def misfit(self, order: TransportOrder, vehicle: FleetVehicle) -> str:
         """Return, as a predicate, why a vehicle must not be given an order; empty where it may."""
         if vehicle.name in order.status.excluded_vehicles:
-            return "has failed at it"
+            return "has failed at this order"
         why = self.sequences.misfit(order, vehicle.name)
         return why or why_not_accepted(self.order_types(vehicle), order.status.type)
 
@@ -184,12 +184,12 @@ def _stops(order: TransportOrder) -> list[Destination]:
     return [each.destination for each in order.status.drive_orders[order.index :]]
 
 
-NO_ORDER = "has nothing to do: no order waits"
+NO_ORDER = "idle: no order waits"
 NO_ORDER_FITS = (
     "has nothing to do: the orders that wait are for other vehicles or of types that it does not accept, "
     "or it cannot reach them, or has no room for what is to be picked up"
 )
-GIVES_UP = "gives up a dispensable order first"
+GIVES_UP = "ends a dispensable order first"
 
 TOLD_FIRST = 20
 """Orders at the head of the queue that are told at once why they wait; the others by and by."""
@@ -287,7 +287,7 @@ class Dispatching:
         dispatched = []
         for assignment in decisions.assignments:
             candidate = candidates[assignment.vehicle]
-            assert candidate.standing, "who is assigned anything stands somewhere"  # noqa: S101 - for the type
+            assert candidate.standing, "an assigned vehicle has a position"  # noqa: S101 - for the type
             if assignment.gives_up:
                 self._keep(assignment.order.number, assignment.vehicle)
             way = self._planner.way(assignment.order, candidate.vehicle, candidate.standing)
@@ -381,7 +381,7 @@ class Dispatching:
         try:
             standing = self._planner.standing(vehicle, view)
         except NotLocatedError as error:
-            return self._hindered(vehicle, f"cannot be sent anywhere: {error.reason}", view)
+            return self._hindered(vehicle, f"cannot be dispatched: {error.reason}", view)
         if obstacle := self._lacks_map(vehicle, view, standing):
             return self._hindered(vehicle, obstacle, view)
         energy = self.energy(vehicle, view)

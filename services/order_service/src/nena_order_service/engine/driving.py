@@ -71,7 +71,7 @@ class RestartGate:
         if self.is_open:
             return ""
         whom = ", ".join(self._missing()) or "each robot"
-        return f"it waits after the start until {whom} has told its state"
+        return f"it waits after the start for the state of {whom}"
 
     def _missing(self) -> list[str]:
         views = ((vehicle.name, self._context.view(vehicle)) for vehicle in self._remembered)
@@ -117,7 +117,7 @@ class Pauses:
         if status.held:
             return ""
         if status.next_try and self._context.clock.now() < status.next_try:
-            return f"it is tried again at {status.next_try:%H:%M:%S} UTC"
+            return f"its next try is at {status.next_try:%H:%M:%S} UTC"
         view = self._context.view(vehicle)
         try:
             standing = self._context.planner.standing(vehicle, view)
@@ -174,7 +174,7 @@ class Mobility:
         if obstacle := self._positions.obstacle(vehicle, working=True):
             return f"it {obstacle}"
         if not self._positions.located(vehicle):
-            return "it is not known where it is"
+            return "its position is unknown"
         why = self._traffic.why_waiting(vehicle.name)
         return f"it {why}" if why else ""
 
@@ -384,7 +384,7 @@ class Driving:
         if name in self._unsent:
             self._request_again(name)
         elif record and not record.cancelled and not record.all_released:
-            log.info("vehicle goes another way", vehicle=name, reason=self._traffic.why_waiting(name))
+            log.info("vehicle rerouted", vehicle=name, reason=self._traffic.why_waiting(name))
             self.end_early(record, partial=True)
 
     def note(self, vehicle: FleetVehicle) -> str:
@@ -440,7 +440,7 @@ class Driving:
             self._unsent[vehicle.name] = self._record(granted, vehicle, standing)
         except ValueError as error:
             self._traffic.revoke(vehicle.name)
-            yield Stuck(vehicle, f"no VDA 5050 order can be made of it: {error}")
+            yield Stuck(vehicle, f"no VDA 5050 order is possible: {error}")
             return
         self._go_on(vehicle)
 
@@ -463,7 +463,7 @@ class Driving:
         name = vehicle.name
         more = self._traffic.allocate(name, self._ahead if ahead is None else ahead)
         journey = self._traffic.journey(name)
-        assert journey, "asked for by the caller"  # noqa: S101 - for the type
+        assert journey, "requested by the caller"  # noqa: S101 - for the type
         unsent = self._unsent.get(name)
         if unsent and (journey.allocated or not journey.way):
             del self._unsent[name]

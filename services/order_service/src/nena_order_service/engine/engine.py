@@ -299,7 +299,7 @@ class Engine:
             self._rerouting.keep_off_locked_paths()
             self._dispatching.look_at(self.registry)
         await self.unit_of_work.committed()
-        log.info("orders taken up", unfinished=len(found.orders), last_number=found.last_number)
+        log.info("orders loaded", unfinished=len(found.orders), last_number=found.last_number)
 
     async def run(self) -> None:
         """Look regularly at what changes without an event, until cancelled."""
@@ -421,7 +421,7 @@ class Engine:
         with self.change():
             if not level.holds_resources:
                 sent = self.state.sent_orders.of_robot(vehicle.key)
-                reason = f"vehicle {vehicle.name} was given the level {level.value}"
+                reason = f"the integration level of vehicle {vehicle.name} was set to {level.value}"
                 self._life_cycle.give_up(vehicle.key, reason)
                 self._driving.take_out(vehicle)
                 if sent:

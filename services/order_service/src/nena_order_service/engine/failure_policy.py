@@ -87,33 +87,33 @@ def _objection(step: FailureStep, situation: Situation) -> str:
     if step.do.last:
         return ""
     if situation.kind is K.UNCLEAR or (situation.kind is K.LOST and situation.begun):
-        return "what the robot has done of it is unknown"
+        return "it is unknown what the robot has done"
     return _AGAINST[step.do](step, situation)
 
 
 def _against_retry(step: FailureStep, situation: Situation) -> str:
     if situation.kind is K.UNFIT:
-        return "the robot would never take it"
+        return "the robot cannot execute it"
     useless = situation.kind is K.NO_WAY and not step.after
-    return "there would be no way again" if useless else ""
+    return "there would be no route again" if useless else ""
 
 
 def _against_other_way(_: FailureStep, situation: Situation) -> str:
     if situation.kind is not K.DRIVE:
-        return "it is not the way that has failed"
-    return "" if situation.other_way else "there is no other way"
+        return "the drive has not failed"
+    return "" if situation.other_way else "there is no other route"
 
 
 def _against_other_vehicle(_: FailureStep, situation: Situation) -> str:
     if situation.carrying:
-        return "the vehicle carries something for the order, so no other one can go on with it"
+        return "the vehicle carries a load of the order, so no other one can continue"
     if not situation.heard:
-        return "the robot is silent, so what it does is unknown"
-    return "" if situation.others else "there is no other vehicle for it"
+        return "the robot is silent, so it is unknown what it does"
+    return "" if situation.others else "there is no other suitable vehicle"
 
 
 def _against_skip(_: FailureStep, situation: Situation) -> str:
-    return "" if situation.kind is K.ACTION else "it is not an operation that has failed"
+    return "" if situation.kind is K.ACTION else "no operation has failed"
 
 
 _AGAINST: Final[Mapping[FailureMeasure, Callable[[FailureStep, Situation], str]]] = MappingProxyType(

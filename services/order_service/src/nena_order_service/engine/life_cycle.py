@@ -55,7 +55,7 @@ log = get_logger(__name__)
 
 S = TransportOrderState
 
-BEGUN_MEANWHILE = "the vehicle had begun its operation when it was stopped; look what is done"
+BEGUN_MEANWHILE = "the vehicle was stopped during its operation; check what it has done"
 POLICY = "failure policy"
 """Who holds an order at which a vehicle has failed."""
 
@@ -128,7 +128,7 @@ class LifeCycle:
         order = self._orders.get(self.create(request, automatic_name(request), automatic=True).number)
         begun = order.state is S.BEING_PROCESSED
         if not begun and not order.state.final:
-            self.withdraw(order, "its vehicle did not begin it", immediate=True)
+            self.withdraw(order, "its vehicle did not start it", immediate=True)
         return begun
 
     def withdraw(self, order: TransportOrder, reason: str, *, immediate: bool) -> None:
@@ -278,7 +278,7 @@ class LifeCycle:
         """Drive to the current destination, ``again`` or for the first time, unless the order has to wait."""
         vehicle = self._registry.employed(order.vehicle)
         if vehicle is None:
-            self._end(order.failed(f"there is no vehicle {order.vehicle!r} any more", self._clock.now()))
+            self._end(order.failed(f"vehicle {order.vehicle!r} no longer exists", self._clock.now()))
             return
         order = order.begun_again() if again else order
         self._orders.put(order)
@@ -297,7 +297,7 @@ class LifeCycle:
             standing = planner.standing(vehicle, self._context.view(vehicle))
             way = planner.way(order, vehicle, standing)
         except (NotLocatedError, NoRouteError, UnknownObjectError) as error:
-            words = f"vehicle {vehicle.name} cannot go on: {error}"
+            words = f"vehicle {vehicle.name} cannot continue: {error}"
             self._fail(order, OrderFailure(FailureKind.NO_WAY, words))
         else:
             self._drive(order, vehicle, way, first=first)
@@ -386,7 +386,7 @@ class LifeCycle:
     def _drive_order_finished(self, order: TransportOrder, sent: SentOrder) -> None:
         now, index = self._clock.now(), order.status.current_drive_order_index
         if order.state is S.WITHDRAWN:
-            words = f"withdrawn: {why_withdrawn(order.status)}; the vehicle had done what it had been sent"
+            words = f"withdrawn: {why_withdrawn(order.status)}; the vehicle had finished its base"
             self._end(order.failed(words, now))
         elif sent.partial:
             self._go_on(order, again=True)
@@ -408,7 +408,7 @@ class LifeCycle:
         """End an order that was withdrawn; one that was held meanwhile waits, or goes on if it is resumed."""
         given_up = self._given_up.pop(sent.vda_order.order_id, None)
         if order.state is S.WITHDRAWN:
-            words = f"withdrawn: {why_withdrawn(order.status)}; the vehicle has let it go"
+            words = f"withdrawn: {why_withdrawn(order.status)}; the vehicle has released it"
             self._end(order.failed(words, self._clock.now()))
         elif given_up and not order.held:
             self._fail(order, given_up)
@@ -422,7 +422,7 @@ class LifeCycle:
     def _fail(self, order: TransportOrder, failure: OrderFailure) -> None:
         """Take the measure of the policy for an order whose vehicle has failed."""
         if self._registry.employed(order.vehicle) is None:
-            why = f"there is no vehicle {order.vehicle!r} any more; {failure.words}"
+            why = f"vehicle {order.vehicle!r} no longer exists; {failure.words}"
             self._end(order.failed(why, self._clock.now()))
             return
         decision = self._failures.decide(order, failure)
@@ -495,7 +495,9 @@ class LifeCycle:
         order_id, words = self._answers.pop(event.action.action_id, ("", ""))
         sent = self._sent.find(order_id)
         if sent and not sent.cancelled and event.status is not ActionStatus.FINISHED:
-            log.warning("robot takes no answer to its failed action", vda_order=order_id, reason=event.reason)
+            log.warning(
+                "robot accepts no answer to its failed action", vda_order=order_id, reason=event.reason
+            )
             known = event.status is ActionStatus.FAILED  # else it may be trying again right now
             self._given_up[order_id] = OrderFailure(
                 FailureKind.ACTION if known else FailureKind.UNCLEAR, words
@@ -510,7 +512,7 @@ class LifeCycle:
             self._end(order.failed(reason, self._clock.now()))
 
     def _end_withdrawn_unsent(self, order: TransportOrder) -> None:
-        words = f"withdrawn, and the vehicle was at nothing for it: {why_withdrawn(order.status)}"
+        words = f"withdrawn before the vehicle had started: {why_withdrawn(order.status)}"
         self._end(order.failed(words, self._clock.now()))
 
     def _end(self, order: TransportOrder) -> None:
@@ -558,7 +560,7 @@ class LifeCycle:
         try:
             vehicle = recovery.take_up_order(order, document)
         except LostOrderError:
-            words = "what had been sent to the vehicle cannot be read"
+            words = "the VDA order of the vehicle is unreadable"
             self._end(order.adopted(now).failed(words, now))
         else:
             self._orders.put(order.adopted(now, vehicle.name))
@@ -570,9 +572,9 @@ class LifeCycle:
         if order.state is S.WITHDRAWN:
             self._end_withdrawn_unsent(order)
         elif vehicle is None:
-            self._end(order.failed(f"there is no vehicle {order.vehicle!r} any more", self._clock.now()))
+            self._end(order.failed(f"vehicle {order.vehicle!r} no longer exists", self._clock.now()))
         elif self._sent.order_number(vehicle.key) is not None:
-            words = f"vehicle {order.vehicle!r} is another robot now, which works on another order"
+            words = f"vehicle {order.vehicle!r} is now another robot with another order"
             self._end(order.failed(words, self._clock.now()))
         else:
             self._orders.put(order)
@@ -585,6 +587,6 @@ class LifeCycle:
             left = order.status.drive_orders[max(order.status.current_drive_order_index, 0) :]
             check_order(order.status.model_copy(update={"drive_orders": left}), self._context.plant)
         except InvalidRequestError as error:
-            self._orders.put(order.failed(f"not possible in this plant any more: {error}", self._clock.now()))
+            self._orders.put(order.failed(f"no longer possible in this plant: {error}", self._clock.now()))
         else:
             self._orders.put(self._conditions.take_up(order))

@@ -42,7 +42,7 @@ def _of_orders(orders: Iterable[TransportOrder], new: PlantModel, registry: Vehi
             yield from (f"transport order {order.name!r}: {each.text}" for each in error.findings)
         intended = order.status.intended_vehicle
         if intended is not None and intended not in names:
-            yield f"transport order {order.name!r} is for vehicle {intended!r}, which there would not be"
+            yield f"transport order {order.name!r} is for vehicle {intended!r}, which would be removed"
 
 
 def _of_sequences(sequences: Iterable[OrderSequence], registry: VehicleRegistry) -> Iterator[str]:
@@ -50,7 +50,7 @@ def _of_sequences(sequences: Iterable[OrderSequence], registry: VehicleRegistry)
     for each in sequences:
         vehicle = each.bound_vehicle or each.status.intended_vehicle
         if vehicle is not None and vehicle not in names:
-            yield f"order sequence {each.name!r} is for vehicle {vehicle!r}, which there would not be"
+            yield f"order sequence {each.name!r} is for vehicle {vehicle!r}, which would be removed"
 
 
 def _of_vehicles(engine: Engine, new: PlantModel, registry: VehicleRegistry) -> Iterator[str]:
@@ -70,13 +70,13 @@ def _of_robot(vehicle: FleetVehicle, registry: VehicleRegistry) -> Iterator[str]
     if vehicle.model is None:
         after, taken = registry.of(vehicle.key), registry.named(vehicle.name)
         if (after and after.name != vehicle.name) or (taken and taken.key != vehicle.key):
-            yield f"vehicle {vehicle.name!r} works, and would have another name"
+            yield f"vehicle {vehicle.name!r} has an order, and would have another name"
         return
     after = registry.named(vehicle.name)
     if after is None or after.model is None:
-        yield f"vehicle {vehicle.name!r} works, and would be gone"
+        yield f"vehicle {vehicle.name!r} has an order, and would be removed"
     elif after.key != vehicle.key or after.profile.map_id != vehicle.profile.map_id:
-        yield f"vehicle {vehicle.name!r} works, and would be another robot or on another map"
+        yield f"vehicle {vehicle.name!r} has an order, and would be another robot or on another map"
 
 
 class _Differences:
@@ -93,11 +93,11 @@ class _Differences:
             if name in self._old.blocks_by_name:
                 continue
             if self._lacks(name):
-                yield f"{name!r}, which would be gone"
+                yield f"{name!r}, which would be removed"
             elif self._old_blocks.get(name) != self._new_blocks.get(name):
                 yield f"{name!r}, which would be in other blocks"
             elif under_way and self._differs(name):
-                yield f"{name!r}, which would be elsewhere"
+                yield f"{name!r}, which would be moved"
 
     def _lacks(self, name: str) -> bool:
         kinds = (

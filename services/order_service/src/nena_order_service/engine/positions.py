@@ -103,7 +103,7 @@ class Positions:
                 f"still works on the order {view.state.order_id!r}, which is none of the present transport "
                 "orders': wait for its end or cancel it"
             )
-        return "has left its route or drives on its own, and has not been seen standing since"
+        return "left its route or moves on its own, and has not been seen standing since"
 
     def level(self, vehicle: FleetVehicle) -> IntegrationLevel:
         """Return how much a vehicle counts."""
@@ -120,7 +120,7 @@ class Positions:
             return False
         self._traffic.remove(vehicle.name)
         self.note(vehicle)
-        log.info("vehicle holds nothing any more", vehicle=vehicle.name)
+        log.info("vehicle no longer holds resources", vehicle=vehicle.name)
         return True
 
     def _counts(self, vehicle: FleetVehicle) -> bool:

@@ -25,11 +25,11 @@ from nena_shared.vda5050.order import Edge
 
 log = get_logger(__name__)
 
-CHOSEN_LATER = "its route is chosen when it departs"
+CHOSEN_LATER = "its route is chosen when it starts"
 NOTHING_AHEAD = (
     "it has been given its whole way, and what it was given stays; a forced rerouting begins where it stands"
 )
-NO_OTHER_WAY = "it is on the best way that there is"
+NO_OTHER_WAY = "it already has the best route"
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +89,7 @@ class Rerouting:
             return Rerouted(ReroutingOutcome.STOPPING, "it is already stopping")
         if kind is ReroutingType.FORCED:
             return self._force(vehicle, order, record)
-        return self._plan_anew(vehicle, order, record, "a host has asked for it")
+        return self._plan_anew(vehicle, order, record, "requested by a host")
 
     def keep_off_locked_paths(self) -> None:
         """Lead vehicles around paths that are locked now; where no other way is, they stop before them.
@@ -113,7 +113,7 @@ class Rerouting:
     def _order(self, vehicle: FleetVehicle) -> TransportOrder:
         number = self._sent.order_number(vehicle.key)
         if number is None:
-            raise NotReroutableError(vehicle.name, "it works on no transport order")
+            raise NotReroutableError(vehicle.name, "it has no transport order")
         order = self._orders.get(number)
         if order.state is not TransportOrderState.BEING_PROCESSED:
             raise NotReroutableError(vehicle.name, f"its order {order.name!r} is {order.state}")
@@ -126,12 +126,12 @@ class Rerouting:
 
     def _force(self, vehicle: FleetVehicle, order: TransportOrder, record: SentOrder) -> Rerouted:
         if _operating(order):
-            raise NotReroutableError(vehicle.name, "it is at its destination, and does its operation there")
+            raise NotReroutableError(vehicle.name, "it is executing its operation at the destination")
         link = self._view(vehicle).link
         if link is not LinkStatus.ONLINE:
             raise VehicleNotReachedError(vehicle.name, f"it is {link}")
         self._driving.cancel(record.model_copy(update={"rerouting": True}))
-        why = "forced: it stops, and goes on from where it stands"
+        why = "forced: it stops and continues from its position"
         self._orders.put(order.rerouted(None, why, self._clock.now()))
         return Rerouted(ReroutingOutcome.STOPPING, why)
 
@@ -202,12 +202,12 @@ class Rerouting:
         tail = self._planner.vda_order(under_way.order, vehicle, standing, route, retriable=retriable)
         vda_order = with_other_horizon(record.vda_order, record.allocated, tail)
         journey = self._traffic.journey(vehicle.name)
-        assert journey, "asked for by the caller"  # noqa: S101 - for the type
+        assert journey, "requested by the caller"  # noqa: S101 - for the type
         self._driving.send_on(record.updated(vda_order=vda_order, way=journey.way))
         self._state.drive_due = True
         points = tuple(n.node_id for n in vda_order.nodes if n.node_id in self._plant.points_by_name)
         self._orders.put(under_way.order.rerouted(points, why, self._clock.now()))
-        log.info("vehicle goes another way", vehicle=vehicle.name, reason=why, route=route.points)
+        log.info("vehicle rerouted", vehicle=vehicle.name, reason=why, route=route.points)
 
     def _leads_over_lock(self, record: SentOrder) -> bool:
         """Return whether what is not released yet of a VDA order leads over a path that is locked."""

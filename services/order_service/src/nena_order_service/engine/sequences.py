@@ -47,7 +47,7 @@ class Sequences:
         sequence = self._of(order)
         if sequence is None or sequence.next_order in (None, order.name):
             return ""
-        return f"waits for its turn in order sequence {sequence.name!r}, behind {sequence.next_order!r}"
+        return f"waits for its turn in order sequence {sequence.name!r}, after {sequence.next_order!r}"
 
     def ended(self, order: TransportOrder) -> tuple[tuple[TransportOrder, ...], str | None]:
         """Note that an order is at its end.
@@ -75,7 +75,7 @@ class Sequences:
             return ""
         meant = sequence.bound_vehicle or sequence.status.intended_vehicle
         if meant not in (None, vehicle):
-            return f"does not do order sequence {sequence.name!r}, which is for {meant!r}"
+            return f"is not the vehicle of order sequence {sequence.name!r}, which is {meant!r}"
         return ""
 
     def meant(self, order: TransportOrder) -> str | None:

@@ -179,6 +179,6 @@ class StatusReporter:
     def _idle_reason(self, vehicle: FleetVehicle) -> str:
         reason = self._dispatching.idle_reason(vehicle, orders_wait=self._state.orders.any_waiting)
         bound = self._sequences.bound_to(vehicle.name)
-        awaits = f"awaits the next order of order sequence {bound!r}" if bound else ""
+        awaits = f"waits for the next order of order sequence {bound!r}" if bound else ""
         more = (awaits, self._idle.note(vehicle), self._context.traffic.sharing(vehicle.name))
         return "; ".join(filter(None, (reason, *more)))

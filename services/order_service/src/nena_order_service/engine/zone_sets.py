@@ -104,7 +104,7 @@ class ZoneDistribution:
             return False
         again = before is not None and before.step is step
         pause = min(before.pause * 2, LONGEST_PAUSE) if before and again else FIRST_PAUSE
-        note = before.note if before and again else f"{step} was sent, and no state shows it yet"
+        note = before.note if before and again else f"{step} was sent; no state confirms it yet"
         self._tries[robot, name] = _Try(step, now + pause, pause, note)
         return True
 
@@ -142,7 +142,7 @@ class ZoneSets:
             try:
                 self._wanted[name] = self._asked[name] = Wanted.model_validate_json(document)
             except ValidationError:
-                log.exception("a zone set in the store cannot be read", zone_set=name)
+                log.exception("unreadable zone set in the store", zone_set=name)
 
     async def run(self) -> None:
         """Bring to robots what they lack, until cancelled."""

@@ -11,8 +11,8 @@ from nena_shared.fleet_api.vehicle import VehicleState
 from nena_shared.vda5050.state import EmergencyStop, State
 
 LINK_REASONS: Final = {
-    LinkStatus.UNKNOWN: "has never been heard of",
-    LinkStatus.OFFLINE: "is offline: it has signed off from the broker",
+    LinkStatus.UNKNOWN: "has never connected",
+    LinkStatus.OFFLINE: "is offline: it has disconnected from the broker",
     LinkStatus.HIBERNATING: "is hibernating",
     LinkStatus.CONNECTION_BROKEN: "has lost its connection to the broker",
     LinkStatus.SILENT: "is silent: it has not reported its state for too long",
@@ -53,7 +53,7 @@ def unfit(state: State, *, placed: bool) -> str | None:
         return f"has a fatal error: {failures.in_words(error)}"
     if waiting := _without_navigation(state):
         return waiting
-    return "does not know where it is: set its initial position" if lost(state, placed=placed) else None
+    return "is not localised: set its initial position" if lost(state, placed=placed) else None
 
 
 def lost(state: State, *, placed: bool) -> bool:

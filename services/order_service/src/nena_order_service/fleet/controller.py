@@ -273,7 +273,7 @@ class RobotControl:
 
     def _refuse(self, run: OrderExecution, problem: str) -> Iterator[FleetOutput]:
         """End a VDA order that the robot could never take, before anything of it is sent."""
-        yield run.refuse(f"the robot cannot take the order: {problem}")
+        yield run.refuse(f"the robot cannot execute the order: {problem}")
         self._ended.append(run.vda_order.order_id)
         self._run = None
 

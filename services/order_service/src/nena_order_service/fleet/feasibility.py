@@ -319,7 +319,7 @@ def _declaration_problems(action: Action, scope: ActionScope, declared: MobileRo
     given = {each.key for each in action.action_parameters}
     for parameter in wanted.values():
         if parameter.is_optional is False and parameter.key not in given:
-            yield f"{name} needs the parameter '{parameter.key}' there"
+            yield f"{name} requires the parameter '{parameter.key}' there"
     if wanted:
         yield from _value_problems(action, wanted)
 
@@ -341,9 +341,9 @@ def _fields(vda_order: VdaOrder, abilities: Abilities) -> Iterator[str]:
     document = vda_order.model_dump(mode="json", by_alias=True, exclude_none=True) if required else {}
     for path in required:
         if not _filled(document, path.split(".")):
-            yield f"its factsheet demands the field '{path}', which cannot be filled here"
+            yield f"its factsheet requires the field '{path}', which cannot be filled here"
     if not abilities.takes_field(THETA) and any(map(_must_be_headed, vda_order.nodes)):
-        yield "its factsheet does not list headings, so it cannot take one up at a coordinate"
+        yield "its factsheet does not list headings, so coordinates cannot have one"
 
 
 def _must_be_headed(node: Node) -> bool:
@@ -366,7 +366,7 @@ def _bad_ids(ids: Iterable[str], abilities: Abilities) -> Iterator[str]:
         if limits.maximum_id_length and len(each) > limits.maximum_id_length:
             yield f"the id '{each}' is longer than {limits.maximum_id_length} characters"
         if limits.id_numerical_only and not each.isdecimal():
-            yield f"its factsheet demands ids of digits only, not '{each}'"
+            yield f"its factsheet requires numeric IDs, not '{each}'"
 
 
 def _ids(vda_order: VdaOrder) -> Iterator[str]:
@@ -390,7 +390,7 @@ def _wire_problems(message: Header, abilities: Abilities) -> Iterator[str]:
     try:
         size = len(abilities.codec.encode(message))
     except (MalformedMessageError, ValidationError) as error:
-        yield f"it cannot be said in VDA 5050 {abilities.codec.version}: {error}"
+        yield f"it cannot be expressed in VDA 5050 {abilities.codec.version}: {error}"
         return
     limit = abilities.factsheet.protocol_limits.maximum_string_lengths.maximum_message_length
     if limit and size > limit:

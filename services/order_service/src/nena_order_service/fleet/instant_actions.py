@@ -60,7 +60,9 @@ class InstantRun:
         if self._seen_at is None:
             self._seen_at = now
         if state.action_status.ended:
-            reason = "done" if state.action_status is ActionStatus.FINISHED else "the robot could not do it"
+            reason = (
+                "done" if state.action_status is ActionStatus.FINISHED else "the robot failed to execute it"
+            )
             self.outcome = Outcome(state.action_status, reason, state.action_result)
 
     def wants_sending(self, now: float) -> bool:
@@ -77,7 +79,7 @@ class InstantRun:
             self.outcome = Outcome(None, reason)
         elif self._seen_at is not None and now - self._seen_at > self._settings.instant_action_limit:
             limit = f"{self._settings.instant_action_limit:g}"
-            self.outcome = Outcome(None, f"the robot has not ended it within {limit} s")
+            self.outcome = Outcome(None, f"the robot did not finish it within {limit} s")
 
     def hold(self, reason: str, now: float) -> None:
         """Let no time pass for the action while it cannot be sent, for ``reason``.
@@ -88,7 +90,7 @@ class InstantRun:
         if self._seen_at is not None:
             self._seen_at = now
         elif self.requested:
-            self.outcome = Outcome(None, f"{reason}; whether it got the action is not known")
+            self.outcome = Outcome(None, f"{reason}; it is unknown whether it received the action")
         else:
             self._delivery.hold()
 
@@ -156,12 +158,12 @@ class InstantActionManager:
 
     @property
     def busy(self) -> bool:
-        """Whether any is under way."""
+        """Whether any is active."""
         return bool(self._runs)
 
     @property
     def cancelling(self) -> bool:
-        """Whether a cancelOrder is under way."""
+        """Whether a cancelOrder is active."""
         return any(each.cancels for each in self._runs.values())
 
     def unsendable(self, action_type: str, now: float) -> str | None:
@@ -243,13 +245,13 @@ class InstantActionManager:
 
     def _refusal(self, action: Action, now: float) -> str | None:
         if len(self._runs) >= INSTANT_ACTIONS_LIMIT:
-            return f"{INSTANT_ACTIONS_LIMIT} instant actions are under way at the robot"
+            return f"{INSTANT_ACTIONS_LIMIT} instant actions are active at the robot"
         if action.action_id in self.ids:
             return f"the actionId {action.action_id!r} has been used before"
         abilities = self._robot.abilities
         problem = instant_action_problem(action, abilities) if abilities else None
         if problem:
-            return f"the robot cannot take it: {problem}"
+            return f"the robot cannot execute it: {problem}"
         reason = self.unsendable(action.action_type, now)
         return f"the robot {reason}" if reason else None
 

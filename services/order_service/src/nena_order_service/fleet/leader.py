@@ -38,8 +38,8 @@ class FleetTakenError(StartError):
             )
         else:
             super().__init__(
-                f"another order service with another store leads this fleet (store {record.store}, epoch "
-                f"{record.epoch}), so this one has ended. End the other one, or have both use one "
+                f"another order service with another store is active for this fleet (store {record.store}, "
+                f"epoch {record.epoch}), so this one has exited. Stop the other one, or let both use one "
                 "PostgreSQL, or set another interface_name and topic_prefix here"
             )
 
@@ -139,7 +139,7 @@ class LeaderElection:
         try:
             found = LeaderRecord.model_validate_json(message.payload)
         except ValidationError:
-            log.warning("a record of the fleet's leader cannot be read", topic=message.topic)
+            log.warning("unreadable record of the fleet's order service", topic=message.topic)
             return
         if found.instance != self._own.instance:
             self._meet(found, alive=not message.retained)
@@ -166,7 +166,7 @@ class LeaderElection:
 
     def _hold(self) -> None:
         if self._left is not None:
-            log.warning("the order service that led this fleet does not answer", store=self._left.store)
+            log.warning("the previous order service of this fleet does not answer", store=self._left.store)
         self._left, self._giving_up, self._holds = None, None, True
         self._publish()
         self.won.set()

@@ -352,7 +352,7 @@ class FleetLink:
             return
         if self.statistics.foreign % MALFORMED_LOGGED_EACH == 0:
             log.error(
-                "somebody else commands robots of this fleet",
+                "another fleet control commands robots of this fleet",
                 topic=inbound.topic,
                 retained=inbound.retained,
                 message=inbound.payload[:LOGGED_OF_COMMAND].decode(errors="replace"),
@@ -414,7 +414,7 @@ class FleetLink:
         """Refuse a robot that cannot be stored."""
         if self.statistics.name_too_long % MALFORMED_LOGGED_EACH == 0:
             log.warning(
-                "a robot is not listened to: manufacturer and serial number are too long",
+                "ignoring a robot: manufacturer and serial number are too long",
                 robot=f"{str(robot)[:LOGGED_OF_NAME]}...",
                 characters=len(str(robot)),
                 limit=KEY_LENGTH,
@@ -425,12 +425,12 @@ class FleetLink:
     def _note_malformed(self, robot: RobotKey, topic: str, error: MalformedMessageError) -> None:
         name = topic.rpartition("/")[2]
         self.statistics.malformed[Topic(name)] += 1
-        problem = f"sends {_PLURALS[name]} that cannot be read: {error.reason}" if name in _PLURALS else None
+        problem = f"sends {_PLURALS[name]} that are unreadable: {error.reason}" if name in _PLURALS else None
         self._hand_out(self._controller.on_malformed(robot, problem, self._now()))
         count = self.view(robot).malformed
         if count % MALFORMED_LOGGED_EACH == 1:
             log.warning(
-                "a robot's message is not valid and changes nothing",
+                "ignoring an invalid message of a robot",
                 robot=str(robot),
                 topic=topic,
                 problems=error.problems,
@@ -457,13 +457,15 @@ class FleetLink:
     def _publish(self, output: Publish, now: float) -> None:
         address = self._addresses.of(output.robot)
         if address is None:
-            log.warning("nothing is sent to a robot that has said nothing yet", robot=str(output.robot))
+            log.warning("not sending to a robot of unknown version", robot=str(output.robot))
             return
         topic, message = self._outgoing.message(output, address.codec.version)
         try:
             payload = address.codec.encode(message)
         except (MalformedMessageError, ValidationError):
-            log.exception("a message cannot be said to this robot", robot=str(output.robot), topic=topic)
+            log.exception(
+                "message not supported by the robot's VDA 5050 version", robot=str(output.robot), topic=topic
+            )
             return
         place = address.scheme.of(output.robot, topic)
         if topic in COMMANDS:

@@ -132,7 +132,7 @@ class OrderExecution:
 
     One that is ``adopted`` may have been sent before; ``accepted`` is whether the robot is known to have
     it. ``vda_order`` is what the robot has by its states, or is to have at first, with all updates up to
-    ``update_id``; one update at a time is under way, and the newest plan waits behind it. The ``cancel`` is
+    ``update_id``; one update at a time is active, and the newest plan waits behind it. The ``cancel`` is
     made and sent by the owner once :meth:`wants_cancel` asks for it.
     """
 
@@ -283,14 +283,15 @@ class OrderExecution:
             times = self._settings.sendings
             yield self._fail(
                 ExecutionFailure(
-                    FailureKind.NOT_TAKEN, f"the order was sent {times} times, but the robot never took it up"
+                    FailureKind.NOT_TAKEN,
+                    f"the order was sent {times} times, but the robot never accepted it",
                 )
             )
         elif self._pending and self.phase is VdaOrderPhase.RUNNING and self._pending.delivery.failed(now):
             times = self._settings.sendings
             self._cancel_for(
                 ExecutionFailure(
-                    FailureKind.DRIVE, f"an update was sent {times} times, but the robot never took it up"
+                    FailureKind.DRIVE, f"an update was sent {times} times, but the robot never accepted it"
                 )
             )
         elif state is None:
@@ -361,11 +362,11 @@ class OrderExecution:
             yield from self._tell_retriable(state, progress.retriable)
         elif self._pending and (refused := self._pending.refusals(state.errors)):
             if self._pending.is_refused(refused, now):
-                reason = "the robot refuses to go on with the order"
+                reason = "the robot refuses to continue the order"
                 self._cancel_for(ExecutionFailure(FailureKind.DRIVE, reason, _words(refused)))
         elif errors := failures.about(state.errors, self.vda_order, self._before):
             kind = FailureKind.ACTION if failures.name_actions(errors) else FailureKind.DRIVE
-            self._cancel_for(ExecutionFailure(kind, "the robot cannot go on with it", _words(errors)))
+            self._cancel_for(ExecutionFailure(kind, "the robot cannot continue it", _words(errors)))
         else:
             self._look_for_standstill(state, now)
 
@@ -404,7 +405,7 @@ class OrderExecution:
         if state.driving or not self._known_in(state):
             return None
         if failures.unexplained(state.errors, self.vda_order, self._before):
-            reason = "the robot stands with an error that it cannot go on with"
+            reason = "the robot has stopped with an error"
             return ExecutionFailure(FailureKind.DRIVE, reason, _words(state.errors))
         if self.vda_order.actions and not state.node_states:
             unreported = read(state, self.vda_order).unreported
@@ -443,7 +444,7 @@ class OrderExecution:
         if outcome.status is ActionStatus.FINISHED or not (active or self._may_be_unseen(outcome.status)):
             yield from self._end_early()
         else:
-            why = self._failure.reason if self._failure else "it was to be cancelled"
+            why = self._failure.reason if self._failure else "cancelled"
             reason = f"{why}, but the robot does not confirm cancelOrder: {outcome.reason}"
             yield self._fail(ExecutionFailure(FailureKind.UNCLEAR, reason, _words(state.errors)))
 
@@ -485,7 +486,7 @@ def _lost(state: State, order_id: str, update_id: int) -> ExecutionFailure:
             f"the robot has update {state.order_update_id} of the order, and update {update_id} is the last "
             "one known here: the store may be an older copy",
         )
-    now = f"it is at the order {state.order_id!r}" if state.order_id else "it knows no order"
+    now = f"it has the order {state.order_id!r}" if state.order_id else "it has no order"
     return ExecutionFailure(
         FailureKind.LOST, f"the robot no longer has the order: {now}; it may have restarted"
     )
@@ -493,5 +494,5 @@ def _lost(state: State, order_id: str, update_id: int) -> ExecutionFailure:
 
 def _given_up(state: State) -> str:
     if not state.operating_mode.takes_orders:
-        return f"the robot gave the order up when it went to operating mode {state.operating_mode}"
-    return "the robot gave the order up before its end"
+        return f"the robot abandoned the order when it changed to operating mode {state.operating_mode}"
+    return "the robot abandoned the order"

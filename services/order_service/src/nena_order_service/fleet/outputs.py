@@ -131,7 +131,7 @@ class ActionRetriable:
 
 @dataclass(frozen=True, slots=True)
 class VdaOrderCancelled:
-    """The VDA order has ended because it was to be cancelled; the robot has confirmed it or never had it."""
+    """The VDA order has ended because cancelled; the robot has confirmed it or never had it."""
 
     robot: RobotKey
     order_id: str

@@ -92,10 +92,10 @@ def locate(plant: PlantModel, state: State, profile: RobotProfile) -> Standing:
             raise NotLocatedError("it reports neither a trusted pose nor a known point: set its initial pose")
         return Standing(last.name, on_point=True, pose=None)
     if not (isfinite(pose.x) and isfinite(pose.y) and isfinite(pose.theta)):
-        reason = f"it reports a position that is no number: x {pose.x}, y {pose.y}"
+        reason = f"it reports an invalid position: x {pose.x}, y {pose.y}"
         raise NotLocatedError(reason)
     if not profile.knows_frame(pose.map_id):
-        reason = "its factsheet, which says in which frame it reports its position, has not arrived"
+        reason = "its factsheet has not arrived, so the frame of its position is unknown"
         raise NotLocatedError(reason)
     here = profile.on(pose.map_id).to_plant(MapPlace(pose.x, pose.y))
     if last and _on(last, pose, profile) and _distance(last, here) <= profile.deviation_xy:

@@ -103,7 +103,7 @@ class LinkStatus(StrEnum):
     """What is known of the way to a robot."""
 
     UNKNOWN = "UNKNOWN"
-    """It has never been heard of."""
+    """It has never connected."""
     ONLINE = "ONLINE"
     OFFLINE = "OFFLINE"
     HIBERNATING = "HIBERNATING"

@@ -333,7 +333,7 @@ class BaseChangedError(ValueError):
     """A plan that changes the robot's base, which cannot be taken back."""
 
     def __init__(self, order_id: str, problem: str) -> None:
-        super().__init__(f"VDA order {order_id!r} cannot be changed so: {problem}")
+        super().__init__(f"VDA order {order_id!r} cannot be changed like this: {problem}")
         self.order_id = order_id
 
 

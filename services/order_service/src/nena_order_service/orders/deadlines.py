@@ -65,8 +65,8 @@ def reason(order: TransportOrder, now: datetime) -> str:
     """Return which time has gone by."""
     status = order.status
     if status.timeout is not None and status.created + timedelta(seconds=status.timeout) <= now:
-        return f"time-out: it was not done within {status.timeout:g} s of its creation"
-    return f"time-out: it was not done within {status.processing_timeout:g} s of when a vehicle got it"
+        return f"timeout: not done within {status.timeout:g} s of its creation"
+    return f"timeout: not done within {status.processing_timeout:g} s of its assignment"
 
 
 def timeout_of(order: TransportOrder) -> datetime | None:

@@ -19,7 +19,7 @@ from nena_shared.fleet_api.vehicle import ANY_TYPE
 ORDERS_LIMIT = 1000
 """Orders that a sequence may have."""
 
-EMPTY = "waits for orders to be added, or to be marked complete"
+EMPTY = "waiting for orders, or to be marked complete"
 
 
 class SequenceEvent(StrEnum):
@@ -86,12 +86,12 @@ class OrderSequence:
         """Yield the reasons against adding an order."""
         status, order_type = self.status, request.type
         if status.complete:
-            yield "it is complete, so no order can be added; create another one"
+            yield "it is complete; create another one"
         if len(status.orders) >= ORDERS_LIMIT:
-            yield f"it has {ORDERS_LIMIT} orders already; create another one"
+            yield f"it already has {ORDERS_LIMIT} orders; create another one"
         if not {ANY_TYPE, order_type} & set(status.order_types):
             types = ", ".join(map(repr, status.order_types))
-            yield f"it takes no orders of type {order_type!r}, only {types}"
+            yield f"it accepts no orders of type {order_type!r}, only {types}"
         if request.intended_vehicle not in (None, status.intended_vehicle):
             meant = f"vehicle {status.intended_vehicle!r}" if status.intended_vehicle else "any vehicle"
             other = request.intended_vehicle
@@ -166,11 +166,9 @@ def _finished_if_done(status: OrderSequenceStatus, now: datetime) -> OrderSequen
 def _in_words(status: OrderSequenceStatus) -> str:
     """Return what a sequence waits for, or how it has ended."""
     if status.finished:
-        return "is complete, and all of its orders are at their end"
+        return "is complete, and all of its orders have ended"
     index, vehicle = status.finished_index + 1, status.processing_vehicle
     if index == len(status.orders):
         return EMPTY
     place = f"{status.orders[index]!r}, {index + 1} of {len(status.orders)}"
-    return (
-        f"vehicle {vehicle} is to do {place}" if vehicle else f"waits for a vehicle that begins with {place}"
-    )
+    return f"vehicle {vehicle} will execute {place}" if vehicle else f"waiting for a vehicle to start {place}"

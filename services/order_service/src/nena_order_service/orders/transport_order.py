@@ -123,7 +123,7 @@ class TransportOrder:
             name=name,
             version=1,
             state=S.RAW,
-            reason="has just been created",
+            reason="created",
             automatic=automatic,
             drive_orders=tuple(
                 DriveOrderStatus(destination=destination, state=DriveOrderState.PRISTINE)
@@ -311,7 +311,7 @@ class TransportOrder:
         return self._moved(S.WITHDRAWN, None, entry, held=None, next_try=None)
 
     def rerouted(self, route: tuple[str, ...] | None, why: str, now: datetime) -> Self:
-        """Note that its vehicle goes another way; None: which one is not known yet."""
+        """Note that its vehicle rerouted; None: which one is not known yet."""
         self.require("rerouting", S.BEING_PROCESSED)
         current = self.current if route is None else self.current.model_copy(update={"route": route})
         entry = self.entry(now, EventCode.REROUTED, why)
@@ -495,10 +495,10 @@ def _doing(status: TransportOrderStatus) -> str:
     """Return what a vehicle does for an order that it has."""
     vehicle, index = status.processing_vehicle, status.current_drive_order_index
     if status.state is S.WITHDRAWN:
-        return f"{why_withdrawn(status)}; waits until vehicle {vehicle} lets it go"
+        return f"{why_withdrawn(status)}; waiting for vehicle {vehicle} to release it"
     if status.held:
         return held_in_words(status.held)
     current = status.drive_orders[index]
     if current.state is DriveOrderState.OPERATING:
-        return f"vehicle {vehicle} does {current.destination.operation!r} at destination {index + 1}"
+        return f"vehicle {vehicle} executes {current.destination.operation!r} at destination {index + 1}"
     return f"vehicle {vehicle} travels to destination {index + 1} of {len(status.drive_orders)}"

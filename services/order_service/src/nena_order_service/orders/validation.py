@@ -80,22 +80,22 @@ def _check_destination(destination: Destination, plant: PlantModel) -> Iterator[
         yield from _check_operation(destination.operation, plant.location(name), plant)
     elif name is not None and name not in plant.points_by_name:
         known = [*plant.locations_by_name, *plant.points_by_name]
-        yield Finding(f"there is no location or point {name!r}.{_like(name, known)}", unknown=True)
+        yield Finding(f"unknown location or point {name!r}.{_like(name, known)}", unknown=True)
     elif destination.operation not in POINT_OPERATIONS:
         place = f"point {name!r}" if name is not None else "a coordinate"
-        yield Finding(f"operation {destination.operation!r} is not possible at {place}; MOVE or PARK is.")
+        yield Finding(f"operation {destination.operation!r} is not possible at {place}; only MOVE or PARK.")
 
 
 def _check_operation(operation: str, location: Location, plant: PlantModel) -> Iterator[Finding]:
     if location.locked:
         yield Finding(f"location {location.name!r} is locked; unlock it or choose another one.")
     if not location.links:
-        yield Finding(f"location {location.name!r} is linked to no point, so no vehicle can serve it.")
+        yield Finding(f"location {location.name!r} has no link to a point, so no vehicle can reach it.")
     elif not plant.access_points(location.name, operation):
         possible = {NO_OPERATION, *_operations(location.links, location, plant)}
         yield Finding(
             f"operation {operation!r} is not possible at location {location.name!r}; "
-            f"possible are: {', '.join(sorted(possible))}."
+            f"possible: {', '.join(sorted(possible))}."
         )
 
 
@@ -106,7 +106,7 @@ def _operations(links: Iterable[Link], location: Location, plant: PlantModel) ->
 
 def _check_vehicle(name: str | None, vehicles: Collection[str]) -> Iterator[Finding]:
     if name is not None and name not in vehicles:
-        yield Finding(f"There is no vehicle {name!r}.{_like(name, vehicles)}", unknown=True)
+        yield Finding(f"Unknown vehicle {name!r}.{_like(name, vehicles)}", unknown=True)
 
 
 def _check_resources_to_avoid(properties: Iterable[Property], plant: PlantModel) -> Iterator[Finding]:
@@ -115,7 +115,7 @@ def _check_resources_to_avoid(properties: Iterable[Property], plant: PlantModel)
     for name in filter(None, map(str.strip, listed.split(","))):
         if not any(name in names for names in known):
             yield Finding(
-                f"Property {RESOURCES_TO_AVOID}: there is no point, path or location {name!r}.", unknown=True
+                f"Property {RESOURCES_TO_AVOID}: unknown point, path or location {name!r}.", unknown=True
             )
 
 
@@ -124,5 +124,5 @@ def _like(name: str, known: Collection[str]) -> str:
     if alike:
         return f" Did you mean {' or '.join(map(repr, alike))}?"
     if len(known) <= NAMES_SHOWN:
-        return f" There are: {', '.join(map(repr, sorted(known))) or 'none'}."
+        return f" Known: {', '.join(map(repr, sorted(known))) or 'none'}."
     return ""

@@ -98,13 +98,13 @@ class NoRouteError(Exception):
         super().__init__(self._text())
 
     def _text(self) -> str:
-        goal = " or ".join(map(repr, self.destinations)) or "a place that no vehicle can reach"
+        goal = " or ".join(map(repr, self.destinations)) or "an unreachable place"
         who = f" for vehicle {self.vehicle!r}" if self.vehicle else ""
         without = f" without {', '.join(map(repr, self.avoid))}" if self.avoid else ""
         return (
             f"No route from {self.source!r} to {goal}{who}{without}. "
-            "Look for locked paths, missing reverse speeds and one-way tracks in the plant model, "
-            "and for what is closed to the vehicle's type, load or size or lies on another map."
+            "Check the plant model for locked paths, missing reverse speeds and one-way tracks, "
+            "and for restrictions of vehicle type, load, size or map."
         )
 
 
@@ -412,7 +412,7 @@ class ExplicitProperties:
     """Costs written at the paths for each group: `tcs:routingCostForward<GROUP>` and `...Reverse<GROUP>`.
 
     Where the property is missing or no number from 0 up, the cost is `missing`: high, so that such a path is
-    used only where there is no other way.
+    used only where there is no other route.
     """
 
     missing: float = 1_000_000.0

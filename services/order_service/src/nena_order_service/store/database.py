@@ -344,7 +344,7 @@ def read_unfinished(engine: Engine) -> Unfinished:
     except (SQLAlchemyError, ValidationError) as error:
         message = (
             f"the orders in store.url cannot be read: {str(error).splitlines()[0]}. "
-            "Go back to a copy of the store, or name another store.url"
+            "Restore a backup, or set another store.url"
         )
         raise StoreError(message) from error
 

@@ -46,16 +46,16 @@ class InstanceLock:
         if parsed.get_backend_name() != "sqlite":
             return None
         if parsed.database in (None, "", ":memory:"):
-            message = "store.url names no file, so orders would be lost. Name one: sqlite:///orders.db"
+            message = "store.url names no file, so orders would be lost. Set a file: sqlite:///orders.db"
             raise StoreError(message)
         path = _path_of(str(parsed.database))
         try:
             return cls(path)
         except BlockingIOError as error:
-            message = f"another order service uses {path}: end it, or name another store.url"
+            message = f"another order service uses {path}: stop it, or set another store.url"
             raise StoreError(message) from error
         except OSError as error:
-            message = f"cannot open {path}: {error.strerror}. Name a file that can be written in store.url"
+            message = f"cannot open {path}: {error.strerror}. Set store.url to a writable file"
             raise StoreError(message) from error
 
     def loss(self) -> str:
@@ -66,7 +66,9 @@ class InstanceLock:
             return f"the database file {self._path} was deleted while in use"
         except OSError:
             return ""  # whether it is another file is not known; the commit itself reports what is wrong
-        return "" if os.path.samestat(present, self._opened) else f"another file was put at {self._path}"
+        return (
+            "" if os.path.samestat(present, self._opened) else f"the database file {self._path} was replaced"
+        )
 
     def release(self) -> None:
         """Let another process have the store."""

@@ -171,7 +171,7 @@ class Lead:
         return taken
 
     async def _take_again(self, store: Store, engine: Engine, fence: Fence) -> None:
-        log.warning("the connection that holds the lead has ended; taking it again")
+        log.warning("connection of the instance lock lost; taking the lock again")
         store.lead_problem = "the connection to the database was lost"
         while True:
             try:
@@ -185,7 +185,7 @@ class Lead:
                     break
             await asyncio.sleep(POLL)
         store.lead_problem = ""
-        log.info("the lead is kept")
+        log.info("instance lock kept")
 
     def _set_problem(self, problem: str) -> None:
         if problem and not self.problem:

@@ -233,7 +233,7 @@ class Fence:
     def raise_for(cls, engine: Engine, active_url: str) -> Fence:
         """Take the store over: the program that wrote before commits nothing from now on.
 
-        Waits for a commit that is under way. Raises DBAPIError where the database does not answer.
+        Waits for a commit that is active. Raises DBAPIError where the database does not answer.
         """
         with engine.begin() as connection:
             return cls(connection.execute(_TAKE_OVER, _next(active_url)).scalar_one())

@@ -53,8 +53,7 @@ class FencedError(StoreError):
 
     def __init__(self) -> None:
         super().__init__(
-            "another order service is the active one on this store now, so this one has ended. "
-            "Start it again: it stands by then"
+            "another order service is now active on this store, so this one has exited. Restart it as standby"
         )
 
 
@@ -63,7 +62,7 @@ class StoreLostError(StoreError):
 
     def __init__(self, reason: str) -> None:
         super().__init__(
-            f"{reason}, so orders could not be kept. Put the file back, or restore a backup, and start again"
+            f"{reason}, so orders could not be saved. Restore the file or a backup, then restart"
         )
 
 
@@ -187,12 +186,12 @@ def migrate(engine: Engine) -> None:
             command.upgrade(config, "head")
         except CommandError as error:
             message = (
-                f"the tables of the store are of another release ({error}): "
-                "use the release that made the store, go back to a copy of it, or name another store.url"
+                f"the store belongs to another release ({error}): "
+                "use that release, restore a backup, or set another store.url"
             )
             raise StoreError(message) from error
         if before != (now := _revision(connection)):
-            log.info("the tables of the store are brought up to date", before=before, now=now)
+            log.info("migrating the tables of the store", before=before, now=now)
 
 
 def _revision(connection: Connection) -> str | None:
@@ -208,8 +207,8 @@ def _is_from_before_migrations(connection: Connection) -> bool:
     if version == 1:
         return True
     message = (
-        f"the store has tables of version {version}, which no release has made: "
-        "go back to a copy of it, or name another store.url"
+        f"the store has tables of version {version}, which no release has created: "
+        "restore a backup, or set another store.url"
     )
     raise StoreError(message)
 
@@ -219,13 +218,13 @@ PASSING = (OperationalError, InterfaceError, InternalError)
 
 SIGNS_OF_NO_ROOM = ("disk is full", "disk I/O error", "No space left on device")
 """What SQLite and PostgreSQL say of a disk that takes nothing."""
-ROOM = "Look at the room on its disk, and at the disk itself"
+ROOM = "Check the disk and its free space"
 PLACE = (
     "Name a file that can be written, sqlite:///orders.db, or a database of PostgreSQL, "
     "postgresql://USER@HOST/DATABASE"
 )
 
-UNMASKED = "an @ in a password has to stand there as %40"
+UNMASKED = "write an @ in a password as %40"
 
 STUCK_SECONDS = 3
 """How long PostgreSQL waits for a program that hangs within a transaction, before it ends the transaction."""
@@ -255,7 +254,7 @@ def parse_url(url: str) -> URL:
         parsed = make_url(url)
     except (ArgumentError, ValueError):
         # The URL may hold a password, so neither it nor what is said of its parts is repeated.
-        raise unusable("it is no database URL") from None
+        raise unusable("not a database URL") from None
     if "@" in (parsed.host or ""):  # the end of a password, which would be reported as an unknown host
         raise unusable(UNMASKED)
     kind = parsed.get_backend_name()

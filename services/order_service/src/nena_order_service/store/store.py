@@ -80,13 +80,13 @@ class Store:
     @property
     def why_not_ready(self) -> str:
         """Why new orders may not be taken; empty when they may."""
-        full = "too much waits to be written" if len(self._then) >= WAITING_LIMIT else ""
+        full = "too many changes are waiting to be written" if len(self._then) >= WAITING_LIMIT else ""
         return self._lost() or self.problem or self.lead_problem or full
 
     @property
     def why_not_answered(self) -> str:
         """Why a change is not committed after all the time that it had."""
-        return self.why_not_ready or "it has not answered in time"
+        return self.why_not_ready or "it did not answer in time"
 
     @property
     def waiting(self) -> int:
@@ -235,7 +235,7 @@ class Store:
     def _lost(self) -> str:
         """Look at the database file; return why it is not the one that was opened, empty while it is."""
         if not self._loss and self._lock and (loss := self._lock.loss()):
-            log.critical("no more orders are taken, the order service ends", reason=loss)
+            log.critical("accepting no more orders; the order service exits", reason=loss)
             self._loss = loss
             self._wake.set()
             for answer in [each for each in self._answers if not each.done()]:
@@ -244,9 +244,9 @@ class Store:
 
     def _set_problem(self, problem: str) -> None:
         if problem and problem != self.problem:
-            log.error("the store takes nothing, trying on; look at its disk or server", reason=problem)
+            log.error("database unavailable; retrying; check its disk or server", reason=problem)
         if self.problem and not problem:
-            log.info("the store takes changes again")
+            log.info("database available again")
         self.problem = problem
 
     @staticmethod

@@ -33,7 +33,7 @@ class Prospect:
     displaces: Callable[[str], bool]
     """Whether others that rest have to make room for the drive to a point."""
     may_displace: bool = True
-    """Whether they are asked to, where there is no other way."""
+    """Whether they are asked to, where there is no other route."""
 
     def why_not(self, point: str) -> str:
         """Return what keeps the vehicle from parking at a point; empty: nothing."""
@@ -53,7 +53,7 @@ class Parking:
 
 
 PARKED = Parking()
-BARRED = "has others in its way, who have made room often enough"
+BARRED = "is behind vehicles that have already made room"
 
 
 class ParkingPositions:
@@ -96,7 +96,7 @@ class ParkingPositions:
             return PARKED
         named = f"its assigned parking position {point!r}"
         if point not in self._points:
-            return Parking(reason=f"{named} is no point of the plant model")
+            return Parking(reason=f"{named} is not a point of the plant model")
         why_not = prospect.why_not(point)
         return Parking(reason=f"{named} {why_not}") if why_not else Parking(point)
 
@@ -114,7 +114,7 @@ class ParkingPositions:
             return "the plant model has no parking positions"
         if free:
             return f"each free parking position near it {BARRED}"
-        return "no parking position is free that it can reach"
+        return "no reachable parking position is free"
 
 
 _Ranked = tuple[float, float, str]
@@ -211,7 +211,5 @@ class RechargeLocations:
 
 def _why_none(assigned: str | None) -> str:
     if assigned is None:
-        return "there is no recharge location that it can reach"
-    return (
-        f"it cannot recharge at its assigned recharge location {assigned!r}: there is none, or no way to it"
-    )
+        return "there is no reachable recharge location"
+    return f"it cannot recharge at its assigned recharge location {assigned!r}: it is unknown or unreachable"

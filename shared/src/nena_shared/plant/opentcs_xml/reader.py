@@ -216,7 +216,7 @@ def _drawn_by_properties(values: Mapping[str, str], layer_id: int) -> Drawn:
     position = tuple(_integer(values[key]) for key in ("POSITION_X", "POSITION_Y") if key in values)
     color = values.get("ROUTE_COLOR") or values.get("COLOR")
     if color is not None and COLOR.fullmatch(color) is None:
-        msg = f"{color!r} is no colour #RRGGBB"
+        msg = f"{color!r} is not a colour #RRGGBB"
         raise ValueError(msg)
     return Drawn(
         position_mm=(position[0], position[1]) if len(position) == len("xy") else None,
@@ -239,7 +239,7 @@ def _pixels(text: str) -> tuple[tuple[int, int], ...]:
 
 def _integer(text: str) -> int:
     if INTEGER.fullmatch(text.strip()) is None:
-        msg = f"{text!r} is no whole number"
+        msg = f"{text!r} is not a whole number"
         raise ValueError(msg)
     return int(text)
 

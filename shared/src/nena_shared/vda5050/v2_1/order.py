@@ -234,7 +234,7 @@ class OrderV21(Order):
             if (edge.start_node_id, edge.end_node_id) != (before.node_id, after.node_id):
                 message = (
                     f"edge {edge.edge_id!r} goes from {edge.start_node_id!r} to {edge.end_node_id!r}, "
-                    f"but stands between {before.node_id!r} and {after.node_id!r}"
+                    f"but is between {before.node_id!r} and {after.node_id!r}"
                 )
                 raise ValueError(message)
         return self

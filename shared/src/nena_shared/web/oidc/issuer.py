@@ -87,10 +87,10 @@ class BoundedHttp:
             message = f"{url}: {str(error) or type(error).__name__}"
             raise IssuerAwayError(message) from error
         except (ValueError, RecursionError) as error:
-            message = f"{url} answered {answer.status_code}, which is no JSON"
+            message = f"{url} answered {answer.status_code}, which is not JSON"
             raise IssuerAwayError(message) from error
         if not isinstance(found, dict):
-            message = f"{url} answered with JSON that is no object"
+            message = f"{url} answered with JSON that is not an object"
             raise IssuerAwayError(message)
         return answer.status_code, found
 
@@ -140,10 +140,10 @@ def metadata_of(document: dict[str, Any], issuer: str) -> Metadata:
         found = Metadata.model_validate(document)
     except ValidationError as error:
         problems = "; ".join(in_words(error.errors(), whole="all of it", most=PROBLEMS_SHOWN))
-        message = f"{place_of(issuer)} is not what it has to be: {problems}"
+        message = f"{place_of(issuer)} is invalid: {problems}"
         raise IssuerAwayError(message) from error
     if found.issuer != issuer:
-        message = f"it calls itself {shortened(repr(found.issuer))}: write http.oidc.issuer in just this way"
+        message = f"its issuer is {shortened(repr(found.issuer))}: set http.oidc.issuer to exactly this value"
         raise IssuerAwayError(message)
     return found
 
@@ -171,11 +171,11 @@ class KeySet:
         """
         listed = document.get("keys")
         if not isinstance(listed, list) or len(listed) > KEYS_LIMIT:
-            message = f"it has no list of at most {KEYS_LIMIT} keys"
+            message = f"it has no list of keys, or more than {KEYS_LIMIT}"
             raise ValueError(message)
         usable = [each for each in listed if isinstance(each, dict) and _is_usable(each)]
         if not usable:
-            message = "none of its keys is a public one for signatures"
+            message = "it has no public signature key"
             raise ValueError(message)
         return cls(usable)
 
@@ -275,7 +275,7 @@ class Issuer:
         if key is None and self.problem:
             raise IssuerAwayError(self.problem)
         if key is None:
-            message = "the issuer has no such key (kid)"
+            message = "the issuer does not have this key (kid)"
             raise TokenRefusedError(message)
         return key
 
@@ -290,7 +290,7 @@ class Issuer:
         known = self._known
         if known and (answered or serves(known)) and self._is_younger(known, KEPT):
             return known
-        raise IssuerAwayError(self.problem or "it was asked too often")
+        raise IssuerAwayError(self.problem or "too many requests to it")
 
     def _begin_to_renew(self) -> None:
         """Start to renew from the issuer while requests continue, unless a renewal is running."""
@@ -301,10 +301,10 @@ class Issuer:
         try:
             await self._renew(lambda _: True)
         except Exception:
-            log.exception("the OIDC issuer was not asked; what is known counts for now")
+            log.exception("OIDC issuer unavailable; its known keys remain in use")
 
     async def _renew(self, serves: _Serves) -> bool:
-        """Ask the issuer, unless what it has just said serves; False: it was asked too often."""
+        """Ask the issuer, unless what it has just said serves; False: too many requests to it."""
         async with self._lock:
             known = self._known
             if known and serves(known) and self._is_younger(known, FRESH):
@@ -321,11 +321,11 @@ class Issuer:
             keys = await self._keys(metadata.jwks_uri)
         except IssuerAwayError as error:
             if str(error) != self.problem:
-                log.warning("the OIDC issuer cannot be asked; NeNa's own tokens count", reason=str(error))
+                log.warning("OIDC issuer unavailable; only NeNa's own tokens are accepted", reason=str(error))
             self.problem = str(error)
             return
         if self.problem or self._known is None:
-            log.info("the OIDC issuer is known", issuer=self.settings.issuer)
+            log.info("OIDC issuer reachable", issuer=self.settings.issuer)
         self.problem = ""
         self._known = _KnownKeys(metadata, keys, self._clock.monotonic())
 

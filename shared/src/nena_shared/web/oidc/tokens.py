@@ -27,10 +27,10 @@ UNREADABLE = (flaws.PyJWTError, ValueError, TypeError, OverflowError, RecursionE
 
 REASONS: dict[type[Exception], str] = {
     flaws.ExpiredSignatureError: "it has expired",
-    flaws.ImmatureSignatureError: "it is not valid yet; do the clocks agree?",
-    flaws.InvalidAudienceError: "it is meant for somebody else (aud)",
-    flaws.InvalidIssuerError: "it is of another issuer (iss)",
-    flaws.InvalidSignatureError: "its signature is not that of the issuer",
+    flaws.ImmatureSignatureError: "it is not valid yet; check the clocks",
+    flaws.InvalidAudienceError: "it is for another audience (aud)",
+    flaws.InvalidIssuerError: "it is from another issuer (iss)",
+    flaws.InvalidSignatureError: "its signature is invalid",
 }
 
 
@@ -59,10 +59,10 @@ def header_of(token: str, algorithms: Sequence[str]) -> TokenHeader:
         raise TokenRefusedError(message) from error
     algorithm = header.get("alg")
     if algorithm not in algorithms:
-        message = f"its kind of signature does not count here, only {', '.join(algorithms)} (alg)"
+        message = f"its signature algorithm is not accepted, only {', '.join(algorithms)} (alg)"
         raise TokenRefusedError(message)
     if "crit" in header or str(header.get("typ") or "").lower() not in TYPES:
-        message = "it is of a kind that does not count here (typ, crit)"
+        message = "its type is not accepted (typ, crit)"
         raise TokenRefusedError(message)
     return TokenHeader(header.get("kid"), str(algorithm))
 

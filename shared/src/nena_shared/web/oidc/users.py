@@ -57,7 +57,7 @@ def user_of(claims: Mapping[str, Any], settings: OidcSettings) -> OidcUser:
     """
     subject = claims.get("sub")
     if not isinstance(subject, str) or not 0 < len(subject) <= SUBJECT_LIMIT or not subject.isprintable():
-        message = "it does not say whose it is (sub)"
+        message = "it names no user (sub)"
         raise TokenRefusedError(message)
     name = _name(claims.get(settings.user_claim)) or subject[:NAME_LIMIT]
     return OidcUser(name, _role(name, claims, settings), subject, _end(claims, settings.leeway))
@@ -83,7 +83,7 @@ def _role(name: str, claims: Mapping[str, Any], settings: OidcSettings) -> Role:
     if not roles:
         wanted = ", ".join(settings.roles)
         message = (
-            f"{name} is known, but has no role here. Ask whoever runs the issuer for one of: {wanted} "
+            f"{name} has no role in NeNa. Ask the administrator of the issuer for one of: {wanted} "
             f"(claim {settings.roles_claim}), then sign in again."
         )
         raise NoRoleError(message)
@@ -98,5 +98,5 @@ def _end(claims: Mapping[str, Any], leeway: float) -> datetime:
     try:
         return datetime.fromtimestamp(int(claims["exp"]), UTC) + timedelta(seconds=leeway)
     except (ValueError, TypeError, OverflowError, OSError) as error:
-        message = "its end (exp) is no time"
+        message = "its expiry (exp) is not a time"
         raise TokenRefusedError(message) from error

@@ -186,6 +186,6 @@ async def test_rerouting_of_who_has_no_order_is_refused(client: httpx.AsyncClien
     answer = await client.post(f"{API}/vehicles/Robot-01/rerouteRequest", params={"forced": True})
     assert (answer.status_code, answer.json()) == (
         409,
-        ["Vehicle 'Robot-01' cannot be rerouted: it works on no transport order."],
+        ["Vehicle 'Robot-01' cannot be rerouted: it has no transport order."],
     )
     assert (await client.post(f"{API}/vehicles/R2D2/rerouteRequest")).status_code == 404

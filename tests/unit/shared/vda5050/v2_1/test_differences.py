@@ -113,7 +113,7 @@ def test_edges_that_do_not_name_their_ends_are_refused(order: JsonObject, missin
 def test_edge_that_joins_other_nodes_is_refused(order: JsonObject) -> None:
     order["edges"][0]["endNodeId"] = "C"
 
-    with pytest.raises(MalformedMessageError, match="goes from 'A' to 'C', but stands between 'A' and 'B'"):
+    with pytest.raises(MalformedMessageError, match="goes from 'A' to 'C', but is between 'A' and 'B'"):
         read(Order, order)
 
 

@@ -83,8 +83,8 @@ def test_clocks_may_differ_a_little() -> None:
         ({"iss": "https://evil.example"}, "another issuer"),
         ({"iss": f"{ISSUER}/"}, "another issuer"),
         ({"iss": None}, "lacks the claim iss"),
-        ({"aud": "somebody"}, "somebody else"),
-        ({"aud": [AUDIENCE.upper()]}, "somebody else"),
+        ({"aud": "somebody"}, "another audience"),
+        ({"aud": [AUDIENCE.upper()]}, "another audience"),
         ({"aud": []}, "aud"),
         ({"aud": None}, "lacks the claim aud"),
         ({"exp": 1}, "has expired"),
@@ -107,7 +107,7 @@ def test_each_broken_rule_is_told(change: dict[str, Any], reason: str) -> None:
 
 def test_a_token_that_nobody_signed_is_refused() -> None:
     for name in ("none", "None", "NONE", "nOnE"):
-        with pytest.raises(TokenRefusedError, match="signature does not count"):
+        with pytest.raises(TokenRefusedError, match="algorithm is not accepted"):
             judged(unsigned(claims(), {"alg": name, "kid": RSA.kid}))
 
 
@@ -120,13 +120,13 @@ def test_the_public_key_is_no_secret_to_sign_with() -> None:
 
 
 def test_a_key_of_somebody_else_is_refused() -> None:
-    with pytest.raises(TokenRefusedError, match="not that of the issuer"):
+    with pytest.raises(TokenRefusedError, match="its signature is invalid"):
         judged(signed(claims(), ec_key()))
 
 
 def test_a_signature_by_a_key_in_the_token_is_refused() -> None:
     other = ec_key()
-    with pytest.raises(TokenRefusedError, match="not that of the issuer"):
+    with pytest.raises(TokenRefusedError, match="its signature is invalid"):
         judged(signed(claims(), other, jwk=other.public))
 
 
@@ -134,13 +134,13 @@ def test_changed_claims_are_refused() -> None:
     first, _, seal = signed(claims(), RSA).split(".")
     _, other, _ = signed(claims(sub="18"), RSA).split(".")
 
-    with pytest.raises(TokenRefusedError, match="not that of the issuer"):
+    with pytest.raises(TokenRefusedError, match="its signature is invalid"):
         judged(f"{first}.{other}.{seal}")
 
 
 @pytest.mark.parametrize("header", [{"typ": "logout+jwt"}, {"typ": "dpop+jwt"}, {"crit": ["exp"]}])
 def test_tokens_for_other_things_are_refused(header: dict[str, Any]) -> None:
-    with pytest.raises(TokenRefusedError, match=r"kind|cannot be read"):
+    with pytest.raises(TokenRefusedError, match=r"type|cannot be read"):
         judged(signed(claims(), RSA, **header))
 
 
