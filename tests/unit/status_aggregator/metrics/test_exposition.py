@@ -4,6 +4,7 @@ import asyncio
 import shutil
 import subprocess
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 from prometheus_client.metrics_core import Metric
@@ -11,6 +12,7 @@ from prometheus_client.parser import text_string_to_metric_families
 
 from nena_shared.clock import ManualClock
 from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.metrics import Metric as Documented
 from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.fleet.messages import MessageKind
@@ -79,7 +81,8 @@ def value(aggregator: Aggregator, name: str, **labels: str) -> float | None:
 
 
 def test_the_tables_name_exactly_what_is_exposed(aggregator: Aggregator) -> None:
-    tables = [*(each for section in SECTIONS for each in section.metrics), *documented()]
+    tables: list[Documented[Any]] = [each for section in SECTIONS for each in section.metrics]
+    tables += documented()
     found = {
         f"{family.name}_total" if family.type == "counter" else family.name: (
             family.type,
