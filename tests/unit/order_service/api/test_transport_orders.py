@@ -172,7 +172,7 @@ async def test_withdrawal_of_a_waiting_order_ends_it(client: httpx.AsyncClient) 
     answer = await client.post(f"{ORDERS}/T-1/withdrawal", json={"reason": "customer cancelled"})
     assert answer.status_code == 200
     assert (answer.json()["state"], answer.json()["reason"]) == ("FAILED", "customer cancelled")
-    assert "FAILED already" in problem(await client.post(f"{ORDERS}/T-1/withdrawal"), 409).detail
+    assert "already FAILED" in problem(await client.post(f"{ORDERS}/T-1/withdrawal"), 409).detail
 
 
 async def test_store_that_takes_nothing_promises_nothing(
@@ -271,5 +271,5 @@ async def test_what_has_ended_is_neither_held_nor_resumed(client: httpx.AsyncCli
     await client.post(ORDERS, json={"name": "T-1", "destinations": [{"locationName": "South 2"}]})
     await client.post(f"{ORDERS}/T-1/withdrawal")
     for verb in ("hold", "resume"):
-        assert "FAILED already" in problem(await client.post(f"{ORDERS}/T-1/{verb}"), 409).detail
+        assert "already FAILED" in problem(await client.post(f"{ORDERS}/T-1/{verb}"), 409).detail
         problem(await client.post(f"{ORDERS}/T-9/{verb}"), 404)

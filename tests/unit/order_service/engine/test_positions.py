@@ -186,4 +186,4 @@ async def test_a_robot_at_an_order_that_nobody_knows_here_says_which() -> None:
 
     fleet.fields["V1"] = {"order_id": "lost-0"}
     fleet.appear("V1", "A")
-    assert "has nothing to do" in reason_of(engine, "V1")
+    assert "idle: no order waits" in reason_of(engine, "V1")
