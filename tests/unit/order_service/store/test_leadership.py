@@ -68,7 +68,7 @@ def test_who_was_replaced_commits_nothing_any_more(postgres: Postgres) -> None:
     assert new.epoch > old.epoch
     assert new.is_up(engine)
     assert not old.is_up(engine)
-    with pytest.raises(FencedError, match="Start it again"):
+    with pytest.raises(FencedError, match="Restart it as standby"):
         write(engine, changes((dispatchable_order(number=2), None)), old)
     assert read_order(engine, name="T-1") is not None
     assert read_order(engine, name="T-2") is None
