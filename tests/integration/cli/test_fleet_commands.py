@@ -212,7 +212,7 @@ async def test_what_goes_wrong_is_one_clear_text(fleet: Fleet) -> None:
     client = await fleet.order_service().client()
     nena = Nena(str(client.base_url))
     for arguments, said in (
-        (("orders", "show", "T-9"), "There is no transport order 'T-9'"),
+        (("orders", "show", "T-9"), "Unknown transport order 'T-9'"),
         (("orders", "create", "Nowhere"), "Nowhere"),
         (("vehicles", "show", "R2D2"), "R2D2"),
         (("vehicles", "reroute", "Robot-01", "--forced"), "has no transport order"),

@@ -105,7 +105,7 @@ async def test_there_is_room_for_so_many(tmp_path: Path) -> None:
     maps = store(tmp_path, maximum=2)
     await maps.install("hall", "2", b"")
 
-    with pytest.raises(MapRefusedError, match="holds 2 maps"):
+    with pytest.raises(MapRefusedError, match="has 2 maps"):
         await maps.install("hall", "3", b"")
 
 

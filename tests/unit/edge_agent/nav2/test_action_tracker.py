@@ -192,7 +192,7 @@ def test_a_refused_goal_is_sent_again_under_another_id_and_then_fails(talk: Conv
     (failed,) = talk.ends
     assert isinstance(failed, DriveFailed)
     assert failed.failure is DriveFailure.NOT_TAKEN_UP
-    assert "has refused" in failed.description
+    assert "rejected the goal" in failed.description
 
 
 def test_an_answer_that_is_lost_is_made_up_for_by_the_array(talk: Conversation) -> None:
@@ -357,7 +357,7 @@ def test_goals_at_the_other_action_are_somebody_elses(talk: Conversation) -> Non
         (503, "smoother"),
         (701, "recovery"),
         (9001, "navigator"),
-        (42, "does not know"),
+        (42, "unknown error code"),
     ],
 )
 def test_says_what_a_code_means_and_the_code(code: int, text: str) -> None:

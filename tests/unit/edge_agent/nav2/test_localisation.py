@@ -240,9 +240,9 @@ def test_a_localisation_that_has_gone_or_come_back_is_noticed_once() -> None:
     seen = [watch.look(each, inactive=False) for each in (frozenset[str](), one, one)]
     assert seen == [None, None, None]
     looks = [watch.look(frozenset(), inactive=False) for _ in range(4)]
-    assert ["has gone" in str(each) for each in looks] == [False, True, False, False]
+    assert ["is not running" in str(each) for each in looks] == [False, True, False, False]
     assert watch.look(other, inactive=False) is None, "its pose is new"
-    assert "started again" in str(watch.look(one | other, inactive=False)), "DDS still shows the old one"
+    assert "was restarted" in str(watch.look(one | other, inactive=False)), "DDS still shows the old one"
     assert watch.look(one, inactive=False) is None, "the old one is gone at last"
 
 

@@ -71,7 +71,7 @@ def test_an_enabled_set_takes_the_place_of_the_other_one_of_its_map() -> None:
 def test_a_set_with_the_id_of_another_one_is_not_taken() -> None:
     sets = with_sets(zone_set(WALL))
 
-    with pytest.raises(DuplicateZoneSetError, match="'s1' already"):
+    with pytest.raises(DuplicateZoneSetError, match="already has a zone set 's1'"):
         sets.add(zone_set(zone("other", "BLOCKED", 0, 1)))
     assert [zone.zone_id for each, _ in sets.held for zone in each.zones] == ["wall"]
 

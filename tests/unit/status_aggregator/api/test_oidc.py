@@ -110,7 +110,7 @@ async def refusal(issuer: OidcIssuer, **settings: Any) -> SignInError:
         ({"nonce": "of another sign-in"}, "nonce"),
         ({"nonce": None}, "nonce"),
         ({"nonce": "\ud800"}, "nonce"),
-        ({"aud": "another-client"}, "somebody else"),
+        ({"aud": "another-client"}, "another audience"),
         ({"aud": [CLIENT, "other"], "azp": "other"}, "azp"),
         ({"iss": "https://evil.example"}, "another issuer"),
         ({"exp": 1}, "expired"),

@@ -155,7 +155,7 @@ async def test_a_sign_in_that_somebody_else_began_is_none(
 async def test_who_has_no_role_here_is_told(panel: httpx.AsyncClient) -> None:
     with capture_logs() as logged:
         assert problem_of(await panel.get(await at_issuer(panel, "bob"))) == "role"
-    assert "bob is known" in next(each for each in logged if each.get("why") == "role")["reason"]
+    assert "bob has no role in NeNa" in next(each for each in logged if each.get("why") == "role")["reason"]
 
 
 async def test_a_wrong_nonce_signs_nobody_in(panel: httpx.AsyncClient, issuer: OidcIssuer) -> None:

@@ -285,7 +285,7 @@ def test_lost_release_means_stop(header: JsonObject, zone: JsonObject) -> None:
 def test_area_has_three_corners_and_each_zone_its_own_id(header: JsonObject, zone: JsonObject) -> None:
     with pytest.raises(MalformedMessageError, match="vertices"):
         read(ZoneSetTransfer, zone_set(header, zone | {"vertices": zone["vertices"][:2]}))
-    with pytest.raises(MalformedMessageError, match="zoneId 'z' stands twice"):
+    with pytest.raises(MalformedMessageError, match="zoneId 'z' occurs twice"):
         read(ZoneSetTransfer, zone_set(header, zone, zone))
 
 

@@ -74,7 +74,7 @@ def test_a_site_has_a_table_of_its_own() -> None:
 @pytest.mark.parametrize("given_roles", [[], ["cook"], "NENA-ADMIN", None, {"nena-admin": True}])
 def test_without_a_role_it_says_what_to_do(given_roles: object) -> None:
     with pytest.raises(
-        NoRoleError, match=r"ann is known.*nena-viewer, nena-operator, nena-admin.*claim roles"
+        NoRoleError, match=r"ann has no role in NeNa.*nena-viewer, nena-operator, nena-admin.*claim roles"
     ):
         user_of({**CLAIMS, "roles": given_roles}, settings())
 
