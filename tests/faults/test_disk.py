@@ -72,6 +72,6 @@ async def test_killed_while_it_is_full(trial: Callable[..., Any], disk: SmallDis
             before = len(running.site.programs["order-service"].log)
             began = running.site.start_order_service()
             running.site.start_loopback()
-            await began.logged("the store takes nothing", start=before)
+            await began.logged("database unavailable", start=before)
             disk.clear()
             await running.recovers("killed while the disk is full")

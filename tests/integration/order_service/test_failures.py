@@ -93,7 +93,7 @@ async def test_a_late_order_is_cancelled_at_the_robot(fleet: Fleet, service: Sta
 
     late = await order_in(client, "T", "FAILED")
     assert "timeout: not done within 2 s" in late["reason"]
-    assert "the vehicle has let it go" in late["reason"]
+    assert "the vehicle has released it" in late["reason"]
     assert "cancelOrder" in instant_actions(wire)
     await vehicle_idle(client)
 
@@ -142,7 +142,7 @@ async def test_killed_between_two_tries_it_tries_on(fleet: Fleet) -> None:
         return found
 
     waiting = await awaited(order, lambda told: bool(told.get("nextTry")), seconds=30, what="it waits")
-    assert "it is tried again at" in waiting["reason"]
+    assert "its next try is at" in waiting["reason"]
     program.kill()
 
     client = await fleet.order_service(*mapped).client()

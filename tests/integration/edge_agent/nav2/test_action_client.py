@@ -82,7 +82,7 @@ async def test_a_refused_goal_fails_and_says_so(nav2: RclpyNav2, robot: DrivenRo
     robot.driver.go_to(goal_at(1, 5.0))
     failed = await robot.hears(DriveFailed)
     assert failed.failure is DriveFailure.NOT_TAKEN_UP
-    assert "refused" in failed.description
+    assert "rejected" in failed.description
     assert len(nav2.goals) == 4
 
 

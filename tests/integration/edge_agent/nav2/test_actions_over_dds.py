@@ -240,7 +240,7 @@ async def test_a_whole_order_loads_drives_docks_and_unloads(bench: Bench) -> Non
 
         fleet.send(order("n0", "n2", order_id="bad", node_actions={"n2": [hard("d0", "drop", height=0)]}))
         refused = await fleet.state(lambda state: error_types(state) == ["orderError"])
-        assert "carries nothing" in refused["errors"][0]["errorDescription"]
+        assert "carries none" in refused["errors"][0]["errorDescription"]
         assert refused["orderId"] == ""
 
         fleet.send(

@@ -65,7 +65,7 @@ async def test_a_localisation_that_was_started_again_has_forgotten_the_place(ben
     async with bench.robot(ros=QUICK) as fleet:
         assert localised(fleet.states[-1])
         bench.fault("server_died", server="amcl")
-        lost = await fleet.state(lambda state: not localised(state) and "has gone" in texts(state))
+        lost = await fleet.state(lambda state: not localised(state) and "is not running" in texts(state))
         assert "localizationError" in str(lost["errors"]) or "LOCALIZATION_ERROR" in error_types(lost)
         bench.fault("server_died", server="amcl", active=False)
         fleet.send(order("n0", "n1", order_id="lost"))
@@ -82,7 +82,7 @@ async def test_a_localisation_that_dies_on_the_way_stops_the_robot(bench: Bench)
         fleet.send(LONG_WAY)
         await bench.moves()
         bench.fault("server_died", server="amcl")
-        await fleet.state(lambda state: "has gone" in texts(state))
+        await fleet.state(lambda state: "is not running" in texts(state))
         await until(lambda: bench.speed == 0.0, what="the robot at rest")
         assert bench.places[-1] < 29.0
 

@@ -348,6 +348,6 @@ async def test_commands_of_somebody_else_raise_the_alarm(
         peer.publish(topic, b'{"orderId": "of another fleet control"}')
         await until(lambda: fleet.fleet.statistics.foreign == 1)
 
-    (alarm,) = [each for each in logs if each["event"].startswith("somebody else")]
+    (alarm,) = [each for each in logs if each["event"].startswith("another fleet control")]
     assert alarm["topic"] == topic
     assert "of another fleet control" in alarm["message"]
