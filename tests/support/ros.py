@@ -66,7 +66,7 @@ class Participant:
             domain_id=domain_id,
             signal_handler_options=SignalHandlerOptions.NO,
         )
-        self._node = self.node("test_process", "")
+        self._node = self.node("_test_process", "")  # hidden, as for `ros2 node list`
 
     def node(self, name: str, namespace: str) -> Node:
         """Make a node of this participant."""

@@ -154,7 +154,7 @@ async def test_a_robot_that_is_not_sure(domain_id: int) -> None:
     with simulated_robot(domain_id, localisation={"xy_deviation": 3.0}):
         view = await look(settings)
 
-    assert "is not sure" in first_missing(view, settings).text
+    assert "is uncertain" in first_missing(view, settings).text
 
 
 async def test_another_frame(domain_id: int) -> None:
@@ -208,5 +208,5 @@ async def test_what_nav2s_parameters_say_is_told(domain_id: int) -> None:
 
     assert (view.tolerance, view.server_timeout) == (0.15, 20)
     (nav2,) = (each for each in judge_robot(view, settings) if each.link is Link.NAVIGATION)
-    assert "within 0.15 m" in nav2.text
+    assert "goal tolerance 0.15 m" in nav2.text
     assert "waits 20 ms" in nav2.text

@@ -87,7 +87,7 @@ async def test_a_robot_that_cannot_be_understood_is_not_called_silent(
             robot.report()
             return fleet.fleet.view(ROBOT).availability.reason
 
-        await until(lambda: "cannot be read" in reason(), what="a reason")
+        await until(lambda: "are unreadable" in reason(), what="a reason")
         assert reason() == (
             'sends states that are unreadable: orderId: Input should be a valid string (received {"id":"m"})'
         )
