@@ -95,6 +95,8 @@ class ScriptedFleet:
     """Where each robot stands, by the vehicle's name."""
     mute: set[str] = field(default_factory=set)
     """Robots that have told no state."""
+    stale: set[str] = field(default_factory=set)
+    """Robots whose states are from before they connected."""
     fields: dict[str, dict[str, Any]] = field(default_factory=dict)
     """What else the states of robots say."""
     out_of_order: set[str] = field(default_factory=set)
@@ -175,6 +177,7 @@ class ScriptedFleet:
             order_phase=None,
             wait_reason=self.notes.get(robot.serial_number, "") if busy else "",
             malformed=0,
+            stale=robot.serial_number in self.stale,
         )
 
     def _state(self, robot: RobotKey) -> State:

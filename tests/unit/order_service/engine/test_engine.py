@@ -205,6 +205,19 @@ async def test_robot_without_a_state_is_asked_for_it_once(fleet: ScriptedFleet) 
     assert fleet.actions == [("V2", "stateRequest")]
 
 
+@pytest.mark.usefixtures("engine")
+async def test_robot_that_has_connected_again_is_asked_for_its_state_once(fleet: ScriptedFleet) -> None:
+    fleet.stale.add("V1")
+    fleet.appear("V1", "A")
+    fleet.appear("V1", "A")
+    assert fleet.actions == [("V1", "stateRequest")]
+    fleet.stale.clear()
+    fleet.appear("V1", "A")
+    fleet.stale.add("V1")
+    fleet.appear("V1", "A")
+    assert fleet.actions == [("V1", "stateRequest")] * 2
+
+
 async def test_restart_takes_up_what_is_under_way(
     engine: Engine, store: MemoryStore, fleet: ScriptedFleet
 ) -> None:

@@ -169,6 +169,21 @@ def test_a_refusal_from_between_the_robots_start_and_its_first_state_is_not_the_
 
 
 @pytest.mark.clause("6.1.4/fleet")
+def test_refusals_are_excused_for_one_sending_only_though_the_robot_connects_again_and_again() -> None:
+    bench = Bench(robot=HonestRobot(position=(9.0, 9.0, 0.0))).online()
+    bench.start(make_vda_order("m", "A", "B"))
+    for _ in range(3):
+        bench.now += 0.5
+        bench.connection(ConnectionState.ONLINE)
+        bench.deliver()
+        bench.report()
+        bench.robot.errors.clear()
+        bench.report()
+    assert failure(bench).reason == "the robot refuses the order"
+    assert bench.orders_sent() == ["m", "m"]
+
+
+@pytest.mark.clause("6.1.4/fleet")
 @pytest.mark.parametrize("kind", ["noRouteError", "orderError", "validationError", "orderUpdateError"])
 def test_a_refusal_without_references_is_known_by_its_type_and_time(kind: str) -> None:
     bench = Bench().online()

@@ -105,6 +105,26 @@ def test_a_robot_with_a_lost_clock_is_believed_once_it_has_connected(robot: Robo
     assert robot.take_state(state(0, at=0.0, **fresh), 502.0)
 
 
+@pytest.mark.clause("6.5/fleet")
+def test_online_that_is_published_periodically_is_no_new_connection(robot: Robot) -> None:
+    robot.take_connection(connection(number=4, at=0.0), 0.0)
+    robot.take_state(state(9, at=1.0), 1.0)
+    assert not robot.take_connection(connection(number=5, at=2.0), 2.0)
+    assert not robot.stale
+    assert not robot.take_state(state(8, at=0.5), 2.5), "an old state stays old"
+
+
+@pytest.mark.clause("6.5/fleet")
+@pytest.mark.parametrize(("gone", "number"), [(False, 0), (True, 6)], ids=["restart", "after a will"])
+def test_a_robot_that_has_connected_again_has_to_report(robot: Robot, *, gone: bool, number: int) -> None:
+    robot.take_connection(connection(number=4, at=0.0), 0.0)
+    robot.take_state(state(9, at=1.0), 1.0)
+    if gone:
+        robot.take_connection(connection("CONNECTION_BROKEN", number=4, at=0.0), 2.0)
+    assert robot.take_connection(connection(number=number, at=3.0), 3.0)
+    assert robot.stale
+
+
 @pytest.mark.clause("7.2/headerId")
 def test_an_old_state_behind_a_repeated_connection_message_changes_nothing(robot: Robot) -> None:
     robot.take_connection(connection(number=1, at=0.0), 0.0)

@@ -20,7 +20,7 @@ from nena_order_service.fleet.vda_order import BaseChangedError, VdaOrder, relea
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel
 from nena_shared.vda5050.factsheet import OptionalParameter, Support
 from nena_shared.vda5050.order import Node
-from support.fleet import Bench, make_vda_order
+from support.fleet import Bench, make_vda_order, order_of
 
 pytestmark = pytest.mark.clause("6.1.2/fleet")
 
@@ -298,6 +298,21 @@ def test_an_update_repeats_its_first_node_as_it_was_sent_before_a_restart() -> N
     first, second = nodes_sent(before)[0], nodes_sent(after)[1]
     assert second[0] == first[1]
     assert [each.node_position and each.node_position.allowed_deviation_xy for each in second] == [None] * 4
+
+
+@pytest.mark.clause("7.10")
+def test_after_a_restart_an_update_has_no_speeds_for_a_robot_without_a_factsheet() -> None:
+    limited = tuple(each.model_copy(update={"maximum_speed": 0.5}) for each in WHOLE.edges)
+    whole = WHOLE.model_copy(update={"edges": limited})
+    after = Bench()
+    key = after.robot.key
+    after.robot.take_order(order_of(base(2), after.robot))
+    after.take(after.fleet.on_broker(connected=True, now=after.now))
+    after.take(after.fleet.adopt_vda_order(key, base(4, whole), after.now, accepted=True, update_id=1))
+    after.report()
+
+    sent = [each.vda_order for each in after.sent if isinstance(each, PublishOrder)]
+    assert [edge.maximum_speed for each in sent for edge in each.edges] == [None] * 3
 
 
 @pytest.mark.clause("7.10")

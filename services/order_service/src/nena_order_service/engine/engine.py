@@ -527,9 +527,9 @@ class Engine:
         self._life_cycle.robot_changed(vehicle)
 
     def _ask_for_state(self, view: RobotView) -> None:
-        """Request the state of a robot that is online and has not reported one, once."""
-        if view.link is not LinkStatus.ONLINE:
+        """Request the state of a robot that is online and has not reported one since it connected, once."""
+        if view.link is not LinkStatus.ONLINE or (view.state is not None and not view.stale):
             self._asked_for_state.discard(view.key)
-        elif view.state is None and view.key not in self._asked_for_state:
+        elif view.key not in self._asked_for_state:
             self._asked_for_state.add(view.key)
             self.state.after_commit(lambda: self.context.fleet.instant_action(view.key, state_request()))

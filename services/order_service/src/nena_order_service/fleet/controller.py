@@ -74,10 +74,10 @@ class RobotControl:
 
     def on_connection(self, message: Connection, now: float) -> Iterator[FleetOutput]:
         """Handle a connection message."""
-        self.robot.take_connection(message, now)
-        self._instant_actions.reconnected()
-        if self._run and self.robot.stale:
-            self._run.doubt_place()
+        if self.robot.take_connection(message, now):
+            self._instant_actions.reconnected()
+            if self._run and self.robot.stale:
+                self._run.doubt_place()
         yield from self._advance(now)
 
     def on_factsheet(self, message: Factsheet, now: float) -> Iterator[FleetOutput]:
@@ -219,6 +219,7 @@ class RobotControl:
             order_id=run.vda_order.order_id if run else None,
             order_phase=run.phase if run else None,
             wait_reason=self._wait_reason(now),
+            stale=robot.stale,
         )
 
     def _advance(self, now: float) -> Iterator[FleetOutput]:
@@ -266,8 +267,7 @@ class RobotControl:
         if self._cannot_get(run, now):
             run.hold()
             return
-        if abilities := self.robot.abilities:
-            run.refit(lambda vda_order: fitted(vda_order, abilities))
+        run.refit(lambda vda_order: fitted(vda_order, self.robot.abilities))
         self._last_order_at = now
         yield run.send_update(state.errors, now)
 

@@ -166,6 +166,8 @@ class OrderExecution:
         self._before: frozenset[ErrorIdentity] = frozenset()
         self._place_doubted = False
         """Whether the robot has not known where it is, or has connected again, since the order was sent."""
+        self._excused_sending = 0
+        """The sending whose refusals count as those of a robot that did not know where it was; 0: none."""
         self._passing: frozenset[ErrorIdentity] = frozenset()
         """Refusals of a robot that did not know where it is: the order is sent once more when it does."""
         self._standing_since: float | None = None
@@ -421,7 +423,8 @@ class OrderExecution:
         self._passing &= frozenset(map(failures.identity, state.errors))
         found = failures.refusals(state.errors, self.vda_order, self._before)
         errors = [each for each in found if failures.identity(each) not in self._passing]
-        if errors and self._place_doubted:
+        if errors and self._place_doubted and self._excused_sending in (0, self._delivery.in_all):
+            self._excused_sending = self._delivery.in_all
             self._passing |= frozenset(map(failures.identity, errors))
             self.hold()
             return

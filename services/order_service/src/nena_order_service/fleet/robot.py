@@ -158,6 +158,8 @@ class RobotView:
     order_phase: VdaOrderPhase | None
     wait_reason: str
     """What the VDA order waits for, in words; empty where it waits for nothing but the robot's driving."""
+    stale: bool = False
+    """Whether that state is from before it connected."""
 
 
 ORDER_PREFIX: Final = "order."
@@ -273,24 +275,38 @@ class Robot:
     _heard_at: float | None = None
     _silent_after: float = 0.0
     _order: MessageOrder = field(default_factory=MessageOrder)
+    _online_id: int | None = None
+    """The headerId of the last connection message, if that said ONLINE."""
     _connections: deque[tuple[int, datetime]] = field(default_factory=lambda: deque(maxlen=CONNECTIONS_KEPT))
 
     def __post_init__(self) -> None:
         self._silent_after = self.settings.silent_after
 
-    def take_connection(self, message: Connection, now: float) -> None:
-        """Note what is known of the link; a will has an old header, so its age does not count here.
+    def take_connection(self, message: Connection, now: float) -> bool:
+        """Note what is known of the link, and return whether the robot has connected or gone.
+
+        A will has an old header, so its age does not count here.
 
         One that comes again, retained or repeated, is no new connection: an old state behind it stays old.
+        Neither is ONLINE with a higher headerId after ONLINE: some robots publish it periodically, and one
+        that has restarted counts from 0.
         """
+        online = message.connection_state is ConnectionState.ONLINE
+        known = self._online_id if self.connection is ConnectionState.ONLINE else None
+        periodic = online and known is not None and message.header_id > known
+        self._online_id = message.header_id if online else None
         self.connection = message.connection_state
         self._heard_at = now
         header = message.header_id, message.timestamp
-        if header not in self._connections:
-            self._connections.append(header)
-            self._order.restart()
-            if self.connection is ConnectionState.ONLINE and self.state is not None:
-                self.stale = self.state.timestamp < message.timestamp
+        if header in self._connections:
+            return False
+        self._connections.append(header)
+        if periodic:
+            return False
+        self._order.restart()
+        if online and self.state is not None:
+            self.stale = self.state.timestamp < message.timestamp
+        return True
 
     def take_state(self, message: State, now: float) -> bool:
         """Note a state and return whether it is a new one.
