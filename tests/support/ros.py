@@ -13,6 +13,7 @@ import shutil
 import socket
 import tempfile
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from typing import Any, Generic, Self, TypeVar
@@ -58,6 +59,9 @@ class Participant:
     do at the end of a test.
     """
 
+    DISCOVERY = 2.0
+    """Seconds after which it has seen who else is in the domain."""
+
     def __init__(self, domain_id: int) -> None:
         self.context = Context()
         rclpy.init(
@@ -67,6 +71,7 @@ class Participant:
             signal_handler_options=SignalHandlerOptions.NO,
         )
         self._node = self.node("_test_process", "")  # hidden, as for `ros2 node list`
+        self._since = time.monotonic()
 
     def node(self, name: str, namespace: str) -> Node:
         """Make a node of this participant."""
@@ -81,7 +86,8 @@ class Participant:
     @property
     def alone(self) -> bool:
         """Whether nobody else is in the domain, nor seems to be: DDS shows a killed one for 20 s."""
-        return bool(self._node.get_node_names() == [self._node.get_name()])
+        seen = time.monotonic() - self._since > self.DISCOVERY
+        return seen and bool(self._node.get_node_names() == [self._node.get_name()])
 
 
 _participants: dict[int, Participant] = {}
@@ -101,10 +107,10 @@ def _participant(domain_id: int) -> Participant:
 def own_domain_id(count: int = 1) -> Iterator[int]:
     """Return a ROS domain id, and the next ones, that no other test on this machine uses at the same time.
 
-    A domain stays with the process, see :class:`Participant`, and is used again once it is empty.
+    A domain stays with the process, see :class:`Participant`, and is used again once it is empty. A test that
+    had only other processes in it leaves a participant there, which sees when they have gone.
     """
-    empty = (each for each in _free if each not in _participants or _participants[each].alone)
-    domain_id = next(empty, None) if count == 1 else None
+    domain_id = next((each for each in _free if _participants[each].alone), None) if count == 1 else None
     if domain_id is None:
         domain_id = _reserve(count)
     else:
@@ -112,7 +118,9 @@ def own_domain_id(count: int = 1) -> Iterator[int]:
     try:
         yield domain_id
     finally:
-        _free.extend(range(domain_id, domain_id + count))
+        for each in range(domain_id, domain_id + count):
+            _participant(each)
+            _free.append(each)
 
 
 def _reserve(count: int) -> int:

@@ -6,6 +6,7 @@ import socket
 from collections.abc import Callable
 from email.message import Message
 from hashlib import sha256
+from http.client import HTTPSConnection
 from typing import Any
 from urllib.request import Request
 
@@ -14,6 +15,7 @@ import pytest
 from nena_edge_agent.download import (
     DownloadError,
     DownloadSettings,
+    _checked,
     _Journey,
     _Reach,
     _Redirects,
@@ -213,3 +215,26 @@ def test_a_server_cannot_send_the_robot_from_https_to_http() -> None:
 
     with pytest.raises(DownloadError, match=r"from https to http://maps\.site/map\.zip"):
         _Redirects().redirect_request(request, None, 302, "Found", Message(), "http://maps.site/map.zip")
+
+
+async def test_a_server_behind_a_proxy_cannot_send_the_robot_to_itself(
+    files: Files, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("http_proxy", files.address)
+    monkeypatch.setenv("no_proxy", "127.0.0.1")
+    link = "http://maps.site/map.pgm"
+    files.moved[link] = files.put("/secret", b"secret")
+
+    with pytest.raises(DownloadError, match=r"redirects to 127\.0\.0\.1, which is the robot itself"):
+        await download(link, None, SETTINGS)
+    assert files.asked == [link]
+
+
+def test_a_tunnel_through_a_proxy_leads_to_the_network() -> None:
+    """The proxy may run on the robot: its address was chosen by the site."""
+    request, journey = Request("https://maps.site/map.pgm"), _Journey()
+    request.set_proxy("127.0.0.1:3128", "http")
+
+    assert _checked(HTTPSConnection, journey, request) is HTTPSConnection
+    with pytest.raises(DownloadError, match="which is the robot itself"):
+        journey.check("127.0.0.1")

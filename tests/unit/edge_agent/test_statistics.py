@@ -8,12 +8,15 @@ from nena_edge_agent.driver.port import (
     DriveFailed,
     DriveFailure,
     DriveProgress,
+    Pose,
+    PoseReport,
     SessionReport,
     SessionState,
 )
 from nena_edge_agent.protocol.events import OrderReceived
 from nena_edge_agent.statistics import AgentStatistics
 
+POSE = Pose(1.0, 2.0, 0.0, "hall")
 NOW = datetime(2026, 1, 1, tzinfo=UTC)
 
 
@@ -66,3 +69,13 @@ def test_the_session_is_the_last_that_was_reported() -> None:
     for state in (SessionState.INITIATING, SessionState.ACTIVE):
         statistics.note(SessionReport(state, "", 0), 0.0)
     assert statistics.session is SessionState.ACTIVE
+
+
+def test_a_pose_that_does_not_count_is_not_a_new_one() -> None:
+    statistics = AgentStatistics()
+    assert AgentStatistics().localized is None
+    statistics.note(PoseReport(POSE, localized=True), 1.0)
+    statistics.note(PoseReport(POSE, localized=False, problem="no pose for 10 s of driving"), 2.0)
+    assert (statistics.localized, statistics.posed_at) == (False, 1.0)
+    statistics.note(PoseReport(POSE, localized=True), 3.0)
+    assert (statistics.localized, statistics.posed_at) == (True, 3.0)

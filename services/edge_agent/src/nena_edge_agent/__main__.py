@@ -47,6 +47,8 @@ DESCRIPTION = (
 
 NAV2_STORE = "nav2"
 """Value of ``maps.store``."""
+METRICS_PAUSE = 10.0
+"""Seconds after which a port for the metrics is tried again that could not be had."""
 
 log = get_logger(__name__)
 
@@ -110,7 +112,8 @@ def _serve_metrics(
     lag = LoopLag(clock)
     journal = settings.journal.folder.expanduser() if settings.journal.enabled else None
     supervisor.start("loop lag", lag.run())
-    supervisor.start("metrics", MetricsServer(settings.metrics, Program(agents, clock, lag, journal)).run())
+    server = MetricsServer(settings.metrics, Program(agents, clock, lag, journal))
+    supervisor.start("metrics", forever("metrics", server.run, pause=METRICS_PAUSE), vital=False)
 
 
 def _agent_maker(

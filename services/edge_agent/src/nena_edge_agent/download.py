@@ -94,7 +94,7 @@ def _fetch(link: str, settings: DownloadSettings) -> bytes:
 
 
 def _check(link: str, size: int, end: float, settings: DownloadSettings) -> None:
-    """Return up a file that is too large, or comes too slowly: the time is over at ``end``, monotonic."""
+    """Raise for a file that is too large, or comes too slowly: the time is over at ``end``, monotonic."""
     if size > settings.maximum_bytes:
         message = f"{link} is larger than {settings.maximum_bytes} bytes"
         raise DownloadError(message)
@@ -129,6 +129,10 @@ class _Journey:
 
     def __init__(self) -> None:
         self._first: _Reach | None = None
+
+    def begin_behind_proxy(self) -> None:
+        """Note that a proxy connects first: it reaches the network, and not what only the robot reaches."""
+        self._first = self._first or _Reach.NETWORK
 
     def check(self, address: str) -> None:
         """Refuse an address that was connected to, before anything is sent: a name may change in between.
@@ -168,7 +172,8 @@ class _Https(HTTPSHandler):
 
 def _checked(kind: type[HTTPConnection], journey: _Journey, request: Request) -> type[HTTPConnection]:
     """Return connections whose address is checked; a proxy has an address that the site chose."""
-    if request.has_proxy():
+    if request.has_proxy() or getattr(request, "_tunnel_host", None):
+        journey.begin_behind_proxy()
         return kind
 
     class Checked(kind):  # type: ignore[misc, valid-type] # one of two that have the same interface

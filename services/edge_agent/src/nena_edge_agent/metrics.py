@@ -8,7 +8,6 @@ from __future__ import annotations
 import asyncio
 import shutil
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
@@ -50,15 +49,27 @@ class Program:
     vitals: Mapping[RobotKey, Vitals] = field(default_factory=dict)
     disk_free: float | None = None
     """Bytes left for the journal."""
+    _asked: asyncio.Future[float | None] | None = None
+    """The last question to the disk: while it is not answered, no other one is asked."""
 
     async def look(self) -> None:
-        """Read what one scrape shows. A disk that hangs is waited for in a thread, and not for long."""
+        """Read what one scrape shows. A disk that hangs is waited for in one thread, and not for long."""
         self.vitals = {robot: agent.vitals() for robot, agent in self.agents.items()}
-        self.disk_free = None
-        if self.journal:
-            with suppress(OSError, TimeoutError):
-                async with asyncio.timeout(PATIENCE):
-                    self.disk_free = (await asyncio.to_thread(shutil.disk_usage, self.journal)).free
+        if self.journal is None:
+            return
+        asked = self._asked
+        if asked is None or asked.done():
+            asked = asyncio.get_running_loop().run_in_executor(None, _free, self.journal)
+            self._asked = asked
+        await asyncio.wait([asked], timeout=PATIENCE)
+        self.disk_free = asked.result() if asked.done() else None
+
+
+def _free(folder: Path) -> float | None:
+    try:
+        return shutil.disk_usage(folder).free
+    except OSError:
+        return None
 
 
 Read = Callable[[Program, Vitals], Any]
@@ -91,6 +102,10 @@ def _counter(name: str, text: str, read: Read, *labels: str) -> Metric[Program]:
 def _pose_age(program: Program, vitals: Vitals) -> float | None:
     at = vitals.statistics.posed_at
     return None if at is None else max(0.0, program.clock.monotonic() - at)
+
+
+def _journal_works(program: Program, vitals: Vitals) -> bool | None:
+    return None if program.journal is None else not vitals.journal_problem
 
 
 def _link(read: Callable[[LinkState], float]) -> Read:
@@ -151,7 +166,16 @@ DRIVING: Final[Section[Program]] = Section(
             "state",
         ),
         _gauge(
-            "nena_agent_pose_age_seconds", "Time since the last pose; absent before the first.", _pose_age
+            "nena_agent_localized",
+            "1 while the robot knows where it is; 0 also when no pose comes although it drives. Absent "
+            "before the first pose.",
+            lambda _, v: v.statistics.localized,
+        ),
+        _gauge(
+            "nena_agent_pose_age_seconds",
+            "Time since the last pose that counts; absent before the first. AMCL sends none while the robot "
+            "stands.",
+            _pose_age,
         ),
         _gauge(
             "nena_agent_errors",
@@ -170,8 +194,9 @@ DISK: Final[Section[Program]] = Section(
         gauge("nena_build_info", "Always 1.", lambda _: {version(DISTRIBUTION): 1}, "version"),
         _gauge(
             "nena_agent_journal_works",
-            "1 while orders and actions are kept on disk; 0: nothing new is started.",
-            lambda _, v: not v.journal_problem,
+            "1 while orders and actions are kept on disk; 0: nothing new is started. Absent without a "
+            "journal.",
+            _journal_works,
         ),
         _of_robot(
             MetricKind.HISTOGRAM,

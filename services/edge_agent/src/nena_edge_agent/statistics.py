@@ -24,8 +24,10 @@ class AgentStatistics:
         """Drives that failed, by how."""
         self.recoveries = 0
         self.session: SessionState | None = None
+        self.localized: bool | None = None
+        """Whether the robot knows where it is; None: it never did."""
         self.posed_at: float | None = None
-        """When the last pose came, in monotonic seconds."""
+        """When the last pose that counts came, in monotonic seconds."""
         self.fleet_clock = ClockSkew()
         """Of the order service, by the timestamps of its orders."""
         self._recoveries_of_drive = 0
@@ -33,8 +35,10 @@ class AgentStatistics:
     def note(self, event: Event, now: float) -> None:
         """Count an event."""
         match event:
-            case PoseReport():
-                self.posed_at = now
+            case PoseReport(localized=localized):
+                self.localized = localized
+                if localized:
+                    self.posed_at = now
             case DriveProgress(recoveries=recoveries):
                 self.recoveries += max(0, recoveries - self._recoveries_of_drive)
                 self._recoveries_of_drive = recoveries

@@ -12,11 +12,13 @@ import pytest
 from nena_edge_agent.driver.map_port import MapDriverEvent, MapGoal, MapPose, MapPoseReport
 from nena_edge_agent.driver.port import DriveFailed, DriveFailure, NavigationReport
 from nena_edge_agent.nav2 import driver as driver_module
+from nena_edge_agent.nav2 import presence
 from nena_edge_agent.nav2.action_tracker import FeedbackReading
 from nena_edge_agent.nav2.driver import Nav2Driver, Nav2Options
 from nena_edge_agent.nav2.goals import GoalEntry, GoalStatus
 from nena_edge_agent.nav2.map_server import MapServer
 from nena_edge_agent.nav2.poses import PoseReading
+from nena_edge_agent.nav2.presence import Lifecycle, Presence
 from nena_edge_agent.nav2.settings import RosSettings
 from nena_edge_agent.nav2.speed_limit import SpeedLimiter
 from nena_shared.clock import ManualClock, SystemClock
@@ -139,6 +141,53 @@ async def test_an_order_that_starts_while_a_map_is_being_enabled_drives_to_nothi
     reports = [each for each in told if isinstance(each, NavigationReport)]
     assert [each.available for each in reports] == [False, True, False, True], "the core gives its goal again"
     assert reports[2].reason == "map_server loads the map 'attic'"
+
+
+async def test_a_look_under_way_when_a_map_is_enabled_does_not_make_navigation_available(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Nav2's parameters are read between the look at Nav2 and what follows from it."""
+    station, told = Station(monkeypatch), list[MapDriverEvent]()
+    async with started(monkeypatch, told, Nav2Options(map_server=station.server)) as driver:
+        enabling: list[asyncio.Task[None]] = []
+
+        async def seen() -> Presence:
+            return Presence(frozenset({"navigator"}), 1, Lifecycle.ABSENT)
+
+        async def enable(_: NavigationReport) -> None:
+            if not enabling:
+                enabling.append(asyncio.create_task(station.server.use("attic", "attic.yaml")))
+                await turn_passes()
+
+        monkeypatch.setattr(driver, "_read_limits", enable)
+        monkeypatch.setattr(presence, "judge", lambda *_, **__: NavigationReport(available=True, reason=""))
+        monkeypatch.setattr(station, "presence", seen, raising=False)
+        monkeypatch.setattr(driver, "_node", station)
+        monkeypatch.setattr(driver, "_settings", RosSettings(watch_period=0.05))
+        driver._on_statuses([])
+        driver.go_to(MapGoal(1, MapPose(1.0, 0.0, 0.0, "hall"), 0.3, None))
+        await driver._watch()
+        assert (station.goals, station.asked) == ([], ["attic.yaml"])
+        monkeypatch.setattr(driver, "_node", None)
+        station.let_answer.set()
+        await enabling[0]
+    assert [each.available for each in told if isinstance(each, NavigationReport)][-1:] == [False]
+
+
+async def test_a_map_server_that_is_there_again_is_told_the_map_that_was_enabled_meanwhile(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    station = Station(monkeypatch)
+    station.server.expect("attic", "attic.yaml")
+    enabling = asyncio.create_task(station.server.use("cellar", "cellar.yaml"))
+    await turn_passes()
+    again = asyncio.create_task(station.server.load_again())
+    await turn_passes()
+    station.let_answer.set()
+    await enabling
+    await again
+    assert station.asked == ["cellar.yaml"]
+    assert (station.server.map_id, station.server.problem) == ("cellar", "")
 
 
 async def test_a_plugins_drive_that_waits_while_another_map_is_enabled_is_answered(

@@ -166,6 +166,12 @@ def test_an_origin_may_be_written_in_every_way(origin: str) -> None:
     assert MapBundle.of(attic(text)).description == description("image.pgm").decode()
 
 
+@pytest.mark.parametrize("value", [b"0", b"1", b"true", b"False", b"yes", b"NO", b"on", b"Off"])
+def test_negate_may_be_written_in_every_way(value: bytes) -> None:
+    text = description().replace(b"negate: 0", b"negate: " + value)
+    assert f"negate: {value.decode()}\n" in MapBundle.of(attic(text)).description
+
+
 def damaged(content: bytes, at: int) -> bytes:
     return content[:at] + bytes([content[at] ^ 0x5A]) + content[at + 1 :]
 

@@ -179,7 +179,7 @@ class ActionTracker(GoalTracker):
         return self._aborted is not None or self._registry.yields or super().busy
 
     def go_to(self, goal: MapGoal, now: float) -> list[Command]:
-        """GoalDrive to ``goal``; where the one that is driven leads there anyway, nothing is sent."""
+        """Drive to ``goal``; where the one that is driven leads there anyway, nothing is sent."""
         drive = self._drive
         same = drive is not None and drive is self._sent_for and drive.goal_id in self._sent
         if drive is not None and same and self._aborted is None and self._way.covers(goal):
@@ -271,7 +271,7 @@ class ActionTracker(GoalTracker):
             self._give_alone(drive)
 
     def _give_alone(self, drive: GoalDrive) -> None:
-        """Return a goal again without what comes behind it."""
+        """Give a goal again without what comes behind it."""
         log.info("a skipped node is driven to separately", generation=drive.goal.generation)
         self._drive = GoalDrive(replace(drive.goal, ahead=()))
 

@@ -381,7 +381,7 @@ class Nav2Driver:
                 )
                 report = self._with_map(self._with_limits(report))
                 await self._read_limits(report)
-                self._on_navigation(seen.servers, report)
+                self._on_navigation(seen.servers, self._while_map_stays(report))
                 self._watch_localiser(seen)
                 self._watch_drive()
         await asyncio.sleep(self._settings.watch_period)
@@ -409,9 +409,14 @@ class Nav2Driver:
             return report
         if self._map_server.look():
             self._tasks.start("load the map", self._map_server.load_again(), vital=False)
-        if not report.available or not self._map_server.problem:
+        return self._while_map_stays(report)
+
+    def _while_map_stays(self, report: NavigationReport) -> NavigationReport:
+        """Return a report that counts now: another map may have been enabled since it was made."""
+        problem = self._map_server.problem if self._map_server is not None else ""
+        if not report.available or not problem:
             return report
-        return NavigationReport(available=False, reason=self._map_server.problem)
+        return NavigationReport(available=False, reason=problem)
 
     async def _read_limits(self, report: NavigationReport) -> None:
         """Read how near Nav2 drives to a goal, each time that it has become available.

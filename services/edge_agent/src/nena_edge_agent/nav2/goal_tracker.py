@@ -190,7 +190,7 @@ class GoalTracker:
         self._reclaimed = goals
 
     def go_to(self, goal: MapGoal, now: float) -> list[Command]:
-        """GoalDrive to ``goal``; one that is driven is replaced, and not stopped for it."""
+        """Drive to ``goal``; one that is driven is replaced, and not stopped for it."""
         self._drive = GoalDrive(goal)
         return self._advance(now)
 
@@ -429,7 +429,7 @@ class GoalTracker:
             self._fail(drive, DriveFailure.OUTSIDE_TOLERANCE, self._disagreement(drive.goal))
 
     def _give_again(self, drive: GoalDrive) -> None:
-        """Return a goal again that succeeded although the robot is elsewhere.
+        """Give a goal again that succeeded although the robot is elsewhere.
 
         Nav2 plans again once a second (through poses: each 3 s), which a new goal does not hasten: until then
         the controller follows the old path, and when that ends first, the new goal gets its result undriven.

@@ -192,7 +192,7 @@ class InitialPosition:
         return [Report(PositionInitialized(succeeded=True, description=""))]
 
     def tick(self, now: float) -> list[PublishInitialPose | Report]:
-        """Return the pose again where no answer came, or give up."""
+        """Give the pose again where no answer came, or give up."""
         attempt = self._attempt
         if attempt is None or now < attempt.again_at:
             return []

@@ -39,7 +39,7 @@ _NUMBER: Final = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 _KEPT: Final = {
     "mode": re.compile("trinary|scale|raw"),
     "resolution": re.compile(_NUMBER),
-    "negate": re.compile("0|1|true|false"),
+    "negate": re.compile("0|1|true|false|yes|no|on|off", re.IGNORECASE),
     "occupied_thresh": re.compile(_NUMBER),
     "free_thresh": re.compile(_NUMBER),
 }

@@ -129,13 +129,14 @@ class MapServer:
         try:
             if self._user is not None:
                 self._user.await_map(self._change)
-            await self._loaded(file)
+            async with self._turn:
+                await self._load_in_turn(file)
+                self._file, self._problem = file, ""
         except MapNotLoadedError:
             self.map_id = before
             raise
         finally:
             self._change = ""
-        self._file, self._problem = file, ""
         if self._user is not None and map_id != before:
             self._user.use_map(map_id)
 
@@ -159,21 +160,18 @@ class MapServer:
 
     async def load_again(self) -> None:
         """Load the map that is enabled; where that fails, it is due again at the next look."""
-        file = self._file
-        try:
-            await self._loaded(file)
-        except MapNotLoadedError as error:
-            self._problem = str(error)
-        else:
-            if file == self._file:
+        async with self._turn:
+            if not self._problem:
+                return  # another map was enabled meanwhile, and map_server has it
+            try:
+                await self._load_in_turn(self._file)
+            except MapNotLoadedError as error:
+                self._problem = str(error)
+            else:
                 self._problem = ""
 
-    async def _loaded(self, file: str) -> None:
-        """Make map_server load a file, and clear the costmaps of the map before."""
-        async with self._turn:
-            await self._load_in_turn(file)
-
     async def _load_in_turn(self, file: str) -> None:
+        """Make map_server load a file, and clear the costmaps of the map before."""
         session = self._session
         if session is None:
             message = "the robot's ROS session is not active"

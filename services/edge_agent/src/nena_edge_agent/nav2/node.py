@@ -88,7 +88,7 @@ class Nav2Node:
         await self._session.stop()
 
     def publish_goal(self, pose: MapPose) -> None:
-        """Return a goal; whether it is taken shows in the status array."""
+        """Publish a goal; whether it is taken shows in the status array."""
         self._goals.publish(messages.goal_message(pose, self._settings.frame))
 
     def publish_initial_pose(self, pose: MapPose) -> None:

@@ -8,7 +8,8 @@ import { drawPlan, extent } from "./plan_painter.js";
 import { TrafficPlan } from "./traffic.js";
 import { Gestures, Viewport } from "./viewport.js";
 
-const KEY = "nena-layers";
+const KEY = "nena-hidden-layers";
+const OLD_KEY = "nena-layers"; // choices of panels without the layer that is hidden by default
 
 /** The layers from bottom to top; named by the texts under `layer.`. */
 export const LAYERS = ["grids", "blocks", "paths", "points", "locations", "names", "routes", "goals", "plans", "traffic", "robots", "robotNames"];
@@ -16,7 +17,7 @@ const HIDDEN = "traffic"; // it asks the order service again and again
 
 /** Return the stored choice; layers are visible by default, but for the traffic plan. */
 export function readLayers() {
-  const hidden = (localStorage.getItem(KEY) ?? HIDDEN).split(" ");
+  const hidden = (localStorage.getItem(KEY) ?? `${localStorage.getItem(OLD_KEY) ?? ""} ${HIDDEN}`).split(" ");
   return Object.fromEntries(LAYERS.map((name) => [name, !hidden.includes(name)]));
 }
 
