@@ -68,7 +68,7 @@ async def test_a_hosts_key_of_opentcs_may_be_a_token_too(service: Start, issuer:
     ("claims", "reason"),
     [
         ({"iss": "https://evil.example"}, "another issuer"),
-        ({"aud": "nena-panel"}, "somebody else"),
+        ({"aud": "nena-panel"}, "another audience"),
         ({"exp": 1}, "expired"),
         ({"nbf": 9_999_999_999}, "not valid yet"),
     ],
