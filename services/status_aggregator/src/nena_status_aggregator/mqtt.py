@@ -224,7 +224,9 @@ class FleetSubscriber:
             self._model.on_vehicle_status(status, at)
 
     def _read_service_status(self, inbound: Inbound, at: Timestamp) -> None:
-        if inbound.payload and self._epochs.is_current(inbound.payload):
+        if not inbound.payload:
+            self._model.order_service.lose()
+        elif self._epochs.is_current(inbound.payload):
             status = ServiceStatus.model_validate_json(inbound.payload)
             self._model.on_service_status(status, at, retained=inbound.retained)
 

@@ -4,12 +4,14 @@ import gzip
 import sys
 from collections import Counter
 from http import HTTPStatus
+from types import SimpleNamespace
+from typing import Any
 
 import httpx
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
-from nena_order_service.api.metrics import SECTIONS
+from nena_order_service.api.metrics import SECTIONS, _answers
 from nena_order_service.api.rest import role_needed, rule_of
 from nena_order_service.api.server import CountedAnswers, make_standby_app, make_starting_app
 from nena_order_service.service import OrderService
@@ -142,6 +144,13 @@ async def test_answers_are_counted_by_status_refused_ones_too() -> None:
         await client.get("/v1/vehicles")
 
     assert counts == {HTTPStatus.OK: 1, HTTPStatus.SERVICE_UNAVAILABLE: 1}
+
+
+def test_a_door_counts_its_rate_limits_from_none_on() -> None:
+    """The first of a series that is born with it would be no increase for Prometheus."""
+    limited, door = Counter({429: 2, 200: 5}), SimpleNamespace(answers=Counter[int]())
+    service: Any = SimpleNamespace(answers=limited, mqtt_api=door)
+    assert _answers(service) == {("rest", "429"): 2, ("rest", "200"): 5, ("mqtt", "429"): 0}
 
 
 async def cost(client: httpx.AsyncClient) -> tuple[int, int]:

@@ -50,9 +50,9 @@ def test_its_last_will_ends_it_at_once() -> None:
 
 def test_without_the_broker_nothing_is_known() -> None:
     bench = Bench()
-    bench.hear(online=True)
+    bench.hear(online=True, ahead=3.0)
     bench.watch.lose()
-    assert bench.up() is None
+    assert (bench.up(), bench.watch.store_ready, bench.watch.skew.seconds) == (None, None, None)
 
 
 def test_its_clock_is_measured_by_signs_of_life_that_are_new() -> None:

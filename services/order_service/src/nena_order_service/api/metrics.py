@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from http import HTTPStatus
 from importlib.metadata import version
 from time import time
 from typing import Final, Protocol
@@ -78,9 +79,16 @@ class Monitored:
         return self.store.ready
 
 
+LIMITED: Final = str(HTTPStatus.TOO_MANY_REQUESTS.value)
+
+
 def _answers(service: Monitored) -> Mapping[LabelValues, float]:
     doors = (("rest", service.answers), ("mqtt", service.mqtt_api.answers))
-    return {(door, str(status)): count for door, counts in doors for status, count in counts.items()}
+    # there from the start: for Prometheus the first value of a series is no increase
+    limited: dict[LabelValues, float] = {(door, LIMITED): 0 for door, _ in doors}
+    return limited | {
+        (door, str(status)): count for door, counts in doors for status, count in counts.items()
+    }
 
 
 def _waits(service: Monitored) -> Mapping[LabelValues, float]:

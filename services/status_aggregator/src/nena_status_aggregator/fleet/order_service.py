@@ -23,8 +23,9 @@ class OrderServiceWatch:
             self.skew.measure(status.timestamp, at.utc)
 
     def lose(self) -> None:
-        """Forget it: without a link to the broker nothing is known."""
+        """Forget it: there is no link to the broker, or the broker retains no status of it any more."""
         self._last = None
+        self.skew = ClockSkew()
 
     def up(self, now: Timestamp) -> bool | None:
         """Return whether it lives; None: nothing was heard of one."""
