@@ -154,7 +154,7 @@ async def test_nav2s_goal_tolerance_is_read_and_told_before_driving(bench: Bench
             await fleet.state(ready)
             fleet.send(order("n0", "n1", positions=narrow))
             state = await fleet.state(lambda state: "DEVIATION_TOO_SMALL" in error_types(state))
-            assert "within 0.4 m" in texts(state)
+            assert "goal tolerance is 0.4 m" in texts(state)
             assert state["lastNodeId"] == "n0"
             await until(lambda: "at least 0.4 m" in factsheet(bench), what="the tolerance in the factsheet")
 
