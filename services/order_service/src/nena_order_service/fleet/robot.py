@@ -83,7 +83,7 @@ class Silences:
         self._looked_at = -inf
 
     def expect(self, robot: RobotKey, at: float) -> None:
-        """Return the robot once this moment has passed, in monotonic s; not one that was checked already."""
+        """Let :meth:`passed` yield the robot after ``at``, in monotonic s; not one that was checked since."""
         known = self._at.get(robot, inf)
         if self._looked_at <= at < known:
             self._at[robot] = at

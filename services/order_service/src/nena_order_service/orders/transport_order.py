@@ -205,7 +205,7 @@ class TransportOrder:
         return self._ended(S.UNROUTABLE, reason, now)
 
     def deferred(self, reason: str, now: datetime) -> Self:
-        """Return why a DISPATCHABLE order is not assigned yet; the same reason again changes nothing."""
+        """Note why a DISPATCHABLE order is not assigned yet; the same reason again changes nothing."""
         self.require("deferring", S.DISPATCHABLE)
         if reason == self.status.reason:
             return self
@@ -216,7 +216,7 @@ class TransportOrder:
         return self.changed(reason=reason, history=(*history, entry))
 
     def assigned(self, vehicle: str, routes: Iterable[tuple[str, ...]], why: str, now: datetime) -> Self:
-        """Return it to a vehicle, with the names of the points of each route that is left to drive."""
+        """Assign it to a vehicle, with the names of the points of each route that is left to drive."""
         self.require("assigning", S.DISPATCHABLE)
         done, left = self.status.drive_orders[: self.index], self.status.drive_orders[self.index :]
         planned = [each.model_copy(update={"route": route}) for each, route in zip(left, routes, strict=True)]
@@ -318,7 +318,7 @@ class TransportOrder:
         return self.changed(drive_orders=self.with_current(current), history=(*self.status.history, entry))
 
     def hindered(self, why: str) -> Self:
-        """Return what keeps its vehicle from going on, empty for nothing; the same again changes nothing."""
+        """Note what keeps its vehicle from going on, empty for nothing; the same again changes nothing."""
         self.require("being hindered", S.BEING_PROCESSED, S.WITHDRAWN)
         reason = f"{_doing(self.status)}, but {why}" if why else _doing(self.status)
         return self if reason == self.status.reason else self.changed(reason=reason)
