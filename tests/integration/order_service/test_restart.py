@@ -159,4 +159,4 @@ async def test_a_store_that_is_deleted_takes_no_orders_and_ends_the_program(flee
         ready = await client.get("/readyz")
         assert (ready.status_code, ready.json()["storeReady"]) == (503, False)
     assert program.process.wait(ENDED_WITHIN) == 1, program.log
-    assert "was deleted while in use, so orders could not be kept" in program.log.splitlines()[-1]
+    assert "was deleted while in use, so orders could not be saved" in program.log.splitlines()[-1]
