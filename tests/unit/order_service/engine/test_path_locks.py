@@ -28,6 +28,17 @@ async def test_lock_holds_only_when_it_is_committed(service: OrderService) -> No
     assert await service.store.path_locks() == {name: True}
 
 
+async def test_traffic_keeps_to_locks_also_after_a_restart(service: OrderService) -> None:
+    name = service.engine.plant.paths[0].name
+    crossings = service.engine.traffic.resources._crossings
+    await service.hosts.locks.set(name, locked=True)
+    assert crossings._locks == {name: True}
+
+    crossings.set_locks({})
+    await service.hosts.locks.load()
+    assert crossings._locks == {name: True}
+
+
 async def test_lock_that_is_under_way_when_the_kernel_closes_is_answered(service: OrderService) -> None:
     name = service.engine.plant.paths[0].name
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import Any
 
 import pytest
 
 from nena_order_service.routing.router import Router
 from nena_order_service.traffic.manager import TrafficManager
-from nena_order_service.traffic.resources import Found
+from nena_order_service.traffic.resources import Crossings, Found
 from nena_order_service.traffic.traffic_control import (
     SECTION,
     Displacement,
@@ -157,6 +158,70 @@ def test_vehicle_that_let_another_out_does_not_enclose_it_again() -> None:
     bench.manager.finished("v")
 
     assert [(type(each), each.vehicle) for each in bench.decided()] == [(Evasion, "z")]
+
+
+@pytest.mark.parametrize("ended", ["", "request dropped", "other goal", "lost"])
+def test_vehicle_that_let_another_out_drives_by_sections_once_nobody_waits_for_that(ended: str) -> None:
+    model = plant(*lane("S C S"), *lane("T C T"), *lane("U C U"), *lane("C D K C"))
+    bench = Bench(model, v="C", x="D", z="K")
+    bench.want("v", "D")
+    bench.decided()
+    bench.manager.finished("v")
+    if ended == "request dropped":
+        bench.manager.drop("v")
+    elif ended == "other goal":
+        bench.want("v", "K")
+
+    assert bench.manager._control._has_let_out("v", lambda _: ended == "lost") == (not ended)
+
+
+def test_vehicle_that_pauses_on_its_way_is_not_displaced_for_one_it_encloses() -> None:
+    model = plant(*lane("A C E G"), *lane("C S"), *lane("F D C"))
+    bench = Bench(model, v="A", w="E", e="F", x="D")
+    bench.want("v", "G")
+    assert [each.vehicle for each in bench.manager.decide(lambda name: name == "v")] == ["v"]
+    bench.manager.allocate("v")
+    bench.arrive("v", 1)
+    bench.want("e", "D")
+
+    assert list(bench.manager.decide(lambda name: name in {"e", "x"})) == []
+    assert bench.manager.why_waiting("v") == "waits for w, which stands on 'E'"
+    assert bench.manager.why_waiting("e") == "waits for x, which stands on 'D'"
+
+
+@pytest.mark.parametrize("closed", ["A --- B", "B --- C"])
+def test_crossing_is_closed_while_the_way_round_it_is_locked(closed: str) -> None:
+    ring = [*lane("A B C D E A", two_way=True), *lane("A X E", two_way=True), *lane("X C", two_way=True)]
+    around = Crossings(plant(*ring))
+    assert around.is_open("X")
+
+    around.set_locks({closed: True, "D --- E": True})
+    assert not around.is_open("X")
+
+    around.set_locks({})
+    assert around.is_open("X")
+
+
+@pytest.mark.parametrize("field", [{"locked": True}, {"max_velocity_mm_s": 0}])
+def test_crossing_is_closed_where_the_plant_closes_the_way_round_it(field: dict[str, Any]) -> None:
+    row = [*lane("A B", two_way=True), *lane("A X B", two_way=True), *lane("X C", two_way=True)]
+
+    assert Crossings(plant(*row, path("B C"), path("C B"))).is_open("X")
+    assert not Crossings(plant(*row, path("B C"), path("C B", **field))).is_open("X")
+
+
+def test_reason_keeps_the_metres_that_it_began_with() -> None:
+    bench = Bench(plant(*lane("Z A B C D E F G H", two_way=True)), v="A", w="H")
+    bench.want("v", "G")
+    bench.want("w", "Z")
+    bench.decided()
+    reason = bench.manager.why_waiting("w")
+    assert "it would have to turn back" in reason
+
+    for reached in (1, 2, 3):
+        bench.arrive("v", reached)
+        bench.decided()
+        assert bench.manager.why_waiting("w") == reason
 
 
 @pytest.mark.parametrize(("others", "way"), [(0, "BC"), (2, "XYC")])

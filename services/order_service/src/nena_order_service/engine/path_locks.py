@@ -26,7 +26,7 @@ class PathLocks:
         stored = await self._engine.store.path_locks()
         self._locks = {name: locked for name, locked in stored.items() if name in self._plant.paths_by_name}
         if self._locks:
-            self._engine.context.finder.set_locks(self._locks)
+            self._apply()
 
     def all(self) -> tuple[PathStatus, ...]:
         """Return all paths."""
@@ -53,9 +53,14 @@ class PathLocks:
     def _committed(self, name: str, *, locked: bool) -> None:
         self._locks[name] = locked
         log.info("path locked" if locked else "path unlocked", path=name)
-        self._engine.context.finder.set_locks(self._locks)
+        self._apply()
         if not self._engine.unit_of_work.closed:  # else the new parts take it up from the store
             self._engine.plant_changed()
+
+    def _apply(self) -> None:
+        """Let routes and traffic keep to the locks."""
+        self._engine.context.finder.set_locks(self._locks)
+        self._engine.traffic.resources.set_locks(self._locks)
 
     def _path(self, name: str) -> Path:
         path = self._plant.paths_by_name.get(name)

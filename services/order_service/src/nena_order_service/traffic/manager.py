@@ -42,6 +42,8 @@ class TrafficManager:
         self._journeys = self._control.journeys
         self._broken_off: dict[str, tuple[ResourceSet, ...]] = {}
         """What vehicles that broke off may be on, to the next point of their ways; or that move by hand."""
+        self._told: dict[str, tuple[tuple[WaitReason, tuple[str, ...], str], int]] = {}
+        """Why vehicles wait, and how far the others would have had to turn back (mm) when that began."""
         self._left_at: dict[str, tuple[ResourceSet, ...]] = {}
         """The same of those that were seen standing since, beside a point: until they are on one or drive on.
         By their pose alone they could be taken for clear of a path that is not straight."""
@@ -150,6 +152,7 @@ class TrafficManager:
     def remove(self, vehicle: str) -> None:
         """Take a vehicle out: it holds, wants and claims nothing any more."""
         self._control.forget(vehicle)
+        self._told.pop(vehicle, None)
         self._journeys.pop(vehicle, None)
         self._broken_off.pop(vehicle, None)
         self._left_at.pop(vehicle, None)
@@ -313,9 +316,20 @@ class TrafficManager:
         return frozenset((*(name for name, _ in self.extending()), *self._control.requesting))
 
     def why_waiting(self, vehicle: str) -> str:
-        """Return why a vehicle does not depart or go on; empty where traffic does not keep it."""
+        """Return why a vehicle does not depart or go on; empty where traffic does not keep it.
+
+        How far the other one would have to turn back is as it was when the vehicle began to wait for it:
+        it changes with each node, and each new text is saved and published.
+        """
         refusal = self.refusal(vehicle)
-        return refusal.in_words(self.turn_back_mm(refusal)) if refusal else ""
+        if refusal is None:
+            self._told.pop(vehicle, None)
+            return ""
+        cause = refusal.hindrance, refusal.vehicles, refusal.resource
+        told = self._told.get(vehicle)
+        if told is None or told[0] != cause:
+            told = self._told[vehicle] = cause, self.turn_back_mm(refusal)
+        return refusal.in_words(told[1])
 
     def refusal(self, vehicle: str) -> Refusal | None:
         """Return what was refused to a vehicle that does not depart or go on; None: traffic keeps it not."""

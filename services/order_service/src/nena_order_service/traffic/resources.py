@@ -9,7 +9,7 @@ from math import hypot
 from typing import Final
 
 from nena_order_service.routing.graph import Step
-from nena_shared.plant import PlantModel, Point
+from nena_shared.plant import DirectedEdge, PlantModel, Point
 from nena_shared.plant.geometry import Box, PlanarIndex
 from nena_shared.plant.model import Block, BlockType
 from nena_shared.plant.track import BoundingBox
@@ -44,7 +44,7 @@ class Resources:
     def __init__(self, plant: PlantModel, *, exclusive: bool = True) -> None:
         self._exclusive = exclusive
         driven = {(each.source, each.destination) for each in plant.paths}
-        self._open = _open_crossings(plant)
+        self._crossings = Crossings(plant)
         self._two_way = {
             each.name
             for each in plant.paths
@@ -66,7 +66,11 @@ class Resources:
             return True
         if not self._block_names.isdisjoint(way[index].uses):
             return False
-        return way[index].point in self._open or self._two_way.isdisjoint(way[index + 1].uses)
+        return self._crossings.is_open(way[index].point) or self._two_way.isdisjoint(way[index + 1].uses)
+
+    def set_locks(self, locks: Mapping[str, bool]) -> None:
+        """Look at locks of paths that hosts have set, over what the plant says."""
+        self._crossings.set_locks(locks)
 
     def at(self, point: str) -> ResourceSet:
         """Return the resources of a vehicle that was found at ``point``, come by whatever way."""
@@ -136,35 +140,51 @@ WAY_ROUND = 8
 """Paths that a way round a crossing has at most."""
 
 
-def _open_crossings(plant: PlantModel) -> frozenset[str]:
-    """Return the crossings that others can go around when a vehicle waits there.
+class Crossings:
+    """Knows the crossings that others can go around when a vehicle waits there.
 
-    Without such a point, each of its neighbours still leads to each other one by a short way.
+    Without such a point, each of its neighbours still leads to each other one by a short way, over paths
+    that are not locked. Each is looked at when it is first asked for: there may be thousands.
     """
-    after: defaultdict[str, set[str]] = defaultdict(set)
-    neighbours: defaultdict[str, set[str]] = defaultdict(set)
-    for path in plant.paths:
-        after[path.source].add(path.destination)
-        if path.max_reverse_velocity_mm_s:
-            after[path.destination].add(path.source)
-        neighbours[path.source].add(path.destination)
-        neighbours[path.destination].add(path.source)
-    return frozenset(
-        point
-        for point, others in neighbours.items()
-        if len(others) >= CROSSING and all(_leads_to(others, one, point, after) for one in others)
-    )
 
+    def __init__(self, plant: PlantModel) -> None:
+        self._edges: defaultdict[str, list[DirectedEdge]] = defaultdict(list)
+        self._neighbours: defaultdict[str, set[str]] = defaultdict(set)
+        for edge in plant.edges():
+            self._edges[edge.source].append(edge)
+            self._neighbours[edge.source].add(edge.destination)
+            self._neighbours[edge.destination].add(edge.source)
+        self._locks: dict[str, bool] = {}
+        self._open: dict[str, bool] = {}
 
-def _leads_to(others: set[str], start: str, without: str, after: Mapping[str, set[str]]) -> bool:
-    """Return whether few paths lead from a point to each of the others without another point."""
-    reached = newest = {start}
-    for _ in range(WAY_ROUND):
-        newest = {other for one in newest for other in after.get(one, ())} - reached - {without}
-        reached = reached | newest
-        if others <= reached or not newest:
-            break
-    return others <= reached
+    def set_locks(self, locks: Mapping[str, bool]) -> None:
+        """Look at locks of paths, over what the plant says; all crossings are looked at again."""
+        self._locks = dict(locks)
+        self._open.clear()
+
+    def is_open(self, point: str) -> bool:
+        """Return whether others can go around a point."""
+        known = self._open.get(point)
+        if known is None:
+            others = self._neighbours.get(point, set())
+            known = len(others) >= CROSSING and all(self._leads_to(others, one, point) for one in others)
+            self._open[point] = known
+        return known
+
+    def _leads_to(self, others: set[str], start: str, without: str) -> bool:
+        """Return whether few paths lead from a point to each of the others without another point."""
+        reached = newest = {start}
+        for _ in range(WAY_ROUND):
+            newest = {other for one in newest for other in self._after(one)} - reached - {without}
+            reached = reached | newest
+            if others <= reached or not newest:
+                break
+        return others <= reached
+
+    def _after(self, point: str) -> Iterator[str]:
+        for edge in self._edges.get(point, ()):
+            if not self._locks.get(edge.path.name, edge.path.locked):
+                yield edge.destination
 
 
 class UseIndex:

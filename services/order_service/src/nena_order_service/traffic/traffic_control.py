@@ -260,6 +260,15 @@ class _RefusedSection:
 
 
 @dataclass(frozen=True, slots=True)
+class _LetOut:
+    """A vehicle that another one made room for; it rests ``at`` a point in the way of the requester."""
+
+    vehicle: str
+    at: str
+    requester: str
+
+
+@dataclass(frozen=True, slots=True)
 class MoreClaimed:
     """A vehicle under way claims more of its way than before."""
 
@@ -307,8 +316,8 @@ class TrafficControl:
         """How many routes were searched with this burden."""
         self._refused_sections: dict[str, _RefusedSection] = {}
         self._asked: set[str] = set()
-        self._lets_out: dict[str, tuple[str, str]] = {}
-        """Vehicles that made room for one which they enclosed, with that one and where it rests."""
+        self._lets_out: dict[str, _LetOut] = {}
+        """Vehicles that made room for one which they enclosed."""
         self._turns: dict[str, tuple[int, str]] = {}
         """When the request of each vehicle came and for which goal, also while its way is granted."""
         self._last_turn = 0
@@ -321,6 +330,8 @@ class TrafficControl:
         """
         vehicle = route_request.vehicle
         turn, goal = self._turns.get(vehicle, (None, ""))
+        if goal != route_request.goal:
+            self._lets_out.pop(vehicle, None)
         if first and turn is None:
             turn = min((each for each, _ in self._turns.values()), default=0) - 1
         elif turn is None or not (first or vehicle in self._requests or goal == route_request.goal):
@@ -405,7 +416,7 @@ class TrafficControl:
             senior = senior or _Senior(vehicle, way[: self._next_stop(way)])
             if refusal.hindrance is WaitReason.RESTING:
                 first = senior.vehicle == vehicle
-                yield from self._make_room(refusal, [*senior.way, *way], movable, first=first)
+                yield from self._make_room(vehicle, refusal, [*senior.way, *way], movable, first=first)
 
     def _may_be_granted(self, route_request: RouteRequest) -> bool:
         """Return whether the request still stands, and its vehicle rests."""
@@ -500,6 +511,7 @@ class TrafficControl:
 
     def _make_room(
         self,
+        requester: str,
         refusal: Refusal,
         kept_free: list[ResourceSet],
         movable: Callable[[str], bool],
@@ -518,12 +530,19 @@ class TrafficControl:
             self._refusals.pop(evasion.vehicle, None)
             if evasion.lets_out:
                 at = self.scheduler.occupant(evasion.lets_out).point
-                self._lets_out[evasion.vehicle] = evasion.lets_out, at
+                self._lets_out[evasion.vehicle] = _LetOut(evasion.lets_out, at, requester)
             yield evasion
         yield from (Displacement(other) for other in under_way if self._wait_in_ring(other))
         for other in () if sent else sorted(enclosing.intersection(self.journeys).difference(under_way)):
-            if self.scheduler.occupant(other).resting:
+            if self.scheduler.occupant(other).resting and (
+                first or self._waits_for(other, enclosing | {requester})
+            ):
                 yield Displacement(other)
+
+    def _waits_for(self, vehicle: str, others: set[str]) -> bool:
+        """Return whether others keep a vehicle from going on; else it merely pauses."""
+        refusal = self._refusals.get(vehicle)
+        return refusal is not None and not others.isdisjoint(refusal.vehicles)
 
     def _wait_in_ring(self, vehicle: str) -> bool:
         """Return whether a vehicle waits, by others in between, for itself: then nobody of them goes on."""
@@ -567,17 +586,21 @@ class TrafficControl:
 
         One that has let another out must not enclose it again before that has gone.
         """
-        if self._has_let_out(vehicle) or any(map(lost, self.scheduler.resting_on(vehicle, way))):
+        if self._has_let_out(vehicle, lost) or any(map(lost, self.scheduler.resting_on(vehicle, way))):
             refusal = self.scheduler.claim(vehicle, way)
             return (refusal, way) if refusal else None
         return self._claim_section(vehicle, way, senior)
 
-    def _has_let_out(self, vehicle: str) -> bool:
-        """Return whether a vehicle has let another out that has not gone yet."""
-        other, at = self._lets_out.get(vehicle, ("", ""))
-        if other in self.scheduler and self.scheduler.occupant(other).point == at:
+    def _has_let_out(self, vehicle: str, lost: Callable[[str], bool]) -> bool:
+        """Return whether a vehicle has let another out that has not gone yet, and is still to go."""
+        known = self._lets_out.get(vehicle)
+        if known is None:
+            return False
+        wanted = known.requester in self._requests or known.requester in self._refusals
+        there = known.vehicle in self.scheduler and not lost(known.vehicle)
+        if wanted and there and self.scheduler.occupant(known.vehicle).point == known.at:
             return True
-        self._lets_out.pop(vehicle, None)
+        del self._lets_out[vehicle]
         return False
 
     def _route(self, route_request: RouteRequest, avoid: frozenset[str] = frozenset()) -> Route | None:
@@ -612,6 +635,7 @@ class TrafficControl:
     def forget_routes(self) -> None:
         """Search again for the routes that vehicles wait for: the plant has changed."""
         self._routes.clear()
+        self._refused_sections.clear()
 
     def _claim(self, vehicle: str, way: list[ResourceSet], senior: _Senior | None) -> Refusal | None:
         end = self.scheduler.end_of(vehicle, way)
