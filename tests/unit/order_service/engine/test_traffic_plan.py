@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import json
 
+import pytest
+
 from nena_order_service.engine.engine import Engine
+from nena_order_service.routing.graph import RoutingProfile
 from nena_shared.fleet_api.traffic import VehiclePlan, WaitCause
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
@@ -39,6 +42,23 @@ async def test_what_a_vehicle_holds_and_when_it_comes_where() -> None:
     assert plan.holds == ("A", "A --- B", "B")
     assert ahead(plan) == [("B", True, 2.0), ("C", False, 4.0), ("D", False, 6.0)]
     assert [each.path for each in plan.ahead] == ["A --- B", "B --- C", "C --- D"]
+
+
+async def test_traits_of_a_vehicle_are_looked_up_once_for_its_whole_way(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    engine, _ = await engine_at(TRACK, {"V1": "A"}, release_ahead=1)
+    engine.create(request("D"), "T")
+    asked: list[Vehicle | None] = []
+
+    def of(vehicle: Vehicle | None, _: frozenset[str]) -> RoutingProfile:
+        asked.append(vehicle)
+        return RoutingProfile()
+
+    monkeypatch.setattr(RoutingProfile, "of", of)
+
+    assert len(plan_of(engine, "V1").ahead) == len("BCD")
+    assert len(asked) == 1
 
 
 async def test_for_whom_a_vehicle_waits_where_and_until_when() -> None:

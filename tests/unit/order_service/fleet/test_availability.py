@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 
 from nena_order_service.fleet.availability import matters, vehicle_state
-from nena_order_service.fleet.robot import LinkStatus, VdaOrderPhase
+from nena_order_service.fleet.outputs import RobotChanged
+from nena_order_service.fleet.robot import POSITION_WITHIN, LinkStatus, VdaOrderPhase
 from nena_shared.fleet_api.vehicle import VehicleState
 from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
 from nena_shared.vda5050.connection import ConnectionState
@@ -115,6 +116,25 @@ def test_a_robot_that_has_connected_again_can_take_an_order_once_it_has_reported
     assert reason(bench) is None
     bench.connection(ConnectionState.ONLINE)
     assert bench.view().availability.reason == "is free", "the broker has kept that one"
+
+
+def test_a_robot_that_reports_no_position_any_more_since_it_connected_can_take_an_order() -> None:
+    bench = Bench().online()
+    bench.robot.has_pose = False
+    bench.wait(POSITION_WITHIN + 5, reporting=True)
+    assert reason(bench) == "is not localised: set its initial position", "it has not connected again"
+    bench.connection(ConnectionState.ONLINE)
+    bench.wait(POSITION_WITHIN - 5, reporting=True)
+    assert reason(bench) == "is not localised: set its initial position"
+    bench.news.clear()
+    bench.wait(10, reporting=True)
+    assert reason(bench) is None
+    assert len(bench.told(RobotChanged)) == 1
+
+    bench.robot.has_pose = True
+    assert reason(bench) is None
+    bench.robot.has_pose = False
+    assert reason(bench) == "is not localised: set its initial position"
 
 
 def test_a_paused_robot() -> None:

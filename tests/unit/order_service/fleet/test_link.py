@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import pytest
 
-from nena_order_service.fleet.link import KEY_LENGTH, RobotAddresses
+from nena_order_service.fleet.failures import RobotBusyError
+from nena_order_service.fleet.link import KEY_LENGTH, FleetLink, RobotAddresses
+from nena_order_service.fleet.settings import FleetSettings
+from nena_shared.clock import ManualClock
+from nena_shared.mqtt import MqttLink
 from nena_shared.plant import Vehicle
-from nena_shared.settings import ConfigurationError
+from nena_shared.settings import ConfigurationError, MqttSettings
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.topics import RobotKey, TopicScheme
 from nena_shared.vda5050.versions import codec_for
+from support.fleet import make_vda_order
 from support.honest_robot import HonestRobot
 
 pytestmark = pytest.mark.clause("4.2")
@@ -91,3 +96,21 @@ def test_what_the_broker_kept_from_another_time_is_known() -> None:
     address = known.of(ROBOT)
     assert address is not None
     assert address.scheme == V3
+
+
+def test_an_order_that_a_busy_robot_does_not_get_is_not_counted_as_undelivered() -> None:
+    link = FleetLink(
+        MqttLink(MqttSettings(), client_id="c"),
+        addresses=RobotAddresses([V2]),
+        settings=FleetSettings(),
+        clock=ManualClock(),
+        on_events=lambda *_: None,
+    )
+    link.start_vda_order(ROBOT, make_vda_order("m1", "A", "B"))
+
+    with pytest.raises(RobotBusyError):
+        link.start_vda_order(ROBOT, make_vda_order("m2", "A", "B"))
+    with pytest.raises(RobotBusyError):
+        link.adopt_vda_order(ROBOT, make_vda_order("m3", "A", "B"), accepted=False)
+
+    assert link.statistics.undelivered == 1

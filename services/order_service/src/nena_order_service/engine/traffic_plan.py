@@ -94,15 +94,16 @@ class TrafficPlans:
         refusal = self._traffic.refusal(name)
         if journey is None:
             return Drive(held, refusal=refusal)
-        at, seconds = self._traffic.point(name), list[float]()
-        robot = self._context.view(vehicle).factsheet
+        at, seconds, in_all = self._traffic.point(name), list[float](), 0.0
+        seconds_along = self._pace.of(vehicle.model, self._context.view(vehicle).factsheet)
         allocated = journey.allocated - journey.reached
         for index, each in enumerate(journey.way[journey.reached :]):
-            if index >= allocated and sum(seconds) > horizon:
+            if index >= allocated and in_all > horizon:
                 break
             edge = self._pace.edge(at, each)
             length_mm = each.length_mm if index else self._left_mm(vehicle, each)
-            seconds.append(self._pace.seconds(vehicle.model, edge, length_mm, robot))
+            seconds.append(seconds_along(edge, length_mm))
+            in_all += seconds[-1]
             at = each.point
         ahead = journey.way[journey.reached : journey.reached + len(seconds)]
         return Drive(held, ahead, allocated, tuple(seconds), box_of(vehicle).length_mm, refusal)

@@ -93,8 +93,11 @@ class RobotControl:
 
     def on_state(self, message: State, now: float) -> Iterator[FleetOutput]:
         """Handle a state; instant actions first, for a VDA order may end by one."""
+        placed = self.robot.placed
         if not self.robot.take_state(message, now):
             return
+        if self.robot.placed != placed:
+            self._changes += 1
         if self._unread:
             self._unread, self._instant_actions.broker = False, True
             self._changes += 1

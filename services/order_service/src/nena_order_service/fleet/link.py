@@ -280,19 +280,20 @@ class FleetLink:
 
     def start_vda_order(self, robot: RobotKey, vda_order: VdaOrder) -> None:
         """See :meth:`FleetController.start_vda_order`; the same holds for the following methods."""
-        self.statistics.begun(vda_order.order_id, self._now())
-        self._hand_out(self._controller.start_vda_order(robot, vda_order, self._now()))
+        self._begin(vda_order, self._controller.start_vda_order(robot, vda_order, self._now()))
 
     def adopt_vda_order(
         self, robot: RobotKey, vda_order: VdaOrder, *, accepted: bool, update_id: int = 0
     ) -> None:
         """See :meth:`FleetController.adopt_vda_order`."""
-        self.statistics.begun(vda_order.order_id, self._now())
-        self._hand_out(
-            self._controller.adopt_vda_order(
-                robot, vda_order, self._now(), accepted=accepted, update_id=update_id
-            )
+        outputs = self._controller.adopt_vda_order(
+            robot, vda_order, self._now(), accepted=accepted, update_id=update_id
         )
+        self._begin(vda_order, outputs)
+
+    def _begin(self, vda_order: VdaOrder, outputs: Outputs) -> None:
+        self.statistics.begun(vda_order.order_id, self._now())
+        self._hand_out(outputs)
 
     def extend_vda_order(self, robot: RobotKey, vda_order: VdaOrder) -> None:
         """See :meth:`FleetController.extend_vda_order`."""

@@ -34,6 +34,10 @@ CONNECTIONS_KEPT: Final = 20
 """Connection messages of a robot that are recognised when they come again."""
 
 
+POSITION_WITHIN: Final = 30.0
+"""Seconds of states without a position, after it has connected, from which a robot has none to report."""
+
+
 class MessageOrder:
     """Judges the headers of one robot's messages on one topic.
 
@@ -266,7 +270,7 @@ class Robot:
     malformed: int = 0
     """How many of its messages could not be read."""
     placed: bool = False
-    """Whether it has ever reported where it is; some robots never do."""
+    """Whether it reports where it is; some robots never do, or not any more since they were changed."""
     stale: bool = False
     """Whether its last state is from before it connected: it may have been started again meanwhile."""
     unreadable: str = ""
@@ -275,6 +279,8 @@ class Robot:
     _heard_at: float | None = None
     _silent_after: float = 0.0
     _order: MessageOrder = field(default_factory=MessageOrder)
+    _placed_until: float | None = None
+    """From when on it counts as one that does not report where it is, if it does not since it connected."""
     _online_id: int | None = None
     """The headerId of the last connection message, if that said ONLINE."""
     _connections: deque[tuple[int, datetime]] = field(default_factory=lambda: deque(maxlen=CONNECTIONS_KEPT))
@@ -304,6 +310,8 @@ class Robot:
         if periodic:
             return False
         self._order.restart()
+        if online and self.placed:
+            self._placed_until = inf
         if online and self.state is not None:
             self.stale = self.state.timestamp < message.timestamp
         return True
@@ -318,7 +326,11 @@ class Robot:
             return False
         self.unreadable = ""
         self.stale = False
-        self.placed = self.placed or message.mobile_robot_position is not None
+        if message.mobile_robot_position is not None:
+            self.placed, self._placed_until = True, None
+        elif self._placed_until is not None:
+            self._placed_until = min(self._placed_until, now + POSITION_WITHIN)
+            self.placed = now < self._placed_until
         self.state = message
         self.state_at = self._heard_at = now
         if self.connection is not ConnectionState.ONLINE:

@@ -7,7 +7,7 @@ speeds of its paths, and enters what another one holds once that has left it.
 from __future__ import annotations
 
 from collections import defaultdict, deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from heapq import heappop, heappush
 from typing import Final
@@ -145,12 +145,17 @@ class Pace:
         edges = self._edges.get((start, step.point), ())
         return next((each for each in edges if each.path.name in step.uses), edges[0] if edges else None)
 
-    def seconds(
-        self, vehicle: Vehicle | None, edge: DirectedEdge | None, length_mm: float, robot: Factsheet | None
-    ) -> float:
-        """Return how long a vehicle takes for so much of an edge; ``robot`` is its robot's factsheet."""
+    def of(
+        self, vehicle: Vehicle | None, robot: Factsheet | None
+    ) -> Callable[[DirectedEdge | None, float], float]:
+        """Return how long a vehicle takes for so much (mm) of an edge; ``robot`` is its robot's factsheet."""
         own = vehicle.max_velocity_mm_s if vehicle else 0
-        by_plant = RoutingProfile.of(vehicle, self._known_types).speed_mm_s(edge) if edge else own
         by_robot = robot.physical_parameters.maximum_speed * MM_PER_M if robot else 0.0
-        known = [each for each in (by_plant, by_robot) if each > 0]
-        return length_mm / min(known, default=UNKNOWN_SPEED_MM_S)
+        profile = RoutingProfile.of(vehicle, self._known_types)
+
+        def seconds(edge: DirectedEdge | None, length_mm: float) -> float:
+            by_plant = profile.speed_mm_s(edge) if edge else own
+            known = [each for each in (by_plant, by_robot) if each > 0]
+            return length_mm / min(known, default=UNKNOWN_SPEED_MM_S)
+
+        return seconds
