@@ -11,7 +11,7 @@ from nena_order_service.service import CHANGING, ServiceRunner, build
 from nena_order_service.settings import OrderServiceSettings
 from nena_order_service.store.schema import open_database
 from nena_order_service.store.store import Store
-from nena_shared.plant import PlantModel
+from nena_shared.plant import Path, PlantModel
 from nena_shared.tasks import Supervisor
 from support.order_service import request
 
@@ -73,6 +73,22 @@ async def put_in_use(settings: OrderServiceSettings, store: Store, model: PlantM
         runner = runner_of(settings, store, supervisor)
         await runner.begin()
         await runner.change_plant(model)
+
+
+async def test_model_of_a_host_keeps_what_it_does_not_give_over_a_restart(
+    settings: OrderServiceSettings,
+) -> None:
+    """Speeds that are not given limit nothing."""
+    store = Store(open_database(settings.store.location()))
+    first, *others = SAMPLE.paths
+    unlimited = Path(
+        name=first.name, source=first.source, destination=first.destination, length_mm=first.length_mm
+    )
+    model = SAMPLE.model_copy(update={"paths": (unlimited, *others)})
+    await put_in_use(settings, store, model)
+    kept = (await taken_up(settings, store)).paths
+    assert [("max_velocity_mm_s" in each.model_fields_set) for each in kept[:2]] == [False, True]
+    store.close()
 
 
 async def test_model_of_a_host_counts_until_the_bytes_of_the_file_change(

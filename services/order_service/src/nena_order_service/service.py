@@ -373,7 +373,8 @@ class ServiceRunner:
 
     async def _keep(self, model: PlantModel) -> None:
         """Commit the model, however long the store takes."""
-        stored = StoredPlant(file=self._file.digest, model=model.to_json())
+        given = model.model_dump_json(by_alias=True, exclude_none=True, exclude_unset=True)
+        stored = StoredPlant(file=self._file.digest, model=given)
         await self._commit(stored.model_dump_json())
 
     async def _commit(self, document: str | None) -> None:

@@ -95,6 +95,22 @@ async def test_after_a_restart_the_robot_goes_on_with_what_it_was_given() -> Non
     assert [base(vda_order) for _, vda_order in again.extended] == [["A", "B", "C", "D", "E"]]
 
 
+async def test_a_robot_is_sent_no_speeds_that_the_plant_model_does_not_give() -> None:
+    paths = (path("A B", max_velocity_mm_s=300), path("B C"), path("C D", max_velocity_mm_s=800))
+    vehicle = Vehicle(name="V1", max_reverse_velocity_mm_s=200)
+    fleet = ScriptedFleet({})
+    plant = PLANT.model_copy(update={"paths": paths, "vehicles": (vehicle,)})
+    engine = await make_engine(
+        plant, MemoryStore(), fleet, settings=EngineSettings(default_map_id="map", speed_limits=True)
+    )
+    fleet.appear("V1", "A")
+
+    engine.create(request("D", name="T-1"), "T-1")
+
+    ((_, vda_order),) = fleet.sent
+    assert [each.maximum_speed for each in vda_order.edges] == [0.3, None, 0.8]
+
+
 @pytest.mark.parametrize(("sent", "speeds"), [(True, [0.3, 0.6]), (False, [None, None])])
 async def test_a_robot_is_sent_how_fast_it_may_drive(sent: bool, speeds: list[float | None]) -> None:  # noqa: FBT001
     store, fleet = MemoryStore(), ScriptedFleet({})

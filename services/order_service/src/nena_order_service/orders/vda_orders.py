@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import NamedTuple, Self
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -281,14 +282,22 @@ class OrderPlanner:
         )
 
     def _speed_limit(self, vehicle: FleetVehicle) -> SpeedLimit:
-        """Return how fast a vehicle may drive where, by the plant model."""
+        """Return how fast a vehicle may drive where, by speeds that the plant model gives: no defaults."""
         if not self._speed_limits:
             return unlimited
         profile = RoutingProfile.of(vehicle.model, self.plant.vehicle_types)
+        given = vehicle.model.model_fields_set if vehicle.model else ()
+        profile = replace(
+            profile,
+            max_velocity_mm_s=profile.max_velocity_mm_s if "max_velocity_mm_s" in given else None,
+            max_reverse_velocity_mm_s=(
+                profile.max_reverse_velocity_mm_s if "max_reverse_velocity_mm_s" in given else None
+            ),
+        )
         own = profile.max_velocity_mm_s
 
         def limit(edge: DirectedEdge | None) -> float | None:
-            speed_mm_s = profile.speed_mm_s(edge) if edge else own
+            speed_mm_s = profile.given_speed_mm_s(edge) if edge else own
             return speed_mm_s / MM_PER_M if speed_mm_s else None
 
         return limit

@@ -156,14 +156,25 @@ class RoutingProfile:
 
         A type that LIF has drive an edge with its back first goes by its reverse speed.
         """
-        speeds = [edge.max_velocity_mm_s]
+        return min((edge.max_velocity_mm_s, *self._limits_mm_s(edge)))
+
+    def given_speed_mm_s(self, edge: DirectedEdge) -> int | None:
+        """Return :meth:`speed_mm_s` by what was given; None: of the path there is but a default."""
+        limits = tuple(self._limits_mm_s(edge))
+        if not edge.is_forward or "max_velocity_mm_s" in edge.path.model_fields_set:
+            return min((edge.max_velocity_mm_s, *limits))
+        return min(limits, default=None)
+
+    def _limits_mm_s(self, edge: DirectedEdge) -> Iterator[int]:
+        """Yield how fast types of vehicles may drive along an edge, and how fast the vehicle can."""
         backward = not edge.is_forward
         for use in self.uses_of(edge.path):
             backward = backward or use.is_backward
             if use.max_speed is not None:
-                speeds.append(round(use.max_speed * MM_PER_M))
+                yield round(use.max_speed * MM_PER_M)
         own = self.max_reverse_velocity_mm_s if backward else self.max_velocity_mm_s
-        return min(speeds) if own is None else min(*speeds, own)
+        if own is not None:
+            yield own
 
 
 class Access:

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from math import hypot
 from types import MappingProxyType
-from typing import Final
+from typing import Any, Final
 from xml.etree.ElementTree import Element
 
 from nena_shared.plant.checks import find_errors, find_warnings
@@ -342,7 +342,7 @@ class TrackReader:
             source=source,
             destination=destination,
             length_mm=self._length_mm(obj, source, destination),
-            max_velocity_mm_s=speed_mm_s(obj, "maxVelocity", 1000),
+            **given_speeds(obj, max_velocity_mm_s="maxVelocity"),
             max_reverse_velocity_mm_s=obj.integer("maxReverseVelocity", obj.if_old(0), minimum=0),
             locked=obj.boolean("locked", obj.if_old(value=False)),
             peripheral_operations=tuple(
@@ -403,11 +403,15 @@ def bounding_box(obj: XmlObject, tag: str) -> BoundingBox:
     return boxes[0] if boxes else BoundingBox()
 
 
-def speed_mm_s(obj: XmlObject, attribute: str, default: int) -> int:
-    """Read a speed in mm/s; a missing one in old formats becomes `default`, not 0."""
-    if obj.findings.is_old and not obj.has(attribute):
-        obj.warn("DEFAULTED", f"{attribute} is missing; {default} mm/s is used")
-    return obj.integer(attribute, obj.if_old(default), minimum=0)
+def given_speeds(obj: XmlObject, **attributes: str) -> dict[str, Any]:
+    """Read speeds in mm/s, by field; one that is missing in old formats stays the model's default, not 0."""
+    speeds: dict[str, Any] = {}
+    for name, attribute in attributes.items():
+        if obj.findings.is_old and not obj.has(attribute):
+            obj.warn("DEFAULTED", f"{attribute} is missing; 1000 mm/s is used")
+        else:
+            speeds[name] = obj.integer(attribute, minimum=0)
+    return speeds
 
 
 def _envelopes(obj: XmlObject) -> tuple[Envelope, ...]:
@@ -505,8 +509,7 @@ def read_vehicle(obj: XmlObject, drawing: Drawing) -> Vehicle:
         name=obj.name or "?",
         bounding_box=_bounding_box(obj),
         energy_thresholds=_thresholds(obj),
-        max_velocity_mm_s=speed_mm_s(obj, "maxVelocity", 1000),
-        max_reverse_velocity_mm_s=speed_mm_s(obj, "maxReverseVelocity", 1000),
+        **given_speeds(obj, max_velocity_mm_s="maxVelocity", max_reverse_velocity_mm_s="maxReverseVelocity"),
         envelope_key=obj.optional_text("envelopeKey"),
         properties=obj.properties(),
         color=drawing.of(obj, "vehicleLayout").color,

@@ -114,6 +114,7 @@ def test_what_old_formats_leave_out(version: str) -> None:
     back = model.path("BA")
     assert (back.length_mm, back.max_velocity_mm_s, back.max_reverse_velocity_mm_s) == (3000, 1000, 0)
     assert back.locked is False
+    assert "max_velocity_mm_s" not in back.model_fields_set, "it limits nothing"
 
 
 def test_the_block_type_is_optional_in_the_oldest_format_only() -> None:
