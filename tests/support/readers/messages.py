@@ -65,6 +65,7 @@ BODIES: dict[str, dict[str, Any]] = {
     "orderSequences": {"finished": True, "limit": 5, "after": "12"},
     "completeOrderSequence": {"orderSequence": "S-1", "version": 1},
     "summary": {},
+    "trafficPlan": {},
 }
 ORDER = {
     "name": "T-1",
