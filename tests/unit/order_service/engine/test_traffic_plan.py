@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 
 import pytest
 
 from nena_order_service.engine.engine import Engine
+from nena_order_service.engine.traffic_plan import AT_ONCE
 from nena_order_service.routing.graph import RoutingProfile
 from nena_shared.fleet_api.traffic import VehiclePlan, WaitCause
 from nena_shared.plant import PlantModel, Vehicle
@@ -22,8 +24,8 @@ TRACK = PlantModel(
 )
 
 
-def plan_of(engine: Engine, vehicle: str) -> VehiclePlan:
-    return next(each for each in engine.traffic_plan().vehicles if each.vehicle == vehicle)
+async def plan_of(engine: Engine, vehicle: str) -> VehiclePlan:
+    return next(each for each in (await engine.traffic_plan()).vehicles if each.vehicle == vehicle)
 
 
 def ahead(plan: VehiclePlan) -> list[tuple[str, bool, float | None]]:
@@ -32,11 +34,11 @@ def ahead(plan: VehiclePlan) -> list[tuple[str, bool, float | None]]:
 
 async def test_what_a_vehicle_holds_and_when_it_comes_where() -> None:
     engine, fleet = await engine_at(TRACK, {"V1": "A"}, release_ahead=1)
-    assert plan_of(engine, "V1") == VehiclePlan(vehicle="V1", at="A", holds=("A",))
+    assert await plan_of(engine, "V1") == VehiclePlan(vehicle="V1", at="A", holds=("A",))
 
     engine.create(request("D"), "T")
     fleet.pass_node("V1", 0)
-    plan = plan_of(engine, "V1")
+    plan = await plan_of(engine, "V1")
 
     assert (plan.transport_order, plan.at, plan.goal, plan.wait) == ("T", "A", "D", None)
     assert plan.holds == ("A", "A --- B", "B")
@@ -57,7 +59,7 @@ async def test_traits_of_a_vehicle_are_looked_up_once_for_its_whole_way(
 
     monkeypatch.setattr(RoutingProfile, "of", of)
 
-    assert len(plan_of(engine, "V1").ahead) == len("BCD")
+    assert len((await plan_of(engine, "V1")).ahead) == len("BCD")
     assert len(asked) == 1
 
 
@@ -66,10 +68,10 @@ async def test_for_whom_a_vehicle_waits_where_and_until_when() -> None:
     engine.create(request("D", intendedVehicle="V2"), "T-2")
     engine.create(request("C", intendedVehicle="V1"), "T-1")
 
-    plan = plan_of(engine, "V1")
+    plan = await plan_of(engine, "V1")
 
     assert ahead(plan) == [("B", True, 2.0), ("C", False, 4.0)]
-    assert ahead(plan_of(engine, "V2")) == [("D", True, 2.0)]
+    assert ahead(await plan_of(engine, "V2")) == [("D", True, 2.0)]
     assert plan.wait
     assert (plan.wait.vehicles, plan.wait.at, plan.wait.cause) == (("V2",), "C", WaitCause.PASSES)
     assert plan.wait.reason == "it waits for V2, which passes 'C' first"
@@ -92,9 +94,9 @@ async def test_who_goes_first_passes_before_the_other_one_enters() -> None:
     engine.create(request("Y", intendedVehicle="V1"), "T-1")
     engine.create(request("X", intendedVehicle="V2"), "T-2")
 
-    plan = plan_of(engine, "V2")
+    plan = await plan_of(engine, "V2")
 
-    assert ahead(plan_of(engine, "V1")) == [("B", True, 2.0), ("C", False, 4.0), ("Y", False, 6.0)]
+    assert ahead(await plan_of(engine, "V1")) == [("B", True, 2.0), ("C", False, 4.0), ("Y", False, 6.0)]
     assert ahead(plan) == [("C", False, 8.0), ("B", False, 10.0), ("X", False, 12.0)]
     assert plan.wait
     assert plan.wait.cause is WaitCause.GOES_FIRST
@@ -108,7 +110,7 @@ async def test_a_vehicle_whose_way_is_not_granted_yet_says_who_stands_on_it() ->
     fleet.hinder("V2", "has an error")
     engine.create(request("D", intendedVehicle="V1"), "T-1")
 
-    plan = plan_of(engine, "V1")
+    plan = await plan_of(engine, "V1")
 
     assert (plan.ahead, plan.goal) == ((), None)
     assert plan.wait
@@ -119,7 +121,31 @@ async def test_a_vehicle_whose_way_is_not_granted_yet_says_who_stands_on_it() ->
 async def test_what_others_read_is_json() -> None:
     engine, _ = await engine_at(TRACK, {"V1": "A"})
 
-    body = json.loads(engine.traffic_plan().model_dump_json(by_alias=True))
+    body = json.loads((await engine.traffic_plan()).model_dump_json(by_alias=True))
 
     assert body["horizon"] == 60
     assert body["vehicles"][0]["holds"] == ["A"]
+
+
+async def test_plan_of_many_vehicles_lets_others_do_something_in_between() -> None:
+    places = {f"V{index}": f"P{index}" for index in range(3 * AT_ONCE)}
+    row = PlantModel(
+        name="row",
+        points=tuple(point(name, 2000 * index) for index, name in enumerate(places.values())),
+        vehicles=tuple(Vehicle(name=name) for name in places),
+    )
+    engine, _ = await engine_at(row, places)
+    done: list[str] = []
+
+    async def other() -> None:
+        for _ in range(2):
+            await asyncio.sleep(0)
+            done.append("other")
+
+    async def planned() -> None:
+        assert len((await engine.traffic_plan()).vehicles) == 3 * AT_ONCE
+        done.append("plan")
+
+    await asyncio.gather(planned(), other())
+
+    assert done == ["other", "other", "plan"]

@@ -262,9 +262,9 @@ class HostRequests:
             oldest_order=oldest.name if oldest else None,
         )
 
-    def traffic_plan(self) -> TrafficPlan:
+    async def traffic_plan(self) -> TrafficPlan:
         """Return where vehicles will be in the next minute, and for whom they wait."""
-        return self._engine.traffic_plan()
+        return await self._engine.traffic_plan()
 
     async def set_integration_level(self, name: str, level: IntegrationLevel) -> VehicleStatus:
         """Set the integration level of a vehicle; it lasts over restarts."""

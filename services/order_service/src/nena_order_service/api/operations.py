@@ -295,7 +295,7 @@ class HostOperations:
     @_does(table.SHOW_TRAFFIC_PLAN)
     async def show_traffic_plan(self, _: Call[None]) -> Reply:
         """Return the plan of the next minute."""
-        return Reply(self._orders.traffic_plan())
+        return Reply(await self._orders.traffic_plan())
 
     def _parameters(self, vehicle: str, asked: InstantActionRequest) -> tuple[ActionParameter, ...]:
         """Return the action's parameters; a pose is converted to the frame of the vehicle's map."""

@@ -469,9 +469,9 @@ class Engine:
         """Return the status of a vehicle."""
         return self._reporter.status(vehicle)
 
-    def traffic_plan(self) -> TrafficPlan:
+    async def traffic_plan(self) -> TrafficPlan:
         """Return where vehicles will be in the next minute, and for whom they wait."""
-        return self._plans.plan()
+        return await self._plans.plan()
 
     async def explain(self, order: TransportOrder) -> list[VehicleFit]:
         """Return for each vehicle why it does not get an order, or that it could."""

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import asyncio
+from collections.abc import Callable, Sequence
+from functools import partial
+from itertools import repeat
 from math import hypot
 from typing import Final
 
@@ -25,6 +28,12 @@ CAUSES: Final = {
 }
 
 
+AT_ONCE: Final = 20
+"""Vehicles that are looked at before others may do something: a few milliseconds."""
+
+_Plan = Callable[[Sequence[float]], VehiclePlan]
+
+
 class TrafficPlans:
     """Tells hosts the plan of the next minute."""
 
@@ -35,40 +44,51 @@ class TrafficPlans:
         self._driving = driving
         self._pace = Pace(context.plant)
 
-    def plan(self, horizon: float = HORIZON) -> TrafficPlan:
-        """Return what each vehicle stands on, holds, is to drive and waits for."""
-        vehicles = [each for each in self._registry if each.name in self._traffic]
-        drives = {each.name: self._drive(each, horizon) for each in vehicles}
-        forecast = Forecast(drives, horizon)
-        return TrafficPlan(
-            time=self._context.clock.now(),
-            horizon=horizon,
-            vehicles=tuple(
-                self._plan(each, drives[each.name], forecast.arrivals(each.name)) for each in vehicles
-            ),
-        )
+    async def plan(self, horizon: float = HORIZON) -> TrafficPlan:
+        """Return what each vehicle stands on, holds, is to drive and waits for.
 
-    def _plan(self, vehicle: FleetVehicle, drive: Drive, arrivals: Sequence[float]) -> VehiclePlan:
+        It looks at so many vehicles at once, and lets others do something in between.
+        """
+        time, drives, plans = self._context.clock.now(), dict[str, Drive](), list[_Plan]()
+        for number, vehicle in enumerate(tuple(self._registry), start=1):
+            if vehicle.name in self._traffic:
+                drive = drives[vehicle.name] = self._drive(vehicle, horizon)
+                plans.append(self._plan(vehicle, drive))
+            if number % AT_ONCE == 0:
+                await asyncio.sleep(0)
+        forecast = Forecast(drives, horizon)
+        planned = tuple(plan(forecast.arrivals(name)) for name, plan in zip(drives, plans, strict=True))
+        return TrafficPlan(time=time, horizon=horizon, vehicles=planned)
+
+    def _plan(self, vehicle: FleetVehicle, drive: Drive) -> _Plan:
+        """Return what makes the plan of a vehicle, as it is now, once it is known when it comes where."""
         name, journey = vehicle.name, self._traffic.journey(vehicle.name)
         at = self._traffic.point(name)
         starts = (at, *(each.point for each in drive.ahead))
-        return VehiclePlan(
+        plan = partial(
+            VehiclePlan,
             vehicle=name,
             transport_order=self._order(vehicle),
             at=at,
             holds=tuple(dict.fromkeys(use for each in drive.held for use in each.uses)),
-            ahead=tuple(
-                PlannedPoint(
-                    point=each.point,
-                    path=edge.path.name if (edge := self._pace.edge(start, each)) else None,
-                    held=index < drive.allocated,
-                    seconds=round(arrivals[index], 1) if index < len(arrivals) else None,
-                )
-                for index, (start, each) in enumerate(zip(starts, drive.ahead, strict=False))
-            ),
             goal=journey.way[-1].point if journey and journey.way else None,
             wait=self._wait(vehicle, drive.refusal),
         )
+        ahead = tuple(
+            partial(
+                PlannedPoint,
+                point=each.point,
+                path=edge.path.name if (edge := self._pace.edge(start, each)) else None,
+                held=index < drive.allocated,
+            )
+            for index, (start, each) in enumerate(zip(starts, drive.ahead, strict=False))
+        )
+
+        def planned(arrivals: Sequence[float]) -> VehiclePlan:
+            seconds = [*(round(each, 1) for each in arrivals), *repeat(None, len(ahead) - len(arrivals))]
+            return plan(ahead=tuple(each(seconds=at) for each, at in zip(ahead, seconds, strict=True)))
+
+        return planned
 
     def _wait(self, vehicle: FleetVehicle, refusal: Refusal | None) -> TrafficWait | None:
         reason = self._driving.note(vehicle)
