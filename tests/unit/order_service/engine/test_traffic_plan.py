@@ -13,6 +13,7 @@ from nena_order_service.routing.graph import RoutingProfile
 from nena_shared.fleet_api.traffic import VehiclePlan, WaitCause
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
+from support.pausing import turn_passes
 from support.plants import path, point
 from support.scripted_fleet import engine_at, reason_of, status_of
 
@@ -139,7 +140,7 @@ async def test_plan_of_many_vehicles_lets_others_do_something_in_between() -> No
 
     async def other() -> None:
         for _ in range(2):
-            await asyncio.sleep(0)
+            await turn_passes()
             done.append("other")
 
     async def planned() -> None:
