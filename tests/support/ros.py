@@ -51,6 +51,10 @@ RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
+CALLS = 3
+"""How often a service is called that does not answer."""
+
+
 class Participant:
     """This process in one domain: a context with a node that stays, and no test's node is the last in it.
 
@@ -242,9 +246,15 @@ class RosPeer:
         return client
 
     def call(self, client: Any, request: Any, *, timeout: float = PATIENCE) -> Any:
-        """Call a service and give its answer."""
+        """Call a service and return its answer.
+
+        DDS may lose a call where the two have only just found each other, so an unanswered one is made again.
+        """
         done = threading.Event()
-        future = client.call_async(request)
-        future.add_done_callback(lambda _: done.set())
-        assert done.wait(timeout), f"service {client.srv_name} gave no answer in {timeout} s"
-        return future.result()
+        for _ in range(CALLS):
+            future = client.call_async(request)
+            future.add_done_callback(lambda _: done.set())
+            if done.wait(timeout / CALLS):
+                return future.result()
+        message = f"service {client.srv_name} gave no answer to {CALLS} calls in {timeout} s"
+        raise AssertionError(message)
