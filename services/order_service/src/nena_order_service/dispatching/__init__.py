@@ -1,1 +1,1 @@
-"""Dispatching: which order is given to which vehicle."""
+"""Dispatching: which vehicle gets which order."""

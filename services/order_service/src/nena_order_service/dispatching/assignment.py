@@ -1,8 +1,8 @@
-"""The cheapest assignment of orders to vehicles, where the more urgent ones are served first.
+"""Cheapest assignment of orders to vehicles; more urgent orders are served first.
 
-Successive shortest augmenting paths with potentials, after Jonker and Volgenant (1987), over the pairs that
-are possible: each order that is added takes a vehicle, for which others may change theirs, so that all
-together cost least. Costs are whole numbers, so nothing is lost by rounding. No clock, no I/O.
+Successive shortest augmenting paths with potentials, after Jonker and Volgenant (1987), over the feasible
+pairs: each added order gets a vehicle, and others may change theirs for it, so that the total cost is
+minimal. Costs are integers, so rounding loses nothing. No clock, no I/O.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ Costs = Mapping[str, int]
 
 
 def assign(levels: Sequence[Mapping[int, Costs]]) -> dict[int, str]:
-    """Return vehicles by the numbers of the orders that get one; each vehicle gets one at most.
+    """Return vehicle names by the numbers of the orders that get one; each vehicle gets at most one.
 
-    The orders of a level come before those of later ones: as many of them as possible are served, and never
-    fewer for the sake of a later level or of the cost. Which ones of a level, and by which vehicles, is what
-    costs least in all. Orders that come first keep the cheaper vehicle where both ways cost the same.
+    Each level is served before the later ones: as many of its orders as possible, and never fewer for the
+    sake of a later level or the cost. Within a level, the choice of orders and vehicles minimises the total
+    cost. On equal cost, earlier orders keep the cheaper vehicle.
     """
     vehicles = {name for level in levels for costs in level.values() for name in costs}
     if len(vehicles) == 1:
@@ -75,7 +75,7 @@ class _Search:
                 del self._costs[order][order]
 
     def _augment(self, new: int) -> None:
-        """Let an order take the cheapest place, and others change theirs for that where it pays."""
+        """Assign the cheapest place to an order; other orders change theirs where that pays."""
         reached: dict[Place, int] = {}
         by: dict[Place, int] = {}
         heap: list[tuple[int, int, Place]] = []

@@ -1,4 +1,4 @@
-"""The vehicles as the dispatcher sees them, looked at again only when something of them changes."""
+"""The vehicles as the dispatcher sees them, updated only when something about them changes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ EXAMPLES_AT_MOST = 50
 
 @dataclass(frozen=True, slots=True)
 class LocatedCandidate:
-    """A vehicle as the dispatcher sees it, and where it stands; None where nobody knows."""
+    """A vehicle as the dispatcher sees it, and its position; None if unknown."""
 
     vehicle: FleetVehicle
     seen: DispatchedVehicle
@@ -31,13 +31,13 @@ class LocatedCandidate:
 
     @property
     def matters(self) -> tuple[object, ...]:
-        """What makes a difference for who gets which order; energy alone does not."""
+        """Return what makes a difference for the assignment of orders; energy alone does not."""
         where = self.standing and self.standing.point
         return *self.hindrance, self.seen.restriction, self.seen.gives_up, self.seen.carried, where
 
     @property
     def hindrance(self) -> Hindrance:
-        """What those have in common that say the same of each order that neither names nor excludes them."""
+        """Return what decides a vehicle's reason towards orders that do not name or exclude it."""
         return self.seen.obstacle, self.order_types, self.sequence
 
 
@@ -63,7 +63,7 @@ class Candidates:
         self._hindered: dict[Hindrance, dict[str, None]] = {}
 
     def look_at(self, vehicle: FleetVehicle) -> bool:
-        """See how a vehicle is now; tell whether anything is new that makes a difference."""
+        """Update a vehicle; return whether anything relevant for the assignment has changed."""
         name, found = vehicle.name, self._consider(vehicle)
         before = self._known.get(name)
         self._known[name] = found
@@ -89,18 +89,21 @@ class Candidates:
         return is_new
 
     def refresh(self, names: Iterable[str]) -> None:
-        """Look at vehicles again, by their names."""
+        """Update the vehicles of these names."""
         for name in names:
             if (vehicle := self._registry.named(name)) and not vehicle.obstacle:
                 self.look_at(vehicle)
 
     def offer_all(self) -> None:
-        """Let each free vehicle be offered all orders that wait once more, unless it is offered some now."""
+        """Offer all waiting orders again to each free vehicle that is not being offered some already."""
         for name in self.free:
             self.fresh.setdefault(name, None)
 
     def take_hindmost(self) -> tuple[Urgency | None, list[str]]:
-        """Take those out of the fresh ones that were offered the fewest orders; return up to which, too."""
+        """Remove the fresh vehicles that were offered the fewest orders.
+
+        Return the last order they were offered, and their names.
+        """
         begun = [each for each in self.fresh.values() if each is not None]
         after = min(begun) if begun and len(begun) == len(self.fresh) else None
         names = [name for name, known in self.fresh.items() if known == after]
@@ -109,7 +112,7 @@ class Candidates:
         return after, names
 
     def offer_on(self, names: Iterable[str], after: Urgency) -> None:
-        """Let those of the vehicles that are free still be offered the orders behind this one."""
+        """Continue offering orders after this one to those of the vehicles that are still free."""
         for name in names:
             if name in self.free:
                 self.fresh.setdefault(name, after)

@@ -53,10 +53,10 @@ class Energy:
         return self.level >= wanted and not self.critical
 
     def restriction(self, *, fully: bool) -> str:
-        """Return, as a predicate, why it takes no order but one to recharge; empty if it takes any.
+        """Return, as a predicate, why it only takes orders to recharge; empty if it takes any order.
 
-        ``fully``: who charges goes on until it is fully recharged, not just sufficiently. The words stay the
-        same while it discharges or recharges.
+        ``fully``: a charging vehicle continues until it is fully recharged, not just sufficiently. The text
+        stays the same while the energy changes.
         """
         levels = self.thresholds
         if self.charging and not self.recharged(fully=fully):
@@ -159,9 +159,9 @@ def acceptable(names: Iterable[str] | None) -> tuple[AcceptableOrderType, ...]:
 
 
 def type_priority(accepted: Iterable[AcceptableOrderType], order_type: str) -> int | None:
-    """Return how much a vehicle likes orders of this type, less is better; None: it does not accept them.
+    """Return the vehicle's priority for orders of this type, lower is preferred; None: type not accepted.
 
-    What it says of the very type counts more than what it says of any (``*``).
+    The priority of the exact type overrides that of any type (``*``).
     """
     priorities = {each.name: each.priority for each in accepted}
     return priorities.get(order_type, priorities.get(ANY_TYPE))
@@ -189,9 +189,9 @@ class Carried:
     """Those for loads of single types."""
 
     def why_no_room(self, pick: Pick) -> str:
-        """Return, as a predicate, why there is no room for a load; empty where there may be.
+        """Return, as a predicate, why there is no room for a load; empty if there may be.
 
-        Who does not say which places it has has one, and a load that does not say where it is is anywhere.
+        A vehicle without known load positions has one; a load without a position may be on any of them.
         """
         if pick.place:
             wanted, elsewhere = frozenset({pick.place}), frozenset(self.loads) - {"", pick.place}
@@ -206,7 +206,7 @@ class Carried:
 
 
 def carried(state: State, factsheet: Factsheet | None) -> Carried | None:
-    """Return what a robot says that it carries; None where that is nothing, or it cannot tell."""
+    """Return what a robot reports that it carries; None if nothing, or if it cannot report loads."""
     if not state.loads:
         return None
     loads = tuple(each.load_position or "" for each in state.loads)
@@ -227,7 +227,7 @@ def _places_of(told: LoadSpecification) -> dict[str, frozenset[str]]:
 
 @dataclass(frozen=True, slots=True)
 class DispatchedVehicle:
-    """Whether a vehicle takes orders now, and which; reasons are predicates, such as "is offline"."""
+    """Whether a vehicle takes orders now, and which; reasons are predicates such as "is offline"."""
 
     name: str
     obstacle: str = ""
@@ -257,8 +257,8 @@ class DispatchedVehicle:
     def why_not(self, order: TransportOrder, *, recharges: bool, pick: Pick | None = None) -> str:
         """Return, as a predicate, why it does not take this order now; empty if it may.
 
-        ``recharges``: the next thing that the order asks for is to recharge. ``pick``: what it is to pick up
-        first, None: nothing before it drops something.
+        ``recharges``: the order's next operation is to recharge. ``pick``: the load that it is to pick up
+        first; None: it drops something before, or picks up nothing.
         """
         if self.obstacle:
             return self.obstacle
@@ -295,17 +295,17 @@ NOBODY: Final[Mapping[int, str]] = MappingProxyType({})
 
 
 class Knowledge(Protocol):
-    """What the dispatcher asks about an order and a vehicle."""
+    """What the dispatcher needs to know about an order and a vehicle."""
 
     def misfit(self, order: TransportOrder, vehicle: str) -> str:
-        """Return why a vehicle must not do an order, whatever it does now; empty where it may.
+        """Return why a vehicle must not execute an order, regardless of its current work; empty if it may.
 
-        Of two orders of one :class:`OrderKind` it says the same.
+        The answer is the same for all orders of one :class:`OrderKind`.
         """
         ...
 
     def recharges(self, order: TransportOrder) -> bool:
-        """Return whether the next thing that an order asks for is to recharge."""
+        """Return whether the next operation of an order is to recharge."""
         ...
 
     def pick(self, order: TransportOrder) -> Pick | None:
@@ -362,10 +362,10 @@ class Dispatcher:
         now: datetime,
         kept: Mapping[int, str] = NOBODY,
     ) -> Decisions:
-        """Assign what can be assigned of the dispatchable ``orders``, which come by their urgency.
+        """Assign as many of the dispatchable ``orders``, sorted by urgency, as possible.
 
-        ``kept`` names vehicles that give up dispensable orders for orders, by the orders' numbers: they do
-        these, and nobody else does. An order is never given to two vehicles, nor two to one.
+        ``kept`` maps order numbers to vehicles that give up dispensable orders for them; only these vehicles
+        get these orders. An order is never assigned to two vehicles, nor two orders to one vehicle.
         """
         settings = self.settings
         moment = Now(now, timedelta(seconds=settings.deadline_at_risk))
@@ -391,7 +391,7 @@ class _Choices:
     """The vehicles that one order could have."""
 
     def __init__(self, pairs: Sequence[Candidate], free: int, key: CandidateKey) -> None:
-        """``pairs`` come best first; of the ``free`` vehicles they may be only the nearest."""
+        """``pairs`` are sorted best first; they may contain only the nearest of the ``free`` vehicles."""
         self.pairs = {each.vehicle.name: each for each in pairs}
         self.nearest, self.free = pairs[0], free
         complete = key is CandidateKey.BY_COMPLETE_ROUTING_COSTS
@@ -434,11 +434,11 @@ class _Round:
 
     @property
     def free(self) -> int:
-        """How many vehicles take orders."""
+        """Return how many vehicles take orders."""
         return sum(not each.obstacle for each in self._vehicles.values())
 
     def let_vehicles_choose(self, orders: Sequence[TransportOrder]) -> None:
-        """Let each vehicle that is free take the order that suits it best."""
+        """Assign to each free vehicle the order that suits it best."""
         free = [each for each in self._vehicles.values() if not each.obstacle]
         keys = self._settings.order_candidates
         rank = rank_candidates(keys, self._now)
@@ -523,7 +523,7 @@ class _Round:
         return found
 
     def let_orders_choose(self, orders: Sequence[TransportOrder]) -> None:
-        """Let each order that is left take the vehicle that suits it best; else say why it waits."""
+        """Assign to each remaining order the vehicle that suits it best, or note why it waits."""
         rank = rank_candidates(self._settings.vehicle_candidates, self._now)
         nobody: dict[OrderKind, str] = {}
         for order in orders:
@@ -551,7 +551,7 @@ class _Round:
             self.decisions.reasons[order.name] = self._why_waiting(order, {}, free)
 
     def _why_waiting(self, order: TransportOrder, hindrances: Mapping[str, str], free: Sequence[str]) -> str:
-        """Return why nobody does an order: those that are ``free`` for it have no way, or none is."""
+        """Return why no vehicle takes an order: none is ``free`` for it, or the free ones have no route."""
         if not free:
             return why_nobody(self._intended(order), hindrances)
         why = self._knowledge.why_no_way(order, free[-1])
@@ -646,12 +646,12 @@ def explain(
     *,
     kept: Mapping[int, str] = NOBODY,
 ) -> list[VehicleFit]:
-    """Say of each vehicle why it does not get this order, or that it could; the best ones first."""
+    """Return for each vehicle why it does not get this order, or that it could; best ones first."""
     return best_first(_fit(order, each, knowledge, kept.get(order.number)) for each in vehicles)
 
 
 def best_first(fits: Iterable[VehicleFit]) -> list[VehicleFit]:
-    """Sort by who could do an order at the least cost."""
+    """Sort with feasible vehicles first, by their cost."""
     return sorted(fits, key=lambda each: (not each.fits, each.cost or 0.0, each.vehicle))
 
 

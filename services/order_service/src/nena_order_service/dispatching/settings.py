@@ -138,7 +138,7 @@ class ParkingSettings(SettingsGroup):
 
 
 class DispatchSettings(SettingsGroup):
-    """Which order is given to which vehicle."""
+    """How orders are assigned to vehicles."""
 
     choosers: Chooser = Field(
         Chooser.TOGETHER,

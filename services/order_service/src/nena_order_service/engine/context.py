@@ -88,7 +88,7 @@ class FleetControl(Protocol):
     def adopt_vda_order(
         self, robot: RobotKey, vda_order: VdaOrder, *, accepted: bool, update_id: int = 0
     ) -> None:
-        """Take up a VDA order from before a restart; raises RobotBusyError."""
+        """Restore a VDA order after a restart; raises RobotBusyError."""
         ...
 
     def extend_vda_order(self, robot: RobotKey, vda_order: VdaOrder) -> None:
@@ -112,7 +112,7 @@ class FleetControl(Protocol):
         ...
 
     def view(self, robot: RobotKey) -> RobotView:
-        """Return what is known of a robot."""
+        """Return the known state of a robot."""
         ...
 
 
@@ -142,7 +142,7 @@ class Context:
         self._fleet: FleetControl | None = None
 
     def connect(self, fleet: FleetControl) -> None:
-        """Use this port to the robots from now on."""
+        """Use this port to the robots."""
         self._fleet = fleet
 
     @property
@@ -154,5 +154,5 @@ class Context:
         return self._fleet
 
     def view(self, vehicle: FleetVehicle) -> RobotView:
-        """Return what is known of a vehicle's robot."""
+        """Return the known state of a vehicle's robot."""
         return self.fleet.view(vehicle.key)

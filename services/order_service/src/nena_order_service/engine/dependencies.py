@@ -20,7 +20,7 @@ class Dependencies:
         self._dependents: dict[str, set[int]] = {}
 
     def wait(self, order: TransportOrder, pending: Iterable[str]) -> None:
-        """Let an order wait for those of these names."""
+        """Make an order wait for the orders of these names."""
         names = set(pending)
         if names:
             self._waits_for[order.number] = names
@@ -38,7 +38,7 @@ class Dependencies:
         return numbers
 
     def forget(self, order: TransportOrder) -> None:
-        """Let an order wait for nothing any more."""
+        """Remove all dependencies of an order."""
         for name in self._waits_for.pop(order.number, ()):
             self._dependents[name].discard(order.number)
             if not self._dependents[name]:
@@ -60,10 +60,10 @@ HOLDER = "failure of a dependency"
 
 
 class Conditions:
-    """Lets orders wait for those that they depend on, and for their turn in their sequence.
+    """Makes orders wait for their dependencies and for their turn in their sequence.
 
-    What the end of an order means for others is done in the same step. So of an order that the store has as
-    ACTIVE just those dependencies are to be waited for that are not at their end, also after a restart.
+    The effects of an order's end on other orders are applied in the same unit of work. An order stored as
+    ACTIVE therefore waits exactly for those of its dependencies that have not ended, also after a restart.
     """
 
     def __init__(self, context: Context, sequences: Sequences) -> None:
@@ -73,10 +73,10 @@ class Conditions:
         self._dependencies = Dependencies()
 
     def begin(self, order: TransportOrder, ended: Mapping[str, TransportOrderState]) -> TransportOrder:
-        """Look at a new order; gives it as it is then.
+        """Check a new order; return it with its resulting state.
 
-        ``ended`` are the states of those of its dependencies that have been at their end for so long that
-        they are not at hand any more.
+        ``ended`` has the final states of dependencies that ended so long ago that they are no longer in
+        memory.
         """
         for name in order.status.dependencies:
             known = self._orders.named(name)
@@ -88,7 +88,7 @@ class Conditions:
         return self.take_up(order)
 
     def take_up(self, order: TransportOrder) -> TransportOrder:
-        """Let an order wait, as it is to after a restart, too; gives it as it is then."""
+        """Make an order wait as needed, also after a restart; return it with its resulting state."""
         self._dependencies.wait(order, filter(self._is_awaited, order.status.dependencies))
         return self.look(order)
 
@@ -135,7 +135,7 @@ class Conditions:
     def _failed_dependency(
         self, order: TransportOrder, name: str, state: TransportOrderState
     ) -> TransportOrder:
-        """Do with an order what it says of the failure of one that it depends on."""
+        """Apply an order's setting for the failure of a dependency."""
         if order.state.final:
             return order
         reason = f"order {name!r}, on which it depends, is {state}"

@@ -1,4 +1,4 @@
-"""Dispatching: joins the dispatcher with the vehicles as they are, and says why orders wait."""
+"""Dispatching: connects the dispatcher with the current vehicles, and reports why orders wait."""
 
 from __future__ import annotations
 
@@ -46,24 +46,24 @@ from nena_shared.plant import UnknownObjectError
 
 @dataclass(frozen=True, slots=True)
 class OrderFit:
-    """Joins what hosts and the plant model say of vehicles and orders."""
+    """Combines the order types and restrictions set by hosts with those of the plant model."""
 
     records: VehicleRecords
     sequences: Sequences
 
     def order_types(self, vehicle: FleetVehicle) -> tuple[AcceptableOrderType, ...]:
-        """Return the types of orders that a vehicle accepts: what hosts have said, else the plant model."""
+        """Return the order types that a vehicle accepts: as set by hosts, else by the plant model."""
         said = self.records.of(vehicle.key).acceptable_order_types
         if said is not None:
             return said
         return acceptable(vehicle.model.acceptable_order_types if vehicle.model else None)
 
     def accept(self, vehicle: FleetVehicle, types: tuple[AcceptableOrderType, ...]) -> None:
-        """Let a vehicle accept orders of these types from now on; an order that it has it does to the end."""
+        """Set the order types that a vehicle accepts; its current order is not affected."""
         self.records.change(vehicle.key, acceptable_order_types=types)
 
     def misfit(self, order: TransportOrder, vehicle: FleetVehicle) -> str:
-        """Return, as a predicate, why a vehicle must not be given an order; empty where it may."""
+        """Return, as a predicate, why a vehicle must not get an order; empty if it may."""
         if vehicle.name in order.status.excluded_vehicles:
             return "has failed at this order"
         why = self.sequences.misfit(order, vehicle.name)
@@ -93,7 +93,7 @@ class KnownCosts:
         self._limit = min(COSTS_KEPT, 1 + ENTRIES_KEPT // (len(planner.plant.points) + 1))
 
     def forget(self) -> None:
-        """Look again for each way and for why there is none."""
+        """Drop all remembered routes and reasons for missing ones."""
         self._why.cache_clear()
         self._orders.clear()
 
@@ -129,7 +129,7 @@ class KnownCosts:
 
 
 class OrderKnowledge:
-    """What the dispatcher asks during one decision."""
+    """Answers the dispatcher's questions during one decision."""
 
     def __init__(
         self,
@@ -138,7 +138,7 @@ class OrderKnowledge:
         planner: OrderPlanner,
         fit: OrderFit,
     ) -> None:
-        """``places`` gives vehicles that may get orders, and the points from which they would start."""
+        """``places`` maps vehicles that may get orders to the points from which they would start."""
         self._costs = costs
         self._places = places
         self._planner = planner
@@ -151,7 +151,7 @@ class OrderKnowledge:
         return "" if known is None or order.status.automatic else self._fit.misfit(order, known)
 
     def recharges(self, order: TransportOrder) -> bool:
-        """Return whether the next thing that an order asks for is to recharge."""
+        """Return whether the next operation of an order is to recharge."""
         return self._planner.recharges(order)
 
     def pick(self, order: TransportOrder) -> Pick | None:
@@ -222,7 +222,7 @@ class Dispatched:
 
 
 class Dispatching:
-    """Asks the dispatcher, and says why vehicles have nothing to do."""
+    """Runs the dispatcher, and reports why vehicles have no orders."""
 
     def __init__(self, context: Context, driving: Driving, fit: OrderFit) -> None:
         settings = context.settings.dispatch
@@ -246,12 +246,12 @@ class Dispatching:
         """Up to which place in the queue orders have been told why they wait."""
 
     def due(self) -> Iterator[Sequence[TransportOrder]]:
-        """Yield the orders that may be assigned now, or wait for other reasons than before; once at most.
+        """Yield orders that may be assigned now, or whose wait reason has changed; each at most once.
 
         These are the orders that are new to free vehicles, and the most urgent ones for vehicles that have
-        become free; of the others only the first ones of the queue, and those that name a vehicle of which
-        something is new. So the work does not grow with the queue. Where vehicles are left that have not been
-        offered all, ``dispatch_later`` says so.
+        become free; of the others only the first ones of the queue, and those that name a vehicle that has
+        changed. The work therefore does not grow with the queue. If vehicles remain that have not been
+        offered all orders, ``dispatch_later`` is set.
         """
         touched = self._refresh()
         self._forget_kept()
@@ -269,9 +269,9 @@ class Dispatching:
         self._state.dispatch_later = bool(self._candidates.fresh)
 
     def dispatch(self, orders: Sequence[TransportOrder]) -> tuple[list[Dispatched], dict[str, str]]:
-        """Return what is to be assigned of orders, and why the others wait, by name.
+        """Return the assignments to make, and why the other orders wait, by name.
 
-        Where a vehicle has to give up a dispensable order first, it is kept for its new one from now on.
+        A vehicle that has to give up a dispensable order first is reserved for its new one.
         """
         self._refresh()
         self._forget_kept()
@@ -295,17 +295,17 @@ class Dispatching:
         return dispatched, decisions.reasons
 
     def look_at(self, vehicles: Iterable[FleetVehicle]) -> None:
-        """See vehicles as they are now."""
+        """Update these vehicles."""
         self._candidates.refresh(each.name for each in vehicles)
 
     def offer_all(self) -> None:
-        """Offer the vehicles that are free all orders once more."""
+        """Offer all orders to the free vehicles again."""
         self._candidates.offer_all()
 
     def outdated_reasons(self) -> Iterator[tuple[TransportOrder, str]]:
-        """Yield orders further back in the queue that wait for other reasons than they say; a part each time.
+        """Yield orders further back in the queue whose wait reason has changed; some on each call.
 
-        Free vehicles do not count: whoever waits though one is free for it is told that by :meth:`dispatch`.
+        Free vehicles are left out: :meth:`dispatch` reports to orders that wait although a vehicle is free.
         """
         numbers = self._orders.waiting.part(self._told_to, LOOKED_AT_ONCE)
         self._told_to = self._told_to + len(numbers) if numbers else 0
@@ -335,15 +335,15 @@ class Dispatching:
         return best_first(found)
 
     def forget(self) -> None:
-        """Look for each way again: the plant has changed."""
+        """Drop all remembered routes, because the plant has changed."""
         self._costs.forget()
         self._candidates.fresh.clear()
         self._candidates.offer_all()
 
     def has_changed(self, vehicle: FleetVehicle) -> bool:
-        """Return whether anything that matters here is new about a vehicle since it was looked at.
+        """Return whether anything relevant for dispatching has changed about a vehicle since the last check.
 
-        That it works on an order now is no news: whoever gave it the order has looked at those that wait.
+        A new order of the vehicle does not count: the waiting orders were checked when it was assigned.
         """
         if vehicle.obstacle:
             return False
@@ -441,7 +441,7 @@ class Dispatching:
         return Energy(power.state_of_charge, power.charging, thresholds)
 
     def _obstacle(self, vehicle: FleetVehicle, view: RobotView, order: TransportOrder | None) -> str:
-        """Return why a vehicle takes no order though it has none, or one that it would give up."""
+        """Return why a vehicle without an order, or with one that it would give up, takes no order."""
         if order is None:
             obstacle = self._driving.obstacle(vehicle)
             free = view.availability.can_take_order
@@ -451,7 +451,7 @@ class Dispatching:
         return self._driving.obstacle_at(vehicle)
 
     def _lacks_map(self, vehicle: FleetVehicle, view: RobotView, standing: Standing) -> str:
-        """Return why a robot cannot drive on the map where it begins; it refuses other maps itself."""
+        """Return why a robot cannot drive on the map of its start point; it rejects other maps itself."""
         if view.state is None or not self._maps_respected:
             return ""
         return why_not_on(self._planner.map_id(standing.point, vehicle), view.state)
@@ -469,20 +469,20 @@ class Dispatching:
         return self._view(vehicle).link is LinkStatus.ONLINE
 
     def _would_give_up(self, order: TransportOrder) -> bool:
-        """Return whether an order is given up for another one; whoever recharges has to be done with that."""
+        """Return whether an order is given up for another one; a recharge must be complete first."""
         if order.state is not TransportOrderState.BEING_PROCESSED or order.held:
             return False
         return order.status.dispensable or (is_automatic_recharge(order) and is_operating(order))
 
     def _refresh(self) -> list[str]:
-        """Look again at the vehicles of which something has changed; return their names."""
+        """Update the vehicles that have changed; return their names."""
         touched = [*self._state.touched]
         self._state.touched.clear()
         self._candidates.refresh(touched)
         return touched
 
     def _decide(self, orders: Sequence[TransportOrder]) -> tuple[Decisions, Mapping[str, LocatedCandidate]]:
-        """Ask the dispatcher; again where a vehicle is not any more as it was seen."""
+        """Run the dispatcher; repeat while a vehicle has changed since it was last read."""
         while True:
             candidates = self._relevant(orders)
             decisions = self._dispatcher.decide(
@@ -517,7 +517,7 @@ class Dispatching:
         return found
 
     def _fresh_orders(self) -> dict[int, None]:
-        """Take the orders that may be new to free vehicles."""
+        """Remove and return the orders that may be new to free vehicles."""
         waiting = self._orders.waiting
         found = dict.fromkeys([*waiting.fresh][: None if self._candidates.free else TOLD_FIRST])
         waiting.fresh.clear()
@@ -531,7 +531,7 @@ class Dispatching:
         return ORDERS_FOR_ONE + ORDERS_FOR_EACH * fresh if fresh <= FEW else ORDERS_FOR_MANY
 
     def _offered(self, vehicles: Sequence[str], after: Urgency | None, limit: int) -> list[int]:
-        """Return the numbers of the next orders behind ``after`` that these free vehicles may take."""
+        """Return the numbers of the next orders after ``after`` that these free vehicles may take."""
         if not vehicles:
             return []
         waiting = self._orders.waiting

@@ -1,4 +1,4 @@
-"""Driving: which vehicles can drive, and what their robots are sent, as traffic lets them."""
+"""Driving: which vehicles can drive, and what is sent to their robots as traffic control permits."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ EVASION_PAUSE = 10.0
 
 
 class RestartGate:
-    """Opens once, when every robot present has reported its state, or at the latest after a timeout.
+    """Opens once, when every connected robot has reported its state, or at the latest after a timeout.
 
-    Robots that are known from before the restart are waited for also while the broker says nothing of them.
-    Those that are away keep what they held.
+    It also waits for robots known from before the restart that the broker has not reported yet. Robots that
+    are offline keep the resources that they held.
     """
 
     def __init__(self, context: Context) -> None:
@@ -50,7 +50,7 @@ class RestartGate:
         self._open = False
 
     def begin(self, remembered: tuple[FleetVehicle, ...]) -> None:
-        """Wait for these vehicles, from now on."""
+        """Start waiting for these vehicles."""
         self._remembered = remembered
         self._until = self._context.clock.monotonic() + self._timeout
 
@@ -79,9 +79,9 @@ class RestartGate:
 
 
 class Pauses:
-    """Vehicles that stand with an order until they can go on.
+    """Vehicles that wait with an order until they can continue.
 
-    The order is held or tried again later, the vehicle is not localised, or locks of paths close its way. The
+    The order is on hold or retried later, the vehicle is not localised, or locked paths close its route. The
     vehicle keeps its position meanwhile: it is not sent away to make room.
     """
 
@@ -91,7 +91,7 @@ class Pauses:
         self._numbers = context.state.pauses
 
     def __contains__(self, vehicle: str) -> bool:
-        """Return whether the vehicle of this name stands with an order."""
+        """Return whether the vehicle of this name waits with an order."""
         return vehicle in self._numbers
 
     def __iter__(self) -> Iterator[tuple[str, TransportOrder]]:
@@ -99,11 +99,11 @@ class Pauses:
         return iter([(vehicle, self._orders.get(number)) for vehicle, number in self._numbers.items()])
 
     def begin(self, vehicle: FleetVehicle, order: TransportOrder) -> None:
-        """Let a vehicle stand with its order, until :meth:`end`."""
+        """Pause a vehicle with its order until :meth:`end`."""
         self._numbers[vehicle.name] = order.number
 
     def end(self, vehicle: str) -> None:
-        """Let the vehicle of this name go on, or be without an order."""
+        """End the pause of the vehicle of this name."""
         self._numbers.pop(vehicle, None)
 
     def is_over(self, vehicle: FleetVehicle) -> bool:
@@ -111,7 +111,7 @@ class Pauses:
         return not self._orders.get(self._numbers[vehicle.name]).held and not self.why(vehicle)
 
     def why(self, vehicle: FleetVehicle) -> str:
-        """Return why a vehicle cannot go on; empty for nothing, or where the order's hold says it."""
+        """Return why a vehicle cannot continue; empty if it can, or if the order's hold has the reason."""
         order = self._orders.get(self._numbers[vehicle.name])
         status = order.status
         if status.held:
@@ -233,10 +233,10 @@ class Driving:
         first: bool = False,
         retriable: bool = False,
     ) -> None:
-        """Let a vehicle do the current drive order, which is the first leg of ``way``, as soon as it can.
+        """Request that a vehicle executes its current drive order, the first leg of ``way``.
 
-        It is ``first`` in the row where it had its turn before. Its actions are ``retriable`` where they may
-        be tried again at the robot.
+        ``first``: its request goes to the front of the queue, because its turn had come before.
+        ``retriable``: its actions may be retried by the robot.
         """
         self._positions.see(vehicle)
         route_request = self._planner.route_request(order, vehicle, way.legs[0])
@@ -245,7 +245,7 @@ class Driving:
         self._state.drive_due = True
 
     def abandon(self, vehicle: FleetVehicle) -> None:
-        """Let a vehicle want nothing for its order any more; what was sent to it is not this one's affair."""
+        """Drop a vehicle's request for its order; what was sent to the robot is handled elsewhere."""
         self._wanted.pop(vehicle.name, None)
         self._traffic.drop(vehicle.name)
         if self._unsent.pop(vehicle.name, None):
@@ -263,7 +263,7 @@ class Driving:
         self._state.after_commit(lambda: self._context.fleet.instant_action(record.robot, action))
 
     def end_early(self, record: SentOrder, *, partial: bool) -> None:
-        """Let a VDA order end where its base does; ``partial`` where its order is to go on from there."""
+        """End a VDA order at the end of its base; ``partial`` if its transport order continues from there."""
         self._shorten(record)
         shorter = record.ending_early(partial=partial)
         if shorter is not record:
@@ -275,7 +275,7 @@ class Driving:
             self._request_again(name)
 
     def resume(self, vehicle: FleetVehicle, record: SentOrder) -> None:
-        """Take up a VDA order from before a restart: its robot holds all that it was given."""
+        """Restore a VDA order after a restart: its robot holds all resources that it was granted."""
         self._traffic.resume(vehicle.name, record.way, record.allocated)
 
     def passed(self, order_id: str, sequence_id: int) -> None:
@@ -285,19 +285,19 @@ class Driving:
             self._state.drive_due |= self._traffic.arrived(vehicle.name, sequence_id // 2)
 
     def base_wanted(self, order_id: str) -> None:
-        """Extend the base of a robot that comes near its end at once, if traffic grants it."""
+        """Extend the base of a robot at once as it comes near its end, if traffic control grants it."""
         record = self._sent.find(order_id)
         if record and self._gate.is_open and (vehicle := self._under_way(record)):
             self._go_on(vehicle, self._ahead and self._traffic.ahead(vehicle.name) + self._ahead)
 
     def ahead_of(self, record: SentOrder) -> tuple[str, ...]:
-        """Name the path and the point that come next for a robot; nothing where it is at the end."""
+        """Return the next path and point of a robot; empty at the end of its order."""
         vehicle = self._under_way(record)
         journey = self._traffic.journey(vehicle.name) if vehicle else None
         return record.ahead(journey.reached) if journey else ()
 
     def finished(self, record: SentOrder) -> None:
-        """Let a robot rest at the end of its VDA order."""
+        """End a VDA order: its robot rests at the end of it."""
         self._sent.end(record)
         vehicle = self._registry.discover(record.robot)
         if self._traffic.journey(vehicle.name):
@@ -306,9 +306,9 @@ class Driving:
             self._rest(vehicle)
 
     def broken_off(self, record: SentOrder, news: object) -> None:
-        """Let a robot whose VDA order has ended early keep what it holds until it is seen standing.
+        """Keep what a robot holds after its VDA order has ended early, until it is seen standing.
 
-        What it said before counts only if it was known to have the VDA order.
+        Its earlier reports count only if it was known to have the VDA order.
         """
         self._sent.end(record)
         vehicle = self._registry.discover(record.robot)
@@ -325,12 +325,12 @@ class Driving:
         self._state.drive_due = True
 
     def robot_changed(self, vehicle: FleetVehicle) -> None:
-        """Note that a robot has told something new; that of one on its way is told apart."""
+        """Note a new report of a robot; progress of a robot under way is handled separately."""
         if not self._traffic.journey(vehicle.name):
             self._state.drive_due = True
 
     def let_drive(self) -> Iterator[FleetVehicle | Stuck]:
-        """Let vehicles drive on; yield those that are stuck, and those whose wait reason has changed."""
+        """Extend the bases of vehicles; yield vehicles that are stuck or have a new wait reason."""
         self._state.drive_due = False
         if self._gate.is_open:
             unsent = filter(self._traffic.journey, self._unsent)
@@ -362,7 +362,7 @@ class Driving:
             self._request_again(name)
 
     def _request_again(self, name: str) -> None:
-        """Take back a way of which nothing was sent."""
+        """Withdraw a route of which nothing was sent, and request it again."""
         del self._unsent[name]
         self._traffic.revoke(name)
         if name in self._wanted:
@@ -370,16 +370,16 @@ class Driving:
         self._state.drive_due = True
 
     def _replan(self) -> None:
-        """Let VDA orders end where their bases do whose ways lead over robots that will not make room.
+        """End VDA orders at their bases if their routes are blocked by robots that will not make room.
 
-        Then these robots are at rest, too: the vehicle with the order requests a route again, and goes around
-        them or changes places.
+        These robots are then at rest, too: the vehicle with the order requests a route again, and goes around
+        them or swaps places.
         """
         for name in tuple(self._traffic.stuck(self._movable, self.mobility.lost)):
             self._end_way_here(name)
 
     def _end_way_here(self, name: str) -> None:
-        """Let a vehicle that waits on its way request another one from where its base ends."""
+        """End the route of a waiting vehicle at the end of its base, so that it requests another one."""
         record = self._sent.of_robot(self._vehicle(name).key)
         if name in self._unsent:
             self._request_again(name)
@@ -402,13 +402,13 @@ class Driving:
         return f"it {why}" if why else ""
 
     def obstacle(self, vehicle: FleetVehicle) -> str:
-        """Return, as a predicate, why a vehicle takes no order because of what it does; empty if it does."""
+        """Return, as a predicate, why a vehicle takes no order because of its drive; empty if it does."""
         if self._traffic.journey(vehicle.name):
             return "makes room for others"
         return self.obstacle_at(vehicle)
 
     def obstacle_at(self, vehicle: FleetVehicle) -> str:
-        """Return, as a predicate, why a vehicle takes no order because of its place; empty if it does."""
+        """Return, as a predicate, why a vehicle takes no order because of its position; empty if it does."""
         return self._positions.obstacle(vehicle)
 
     def _vehicle(self, name: str) -> FleetVehicle:

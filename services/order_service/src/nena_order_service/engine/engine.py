@@ -1,8 +1,8 @@
 """The engine: the one place where orders, vehicles and traffic change, in one event loop.
 
-Each event comes in as a *unit of work*: it changes the state and notes effects, such as a VDA 5050 order to
-send. The changes are committed, and only then the effects are run and the changes published. So whatever
-hosts or robots have ever received survives a restart.
+Each event is a *unit of work*: it changes the state and notes effects, such as a VDA 5050 order to send. The
+changes are committed first; then the effects run and the changes are published. So everything that hosts or
+robots have received survives a restart.
 """
 
 from __future__ import annotations
@@ -235,7 +235,7 @@ class UnitOfWork:
 
 @dataclass(frozen=True, slots=True)
 class Timings:
-    """How long the engine takes for what."""
+    """How long the engine takes for its tasks."""
 
     dispatch: Histogram = field(default_factory=lambda: Histogram(SHORT))
     traffic: Histogram = field(default_factory=lambda: Histogram(SHORT))
@@ -279,11 +279,11 @@ class Engine:
         self._look_due = asyncio.Event()
 
     def prepare(self) -> None:
-        """Build what takes long in large plants, in any thread: before :meth:`start`."""
+        """Build what takes long in large plants; call it before :meth:`start`, in any thread."""
         self.context.finder.prepare(each.model for each in self.registry)
 
     async def start(self, fleet: FleetControl) -> None:
-        """Take up everything in the store that has not ended; before the first message of a robot."""
+        """Restore everything unfinished in the store; call it before the first message of a robot."""
         self.context.connect(fleet)
         found = await self.store.unfinished()
         self.state.orders.last_number = found.last_number
@@ -302,7 +302,7 @@ class Engine:
         log.info("orders loaded", unfinished=len(found.orders), last_number=found.last_number)
 
     async def run(self) -> None:
-        """Look regularly at what changes without an event, until cancelled."""
+        """Check regularly for changes that come without an event, until cancelled."""
         while True:
             with suppress(TimeoutError):
                 async with asyncio.timeout(LOOK_INTERVAL if self._gate.is_open else FIRST_LOOKS):
@@ -312,12 +312,12 @@ class Engine:
                 await asyncio.sleep(0)
 
     def close(self, reason: str) -> None:
-        """Change nothing any more: another engine takes up what is in the store."""
+        """Stop making changes: another engine takes over the store."""
         self.unit_of_work.closed = reason
 
     @contextmanager
     def change(self) -> Iterator[None]:
-        """Make changes, and let orders and vehicles go on by them, in one unit of work."""
+        """Run changes, and the resulting steps of orders and vehicles, in one unit of work."""
         with self.unit_of_work.begin():
             yield
             self._settle()
@@ -413,10 +413,10 @@ class Engine:
             return self._rerouting.request(vehicle, kind)
 
     def set_integration_level(self, vehicle: FleetVehicle, level: IntegrationLevel) -> None:
-        """Set how a vehicle takes part from now on.
+        """Set the integration level of a vehicle.
 
-        A vehicle for which nothing is kept free any more gives up its order and all resources that it holds:
-        the host has made sure that it blocks nothing.
+        A vehicle for which nothing is kept free any longer gives up its order and all resources that it
+        holds: the host has made sure that it blocks nothing.
         """
         with self.change():
             if not level.holds_resources:
@@ -431,7 +431,7 @@ class Engine:
             self.state.vehicle_changed(vehicle.name)
 
     def accept_order_types(self, vehicle: FleetVehicle, types: tuple[AcceptableOrderType, ...]) -> None:
-        """Set the order types that a vehicle accepts from now on; it finishes the order that it has."""
+        """Set the order types that a vehicle accepts; it finishes its current order."""
         with self.change():
             self._dispatching.fit.accept(vehicle, types)
             self.state.dispatch_due = True
@@ -446,7 +446,10 @@ class Engine:
         return end
 
     def plant_changed(self) -> None:
-        """Find all routes again, also behind the bases of vehicles under way; then look at all, in parts."""
+        """Find all routes again, also beyond the bases of vehicles under way.
+
+        Then check all orders in parts.
+        """
         self.context.routes.forget()
         self.traffic.forget_routes()
         self._dispatching.forget()
@@ -458,7 +461,7 @@ class Engine:
     # Queries
 
     def view(self, vehicle: FleetVehicle) -> RobotView:
-        """Return what is known of a vehicle's robot."""
+        """Return the known state of a vehicle's robot."""
         return self.context.view(vehicle)
 
     def works(self, vehicle: FleetVehicle) -> bool:
@@ -470,7 +473,7 @@ class Engine:
         return self._reporter.status(vehicle)
 
     async def traffic_plan(self) -> TrafficPlan:
-        """Return where vehicles will be in the next minute, and for whom they wait."""
+        """Return where vehicles will be in the next minute, and which vehicles they wait for."""
         return await self._plans.plan()
 
     async def explain(self, order: TransportOrder) -> list[VehicleFit]:

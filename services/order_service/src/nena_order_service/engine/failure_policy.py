@@ -36,7 +36,7 @@ K = FailureKind
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """A failure, and what is known at that time."""
+    """A failure, and what is known about it at that time."""
 
     kind: FailureKind
     begun: bool = False
@@ -53,9 +53,9 @@ class Situation:
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """What is to be done: a step of the policy, up to which it is used up then.
+    """The step of the policy to take, and how far the policy is used up then.
 
-    ``passed_over`` says of the steps before it why they were not taken.
+    ``passed_over`` says why each step before it was not taken.
     """
 
     step: FailureStep
@@ -135,9 +135,9 @@ def is_carrying(
 ) -> bool:
     """Return whether a vehicle carries something for an order.
 
-    ``picks`` and ``drops`` are the operations that take and give loads; ``reported`` is whether its robot
-    says that it has a load, None: it says nothing of that. A pick that has begun counts as done, unless the
-    robot says otherwise; a drop that is not known to be done counts as not done.
+    ``picks`` and ``drops`` are the operations that pick up and drop loads; ``reported`` is whether its robot
+    reports a load, None: it reports no loads at all. A pick that has begun counts as done, unless the robot
+    reports otherwise; a drop not known to be done counts as not done.
     """
     taking, giving = frozenset(picks), frozenset(drops)
     carrying = False

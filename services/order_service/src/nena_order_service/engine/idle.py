@@ -43,7 +43,7 @@ class _Idle:
 
 @dataclass(frozen=True, slots=True)
 class _IdleRound:
-    """What is true while the vehicles are looked at once."""
+    """What applies during one check of the vehicles."""
 
     now: float
     goals: dict[str, str] = field(default_factory=dict)
@@ -56,9 +56,10 @@ def _has_nothing_to_do(candidate: LocatedCandidate) -> bool:
 
 
 class IdleVehicles:
-    """Makes orders for vehicles that have nothing to do.
+    """Creates orders for vehicles that have nothing to do.
 
-    Ask it after all orders that wait were dispatched: what is idle then is idle because nothing suits it.
+    Call it after all waiting orders were dispatched: a vehicle that is idle then is idle because no order
+    suits it.
     """
 
     def __init__(self, context: Context, dispatching: Dispatching, life_cycle: LifeCycle) -> None:
@@ -77,7 +78,7 @@ class IdleVehicles:
         self._idle: dict[str, _Idle] = {}
 
     def attend(self, vehicles: Iterable[FleetVehicle]) -> None:
-        """Send those of these to recharge who need it, and those to park who are in the way."""
+        """Send vehicles that need it to recharge, and those that are in the way to park."""
         if not (self._settings.recharging.enabled or self._settings.parking.enabled):
             return
         round_ = _IdleRound(self._context.clock.monotonic(), self._goals())
@@ -181,7 +182,7 @@ class IdleVehicles:
         return goals
 
     def _is_taken(self, point: str, vehicle: FleetVehicle, round_: _IdleRound) -> bool:
-        """Return whether another vehicle is at a point, passes it now or is to come there."""
+        """Return whether another vehicle is at a point, is passing it or is going to it."""
         return bool(self._users(point, vehicle, round_))
 
     def _users(self, point: str, vehicle: FleetVehicle, round_: _IdleRound) -> set[str]:
@@ -189,7 +190,7 @@ class IdleVehicles:
         return {*self._traffic.users(point), *coming} - {vehicle.name}
 
     def _is_held_in_vain(self, point: str, vehicle: FleetVehicle, round_: _IdleRound) -> bool:
-        """Return whether all who are at a point have energy enough and nothing to do."""
+        """Return whether all vehicles at a point have enough energy and nothing to do."""
         others = (self._registry.named(name) for name in self._users(point, vehicle, round_))
         seen = (self._dispatching.consider(each).seen for each in others if each)
         return all(not (each.obstacle or each.restriction or each.gives_up) for each in seen)

@@ -1,7 +1,7 @@
 """The life cycle of transport orders: created, assigned, driven, failed, held, withdrawn, ended.
 
-From top to bottom: what hosts ask for, dispatching, the drive to each destination, what robots report of it,
-what is done about failures, and how an order ends. Everything here runs in the engine's units of work.
+From top to bottom: requests of hosts, dispatching, the drive to each destination, reports of the robots,
+measures after failures, and the end of an order. Everything here runs in the engine's units of work.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ OrderEvent = VdaOrderAccepted | OperationStarted | VdaOrderFinished | VdaOrderFa
 
 
 class LifeCycle:
-    """Changes transport orders, and lets their vehicles drive."""
+    """Changes transport orders, and makes their vehicles drive."""
 
     def __init__(
         self,
@@ -152,9 +152,11 @@ class LifeCycle:
             self._driving.end_early(sent, partial=False)
 
     def hold(self, order: TransportOrder, by: str, reason: str, *, immediate: bool) -> None:
-        """Hold an order until it is resumed; an order on hold keeps its holder, and may only stop sooner.
+        """Hold an order until it is resumed.
 
-        Its vehicle keeps it. With ``immediate`` the robot gets cancelOrder, else it drives to the end of its
+        An order already on hold keeps its holder, and may only stop sooner.
+
+        It keeps its vehicle. With ``immediate`` the robot gets cancelOrder, else it drives to the end of its
         base. An operation that has begun is finished in either case.
         """
         now = self._clock.now()
@@ -180,7 +182,7 @@ class LifeCycle:
             self._driving.end_early(sent, partial=True)
 
     def resume(self, order: TransportOrder, by: str, reason: str) -> None:
-        """Resume a held order from where its vehicle stands; an order that is not held goes on anyway."""
+        """Resume a held order from the position of its vehicle; do nothing if it is not held."""
         if order.held:
             self._orders.put(self._conditions.look(order.resumed(by, reason, self._clock.now())))
             log.info("order resumed", order=order.name, by=by, reason=reason)
@@ -311,7 +313,7 @@ class LifeCycle:
         self._driving.want(order, vehicle, way, first=first, retriable=retriable)
 
     def stuck(self, stuck: Stuck) -> None:
-        """Fail the order of a vehicle that has no route for it, or let it wait for paths to be unlocked."""
+        """Fail the order of a vehicle that has no route for it, or make it wait until paths are unlocked."""
         vehicle, order = stuck.vehicle, self._state.order_of(stuck.vehicle.key)
         if order is None:
             return
@@ -405,7 +407,7 @@ class LifeCycle:
             self._fail(order, failure)
 
     def _drive_order_cancelled(self, order: TransportOrder, sent: SentOrder) -> None:
-        """End an order that was withdrawn; one that was held meanwhile waits, or goes on if it is resumed."""
+        """End a withdrawn order; one held meanwhile waits, or continues if it was resumed."""
         given_up = self._given_up.pop(sent.vda_order.order_id, None)
         if order.state is S.WITHDRAWN:
             words = f"withdrawn: {why_withdrawn(order.status)}; the vehicle has released it"
@@ -420,7 +422,7 @@ class LifeCycle:
     # Failures
 
     def _fail(self, order: TransportOrder, failure: OrderFailure) -> None:
-        """Take the measure of the policy for an order whose vehicle has failed."""
+        """Take the policy's measure for an order whose vehicle has failed."""
         if self._registry.employed(order.vehicle) is None:
             why = f"vehicle {order.vehicle!r} no longer exists; {failure.words}"
             self._end(order.failed(why, self._clock.now()))
@@ -467,10 +469,10 @@ class LifeCycle:
     # Actions that may be retried at the robot (VDA 5050 3.0 sections 6.2.3 and 6.6.9)
 
     def on_retriable_action(self, event: ActionRetriable) -> None:
-        """Answer a robot that waits with a RETRIABLE action by ``retry`` or ``skipRetry``.
+        """Answer a robot that waits with a RETRIABLE action by ``retry`` or ``skipRetry`` (VDA 5050 3.0).
 
-        ``retry`` where the policy lets it try again at once; else ``skipRetry``: the VDA 5050 order fails by
-        that, as with robots that know no retry, and the policy goes on.
+        ``retry`` if the policy retries at once; else ``skipRetry``: the VDA 5050 order then fails, as with
+        robots that know no retry, and the policy continues.
         """
         sent, order = self._sent.find(event.order_id), self._state.order_of(event.robot)
         if sent is None or sent.cancelled or sent.evasion or order is None:
@@ -491,7 +493,7 @@ class LifeCycle:
         return True
 
     def on_instant_action(self, event: InstantActionEnded) -> None:
-        """Cancel the VDA 5050 order of a robot that did not take the answer about its failed action."""
+        """Cancel the VDA 5050 order of a robot that did not accept the answer about its failed action."""
         order_id, words = self._answers.pop(event.action.action_id, ("", ""))
         sent = self._sent.find(order_id)
         if sent and not sent.cancelled and event.status is not ActionStatus.FINISHED:
@@ -523,7 +525,7 @@ class LifeCycle:
         log.info("order ended", order=status.name, vehicle=by, state=state, reason=reason)
 
     def _release(self, order: TransportOrder) -> None:
-        """Take an order from its vehicle."""
+        """Release an order from its vehicle."""
         self._orders.put(order)
         robot = self._sent.release(order)
         if robot is not None:
@@ -538,10 +540,10 @@ class LifeCycle:
     def take_up(
         self, orders: Iterable[TransportOrder], documents: Mapping[int, str], recovery: Recovery
     ) -> None:
-        """Take up orders from before a restart; what the robots report decides how they go on.
+        """Restore orders after a restart; the reports of their robots decide how they continue.
 
-        The youngest come first, so that those that wait for others are there when these fail; and last
-        come those of which a robot has nothing, for robots may have got other vehicles' names since.
+        The youngest orders come first, so that dependent orders exist when others fail. Orders of which a
+        robot has nothing come last, because robots may have got other vehicles' names since.
         """
         unsent: list[TransportOrder] = []
         for order in sorted(orders, key=lambda order: -order.number):
@@ -582,7 +584,7 @@ class LifeCycle:
             self._pauses.begin(vehicle, order)
 
     def _take_up_waiting(self, order: TransportOrder) -> None:
-        """Let an order wait on, unless the plant model has changed so that it is no longer possible."""
+        """Restore a waiting order, unless a change of the plant model has made it impossible."""
         try:
             left = order.status.drive_orders[max(order.status.current_drive_order_index, 0) :]
             check_order(order.status.model_copy(update={"drive_orders": left}), self._context.plant)

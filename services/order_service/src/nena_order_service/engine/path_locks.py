@@ -1,4 +1,4 @@
-"""Paths that hosts lock and unlock, over what the plant model says; kept in the store."""
+"""Paths that hosts lock and unlock, overriding the plant model; kept in the store."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ log = get_logger(__name__)
 
 
 class PathLocks:
-    """Routes that are made from now on keep to it, and vehicles under way behind their bases."""
+    """New routes respect the locks, and so do vehicles under way beyond their bases."""
 
     def __init__(self, engine: Engine) -> None:
         """Start with the locks of the plant model."""
@@ -22,7 +22,7 @@ class PathLocks:
         self._locks: dict[str, bool] = {}
 
     async def load(self) -> None:
-        """Take up what hosts have said before a restart, of paths that there still are."""
+        """Restore the locks that hosts had set before a restart, for paths that still exist."""
         stored = await self._engine.store.path_locks()
         self._locks = {name: locked for name, locked in stored.items() if name in self._plant.paths_by_name}
         if self._locks:
@@ -58,7 +58,7 @@ class PathLocks:
             self._engine.plant_changed()
 
     def _apply(self) -> None:
-        """Let routes and traffic keep to the locks."""
+        """Apply the locks to routes and traffic."""
         self._engine.context.finder.set_locks(self._locks)
         self._engine.traffic.resources.set_locks(self._locks)
 

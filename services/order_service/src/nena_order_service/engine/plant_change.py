@@ -21,7 +21,8 @@ def conflicts(engine: Engine, new: PlantModel, registry: VehicleRegistry) -> tup
     """Return what of the present orders and vehicles conflicts with the plant model ``new``.
 
     ``registry`` is that of the new plant. Orders must find their destinations, and vehicles what they hold
-    and have claimed, unchanged: robots drive on as they were sent, and other vehicles keep off.
+    and have claimed, unchanged: robots drive on as they were sent, and other vehicles are kept away from
+    them.
     """
     found = [
         *_of_orders(engine.state.orders.present(), new, registry),
@@ -88,7 +89,7 @@ class _Differences:
         self._old_blocks, self._new_blocks = _blocks(old), _blocks(new)
 
     def of(self, place: ResourceSet, *, under_way: bool) -> Iterator[str]:
-        """Yield what of a place would be gone or different; of who is ``under_way`` also where it is."""
+        """Yield what of a place is removed or changed; with ``under_way`` also changed positions."""
         for name in dict.fromkeys((place.point, *place.uses)):
             if name in self._old.blocks_by_name:
                 continue

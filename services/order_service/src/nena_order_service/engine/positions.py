@@ -1,4 +1,4 @@
-"""Where the vehicles are: what they say, what is remembered of them, and how much they count."""
+"""Where the vehicles are: what they report, what is stored of them, and their integration levels."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ class _Sighting:
 
 
 class Positions:
-    """Informs the traffic manager where vehicles without a route are, by what their robots report.
+    """Informs the traffic manager of the positions of vehicles without a route, as reported by their robots.
 
-    What a vehicle holds is stored, so that a restart knows it before it hears anything. A vehicle that says
-    nothing, or not where it is, keeps what it holds.
+    The resources that a vehicle holds are stored, so that they are known after a restart before it reports. A
+    vehicle that reports nothing, or no position, keeps what it holds.
     """
 
     def __init__(self, context: Context) -> None:
@@ -76,20 +76,20 @@ class Positions:
         self._records.change(vehicle.key, held=self._traffic.held(name), beside=self._traffic.beside(name))
 
     def forget_sighting(self, vehicle: FleetVehicle, *, doubt: bool = False) -> None:
-        """Look again where a vehicle is; with ``doubt`` only at what it says from now on."""
+        """Check the position of a vehicle again; with ``doubt`` only from its next report."""
         self._sightings.pop(vehicle.name, None)
         if doubt:
             self._doubted[vehicle.name] = self._clock.monotonic()
 
     def located(self, vehicle: FleetVehicle) -> bool:
-        """Return whether a vehicle has said where it is, and holds that."""
+        """Return whether a vehicle has reported its position, and holds that place."""
         sighting = self._sightings.get(vehicle.name)
         return sighting is not None and sighting.located and vehicle.name in self._traffic
 
     def obstacle(self, vehicle: FleetVehicle, *, working: bool = False) -> str:
-        """Return, as a predicate, why a vehicle takes no orders because of its place; empty if it does.
+        """Return, as a predicate, why a vehicle takes no orders because of its position; empty if it does.
 
-        ``working``: it has an order, which one that is to be respected does to the end.
+        ``working``: it has an order, which a vehicle TO_BE_RESPECTED finishes.
         """
         level = self._records.of(vehicle.key).integration_level
         goes_on = working and level is IntegrationLevel.TO_BE_RESPECTED
@@ -110,7 +110,7 @@ class Positions:
         return self._records.of(vehicle.key).integration_level
 
     def set_level(self, vehicle: FleetVehicle, level: IntegrationLevel) -> None:
-        """Let a vehicle count so much from now on."""
+        """Set the integration level of a vehicle."""
         self._records.change(vehicle.key, integration_level=level)
         self.forget_sighting(vehicle)
         self.see(vehicle)
@@ -124,9 +124,9 @@ class Positions:
         return True
 
     def _counts(self, vehicle: FleetVehicle) -> bool:
-        """Return whether others are kept away from a vehicle: not from one on a map that is not the plant's.
+        """Return whether other vehicles are kept away from a vehicle; not from one on a foreign map.
 
-        Before it is known, after a restart, which maps these are, one that holds something keeps it.
+        Until the plant's maps are known after a restart, a vehicle keeps what it holds.
         """
         if not self.level(vehicle).holds_resources:
             return False

@@ -1,4 +1,4 @@
-"""Recovery: takes up after a restart what is in the store; what the robots say decides how it goes on."""
+"""Recovery: restores the store's content after a restart; the robots' reports decide how it continues."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class LostOrderError(Exception):
 
 
 class Recovery:
-    """Restores what robots hold: where they reported to be last, and all that they were given since."""
+    """Restores what robots hold: their last reported positions, and everything granted since."""
 
     def __init__(self, context: Context, driving: Driving, gate: RestartGate) -> None:
         self._context = context
@@ -31,7 +31,7 @@ class Recovery:
         self._gate = gate
 
     def take_up_vehicles(self) -> None:
-        """Restore the resources that stored vehicles held, and let them go on making room."""
+        """Restore the resources that stored vehicles held, and continue their evasions."""
         known = tuple(self._registry.discover(record.robot) for record in self._vehicles)
         self._gate.begin(known)
         for vehicle in known:
@@ -44,10 +44,10 @@ class Recovery:
             self._vehicles.change(vehicle.key)
 
     def present_vehicle(self, name: str) -> FleetVehicle | None:
-        """Return the vehicle that is now the robot that had this name; None: it has no orders any more.
+        """Return the vehicle that is now the robot that had this name; None: it has no orders any longer.
 
-        Where the store does not name that robot, it is the vehicle of this name, unless that one is known
-        to have been called otherwise.
+        If the store does not name that robot, it is the vehicle of this name, unless that one is known to
+        have had another name.
         """
         robot = self._vehicles.robot_before(name)
         if robot is not None:
@@ -62,7 +62,7 @@ class Recovery:
         return vehicle.name if vehicle else name
 
     def take_up_order(self, order: TransportOrder, document: str) -> FleetVehicle:
-        """Take up an order's VDA order; return the vehicle that its robot is now. Raises LostOrderError."""
+        """Restore an order's VDA order; return the vehicle of its robot. Raises LostOrderError."""
         try:
             record = SentOrder.model_validate_json(document)
         except ValidationError as error:

@@ -1,4 +1,4 @@
-"""Rerouting: another way for vehicles under way, as hosts ask or lock paths (openTCS: rerouting)."""
+"""Rerouting: replans routes of vehicles under way on request or after path locks (openTCS: rerouting)."""
 
 from __future__ import annotations
 
@@ -54,10 +54,10 @@ class _UnderWay:
 class Rerouting:
     """Replans routes of vehicles under way, in the engine's units of work.
 
-    The robot's base, and what it holds, never changes by that. A *regular* rerouting gives back
-    the claims behind it and claims another way from there; where traffic does not grant that, the old one
-    stays. A *forced* one has the robot let its order go; it keeps all that it holds until it is seen
-    standing, and its transport order goes on from there.
+    The robot's base, and what it holds, never change by that. A *regular* rerouting returns the claims beyond
+    the base and claims another route from there; if traffic does not grant that, the old one stays. A
+    *forced* one makes the robot cancel its order; it keeps all that it holds until it is seen standing, and
+    its transport order continues from there.
     """
 
     def __init__(self, context: Context, driving: Driving) -> None:
@@ -155,11 +155,9 @@ class Rerouting:
         return Rerouted(ReroutingOutcome.REROUTED, why, route.points)
 
     def _claim(self, under_way: _UnderWay) -> tuple[Route | None, Refusal | None]:
-        """Claim the cheapest other way, or one around vehicles at rest; gives it, or why there is none.
+        """Claim the cheapest other route, or one around vehicles at rest; return it, or the refusal.
 
-        Raises:
-            NoRouteError: no way leads on at all.
-
+        Raises: NoRouteError: no route leads on at all.
         """
         leg = self._leg(under_way)
         refusal = self._claim_leg(under_way, leg)
@@ -176,7 +174,7 @@ class Rerouting:
         return self._planner.way(under_way.order, under_way.vehicle, standing, avoid=avoid).legs[0]
 
     def _claim_leg(self, under_way: _UnderWay, leg: Leg) -> Refusal | None:
-        """Claim the way along a leg, unless it is the present one; gives why not."""
+        """Claim the route along a leg, unless it is the present one; return the refusal, if any."""
         if leg.route is None or self._is_present_way(under_way, leg):
             return None
         location = self._planner.route_request(under_way.order, under_way.vehicle, leg).location
@@ -190,7 +188,7 @@ class Rerouting:
         return tuple(each.edge_id for each in rest) == tuple(each.edge_id for each in leg.route.steps)
 
     def _occupied(self, refusal: Refusal) -> frozenset[str]:
-        """Return the points and paths that those hold who are in the way."""
+        """Return the points and paths held by the vehicles in the way."""
         held = (each for name in refusal.vehicles for each in self._traffic.held(name))
         drivable = self._plant.points_by_name.keys() | self._plant.paths_by_name.keys()
         return frozenset(use for each in held for use in each.uses if use in drivable)

@@ -27,7 +27,7 @@ class Sequences:
         return sequence
 
     def complete(self, sequence: OrderSequence, why: str = MARKED) -> OrderSequence:
-        """Let no more orders be added; without orders that are not at their end it is finished."""
+        """Close a sequence to new orders; it is finished if it has no unfinished orders."""
         changed = sequence.completed(why, self._clock.now())
         self._put(changed)
         return changed
@@ -38,7 +38,7 @@ class Sequences:
             self._put(sequence.appended(order.name, self._clock.now()))
 
     def bind(self, order: TransportOrder, vehicle: str) -> None:
-        """Let the vehicle that gets an order do the order's sequence, if it has one, to its end."""
+        """Bind the order's sequence, if it has one, to the vehicle that gets the order."""
         if sequence := self._of(order):
             self._put(sequence.bound(vehicle, self._clock.now()))
 

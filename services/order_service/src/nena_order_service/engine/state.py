@@ -278,7 +278,7 @@ class OrderSequences:
 
 
 class VehicleRecord(BaseModel):
-    """What is stored of one vehicle, so that a restart knows it before it reports anything."""
+    """The stored state of one vehicle, known after a restart before it reports anything."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -371,12 +371,12 @@ class SentOrders:
         return iter(tuple(self._sent.values()))
 
     def assign(self, order: TransportOrder, robot: RobotKey) -> None:
-        """Let a robot work on an order until :meth:`release`."""
+        """Note that a robot works on an order until :meth:`release`."""
         self._order_of[robot] = order.number
         self._robot_of[order.number] = robot
 
     def release(self, order: TransportOrder) -> RobotKey | None:
-        """Take an order from its robot, and return that robot; None if it had none."""
+        """Remove an order from its robot, and return that robot; None if it had none."""
         robot = self._robot_of.pop(order.number, None)
         if robot is None:
             return None
@@ -401,7 +401,7 @@ class SentOrders:
             self._pending.stored.put_mission(self._order_of[sent.robot], sent.document)
 
     def end(self, sent: SentOrder) -> None:
-        """Remove one that has ended; the robot goes on working on its transport order, if it has one."""
+        """Remove one that has ended; the robot keeps its transport order, if it has one."""
         self._forget(sent)
         if sent.evasion:
             self._vehicles.change(sent.robot, evasion=None)
@@ -451,7 +451,7 @@ class PendingInstantActions:
     async def wait(
         self, action_id: str, end: asyncio.Future[InstantActionEnded], seconds: float
     ) -> InstantActionEnded | None:
-        """Wait at most ``seconds`` for the end of an action; return None if it has not come."""
+        """Wait at most ``seconds`` for the end of an action; return None on timeout."""
         try:
             async with asyncio.timeout(seconds):
                 return await end
@@ -462,7 +462,7 @@ class PendingInstantActions:
 
 
 class FleetState:
-    """Everything that the engine's flows change, but for the resources that traffic has given to vehicles."""
+    """Everything that the engine's flows change, except the resources that traffic control has allocated."""
 
     def __init__(self, registry: VehicleRegistry) -> None:
         self.registry = registry

@@ -60,7 +60,7 @@ def essentials(
     order_sequence: str | None,
     reason: str,
 ) -> Essentials:
-    """Return what matters of how a vehicle stands."""
+    """Return the essential status of a vehicle."""
     state = view.state
     return Essentials(
         state=view.vehicle_state,
@@ -81,7 +81,7 @@ def essentials(
 def vehicle_status(
     vehicle: FleetVehicle, view: RobotView, essentials: Essentials, last_state: datetime | None
 ) -> VehicleStatus:
-    """Return how a vehicle stands; positions are in m and rad of the plant's frame."""
+    """Return the status of a vehicle; positions are in m and rad in the plant's frame."""
     state = view.state
     return VehicleStatus(
         name=vehicle.name,
@@ -143,12 +143,12 @@ class StatusReporter:
         self._idle = idle
 
     def status_of(self, name: str) -> VehicleStatus | None:
-        """Return how the vehicle of a name stands, None: there is none."""
+        """Return the status of the vehicle of this name; None: there is none."""
         vehicle = self._context.registry.named(name)
         return self.status(vehicle) if vehicle else None
 
     def status(self, vehicle: FleetVehicle) -> VehicleStatus:
-        """Return how a vehicle stands."""
+        """Return the status of a vehicle."""
         view = self._context.view(vehicle)
         age = (
             None
@@ -159,7 +159,7 @@ class StatusReporter:
         return vehicle_status(vehicle, view, self._essentials(vehicle, view), last_state)
 
     def essentials(self, vehicle: FleetVehicle) -> Essentials:
-        """Return what matters of how a vehicle stands; a tenth of the work of telling all."""
+        """Return the essential status of a vehicle, at a tenth of the cost of the full status."""
         return self._essentials(vehicle, self._context.view(vehicle))
 
     def _essentials(self, vehicle: FleetVehicle, view: RobotView) -> Essentials:

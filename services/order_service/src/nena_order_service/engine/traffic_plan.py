@@ -1,4 +1,4 @@
-"""The plan of the next minute: where vehicles will be when, and for whom they wait, where and why."""
+"""The plan of the next minute: where vehicles will be at which time, and where and why they wait."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _Plan = Callable[[Sequence[float]], VehiclePlan]
 
 
 class TrafficPlans:
-    """Tells hosts the plan of the next minute."""
+    """Computes the plan of the next minute for hosts."""
 
     def __init__(self, context: Context, driving: Driving) -> None:
         self._context = context
@@ -45,9 +45,9 @@ class TrafficPlans:
         self._pace = Pace(context.plant)
 
     async def plan(self, horizon: float = HORIZON) -> TrafficPlan:
-        """Return what each vehicle stands on, holds, is to drive and waits for.
+        """Return what each vehicle occupies, holds, is to drive and waits for.
 
-        It looks at so many vehicles at once, and lets others do something in between.
+        It yields to other tasks after every few vehicles.
         """
         time, drives, plans = self._context.clock.now(), dict[str, Drive](), list[_Plan]()
         for number, vehicle in enumerate(tuple(self._registry), start=1):
@@ -61,7 +61,7 @@ class TrafficPlans:
         return TrafficPlan(time=time, horizon=horizon, vehicles=planned)
 
     def _plan(self, vehicle: FleetVehicle, drive: Drive) -> _Plan:
-        """Return what makes the plan of a vehicle, as it is now, once it is known when it comes where."""
+        """Return the plan of a vehicle as a function of its arrival times."""
         name, journey = vehicle.name, self._traffic.journey(vehicle.name)
         at = self._traffic.point(name)
         starts = (at, *(each.point for each in drive.ahead))

@@ -67,7 +67,7 @@ class _Try:
 
 
 class ZoneDistribution:
-    """Remembers what was tried at each robot, so that nothing is asked for too often."""
+    """Remembers the attempts at each robot, so that nothing is requested too often."""
 
     def __init__(self) -> None:
         self._tries: dict[tuple[RobotKey, str], _Try] = {}
@@ -89,12 +89,12 @@ class ZoneDistribution:
                 yield Due(robot, name, step)
 
     def note(self, robot: RobotKey, zone_set_id: str, text: str) -> None:
-        """Note what came of what was tried last."""
+        """Note the result of the last attempt."""
         if known := self._tries.get((robot, zone_set_id)):
             known.note = text
 
     def noted(self, robot: RobotKey, zone_set_id: str) -> str:
-        """Return what was tried last, and what came of it; empty for nothing that is left to do."""
+        """Return the last attempt and its result; empty if nothing is left to do."""
         known = self._tries.get((robot, zone_set_id))
         return known.note if known else ""
 
@@ -125,7 +125,7 @@ LOOK_INTERVAL = 1.0
 
 
 class ZoneSets:
-    """Robots that come later get what was put here before; what stands under an id never changes."""
+    """Robots that connect later get zone sets stored before; the content of an ID never changes."""
 
     def __init__(self, engine: Engine, send: Callable[[RobotKey, ZoneSet], None]) -> None:
         """Keep zone sets in the engine's store; ``send`` publishes one to a robot."""
@@ -137,7 +137,7 @@ class ZoneSets:
         self._distribution = ZoneDistribution()
 
     async def load(self) -> None:
-        """Take up what hosts have put here before a restart."""
+        """Restore the zone sets that hosts stored before a restart."""
         for name, document in (await self._engine.store.documents(KIND)).items():
             try:
                 self._wanted[name] = self._asked[name] = Wanted.model_validate_json(document)
@@ -157,12 +157,10 @@ class ZoneSets:
         return self._status(self._known(name))
 
     async def put(self, zone_set: ZoneSet) -> ZoneSetStatus:
-        """Keep a zone set, from now on for all robots; committed when this returns.
+        """Store a zone set for all robots; committed on return.
 
-        Raises:
-            ZoneSetChangedError: another one was put here under its id.
-            StoreNotReadyError: the change may be lost.
-
+        Raises: ZoneSetChangedError: a different one is stored under its ID. StoreNotReadyError: the change
+        may be lost.
         """
         known = self._asked.get(zone_set.zone_set_id)
         if known and known.zone_set != zone_set:
@@ -181,7 +179,7 @@ class ZoneSets:
         return await self._change(wanted.model_copy(update={"enabled": True, "deleted": False}), *others)
 
     async def delete(self, name: str) -> ZoneSetStatus:
-        """Delete a zone set at the robots, also at those that come later."""
+        """Delete a zone set at the robots, also at those that connect later."""
         return await self._change(
             self._asked_for(name).model_copy(update={"enabled": False, "deleted": True})
         )

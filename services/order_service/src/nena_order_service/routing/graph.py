@@ -63,7 +63,7 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class Route:
-    """A way from `source` to `destination`; without steps if the vehicle is there already."""
+    """A route from `source` to `destination`; without steps if the vehicle is already there."""
 
     source: str
     destination: str
@@ -130,9 +130,9 @@ class RoutingProfile:
         *,
         loaded: bool | None = None,
     ) -> Self:
-        """Return the profile of a vehicle, or that of any vehicle at all.
+        """Return the routing profile of a vehicle; None: that of any vehicle.
 
-        A vehicle that names no type may be of each type that the plant knows.
+        A vehicle without a type may be of any type that the plant knows.
         """
         if vehicle is None:
             return cls()
@@ -152,14 +152,14 @@ class RoutingProfile:
         return (use for use in path.vehicle_types if use.vehicle_type_id in self.vehicle_types)
 
     def speed_mm_s(self, edge: DirectedEdge) -> int:
-        """Return how fast such a vehicle may drive along an edge; 0 if it cannot.
+        """Return how fast such a vehicle may drive along an edge, mm/s; 0 if it cannot.
 
-        A type that LIF has drive an edge with its back first goes by its reverse speed.
+        A type that drives an edge backwards according to LIF is limited by its reverse speed.
         """
         return min((edge.max_velocity_mm_s, *self._limits_mm_s(edge)))
 
     def given_speed_mm_s(self, edge: DirectedEdge) -> int | None:
-        """Return :meth:`speed_mm_s` by what was given; None: of the path there is but a default."""
+        """Return :meth:`speed_mm_s` by explicit limits only; None if the path has just a default."""
         limits = tuple(self._limits_mm_s(edge))
         if not edge.is_forward or "max_velocity_mm_s" in edge.path.model_fields_set:
             return min((edge.max_velocity_mm_s, *limits))
@@ -180,15 +180,15 @@ class RoutingProfile:
 class Access:
     """Which edges of a plant are open to vehicles of one profile.
 
-    Closed are locked paths, directions in which path or vehicle have no speed, what the plant does not open
-    to the vehicle's type, load or height, and points on maps where it must not drive. A vehicle that stands
-    on a point which is closed to it may leave.
+    Closed are: locked paths; directions in which path or vehicle have no speed; what the plant does not open
+    to the vehicle's type, load or height; points on maps where it must not drive. A vehicle on a point that
+    is closed to it may leave.
     """
 
     def __init__(
         self, plant: PlantModel, profile: RoutingProfile, locks: Mapping[str, bool] | None = None
     ) -> None:
-        """Look at a plant; `locks` says of paths whether they are locked, over what the plant says."""
+        """Read a plant; `locks` maps paths to whether they are locked, overriding the plant model."""
         self._points = plant.points_by_name
         self._profile = profile
         self._locks = locks or {}
@@ -292,7 +292,7 @@ class RoutingGraph:
         self._add(plant.edges(), locks)
 
     def lock(self, paths: Iterable[Path], locks: Mapping[str, bool]) -> None:
-        """Take out or put in the edges of those paths whose locks have changed."""
+        """Remove or add the edges of the paths whose locks have changed."""
         for path in paths:
             for index in {*self._path_indices(path)}:
                 self._graph.remove_edge_from_index(index)
@@ -311,7 +311,7 @@ class RoutingGraph:
     def without(self, points: Iterable[str], paths: Iterable[Path]) -> RoutingGraph:
         """Return a copy in which no edge leads to these points or along these paths.
 
-        A point that is to be avoided may still be left: a vehicle can stand on it.
+        Edges from a point to be avoided stay: a vehicle can be standing on it.
         """
         to_points = (self._graph.in_edge_indices(self._indices[point]) for point in points)
         along_paths = (self._path_indices(path) for path in paths)
@@ -408,7 +408,7 @@ def distance(edge: DirectedEdge, _profile: RoutingProfile, /) -> float:
 
 
 def travel_time(edge: DirectedEdge, profile: RoutingProfile, /) -> float:
-    """Return the seconds that the way takes at the slower of the path's and the vehicle's highest speeds."""
+    """Return the travel time, seconds, at the lower of the path's and the vehicle's maximum speeds."""
     speed_mm_s = profile.speed_mm_s(edge)
     return edge.path.length_mm / speed_mm_s if speed_mm_s else inf
 
@@ -440,10 +440,9 @@ class ExplicitProperties:
 
 
 class BoundingBoxLimit:
-    """Excludes edges to points where the vehicle would stand out of the largest box that is allowed there.
+    """Excludes edges to points where the vehicle would exceed the maximum bounding box.
 
-    Costs nothing otherwise, so it goes together with other evaluators. Boxes are laid on each other by their
-    reference points.
+    It adds no cost, so it can be combined with other evaluators. Boxes are aligned at their reference points.
     """
 
     def __init__(self, plant: PlantModel) -> None:

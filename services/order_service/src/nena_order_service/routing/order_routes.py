@@ -1,4 +1,4 @@
-"""Routes through the destinations of an order, their costs, and the routes that traffic asks for."""
+"""Routes through the destinations of an order, their costs, and the routes that traffic control requests."""
 
 from __future__ import annotations
 
@@ -51,9 +51,9 @@ def access_points(destination: Destination, plant: PlantModel) -> tuple[str, ...
 
 
 class RouteFinder:
-    """Finds ways over one plant: along routes to points and locations, straight to coordinates.
+    """Finds routes over one plant: along paths to points and locations, straight to coordinates.
 
-    From a coordinate the way goes on at the nearest point.
+    From a coordinate, the route continues at the nearest point.
     """
 
     def __init__(self, plant: PlantModel, router: Router, any_day: Router | None = None) -> None:
@@ -66,9 +66,9 @@ class RouteFinder:
         """How long :meth:`find` takes."""
 
     def set_locks(self, locks: Mapping[str, bool]) -> None:
-        """Lock or unlock paths by name, over what the plant model says.
+        """Lock or unlock paths by name, overriding the plant model.
 
-        A path that is locked this way closes ways now, but makes no order unroutable for good.
+        A path locked in this way closes routes now, but makes no order permanently unroutable.
         """
         self._any_day.set_locks({path: locked for path, locked in locks.items() if not locked})
         self.router.set_locks(locks)
@@ -140,11 +140,11 @@ class RouteFinder:
         return RoutePlan(tuple(legs))
 
     def nearest(self, coordinate: Coordinate) -> str:
-        """Return the point from which the way goes on after a coordinate."""
+        """Return the point at which a route continues after a coordinate."""
         return min(self._plant.points, key=lambda point: _distance_mm(point, coordinate)).name
 
     def why_unroutable(self, destinations: Sequence[Destination], avoid: Collection[str]) -> str | None:
-        """Return why no vehicle at all could do this, wherever it stands; None if one could.
+        """Return why no vehicle could execute this from any start; None if one could.
 
         As in openTCS, each access point of the first destination is tried as a start.
         """
@@ -227,7 +227,7 @@ class RouteCosts:
         vehicle: Vehicle | None,
         avoid: Collection[str] = frozenset(),
     ) -> OrderCosts:
-        """Return the costs of an order that names no coordinates, looked at from its end."""
+        """Return the costs of an order without coordinates, computed from its end."""
         entries: tuple[_Entry, ...] = ()
         later: OrderCosts | None = None
         for destination in reversed(destinations):
@@ -256,7 +256,7 @@ ROUTES_KEPT = 2_000
 
 
 class VehicleRoutes:
-    """Finds routes as the plant model's data of each vehicle let it drive, and remembers them."""
+    """Finds and caches routes that respect the plant model's data of each vehicle."""
 
     def __init__(self, router: Router, model_of: Callable[[str], Vehicle | None]) -> None:
         """``model_of`` returns the plant model's data of the vehicle of this name; None if it has none."""

@@ -44,7 +44,7 @@ class Router:
         self._kinds = VehicleKinds(plant.vehicle_types)
 
     def set_locks(self, locks: Mapping[str, bool]) -> None:
-        """Lock or unlock paths by name, over what the plant model says; replaces what was set before."""
+        """Lock or unlock paths by name, overriding the plant model; replaces earlier locks."""
         if self._locks == locks:
             return
         before, self._locks = self._locks, dict(locks)
@@ -66,11 +66,12 @@ class Router:
     ) -> Route:
         """Return the cheapest route between two points.
 
-        `burden` names edges and points that are dearer now, each with the share of its cost that is added.
+        `burden` maps edges and points to the share of their cost that is added at present.
 
         `avoid` names points, paths and locations (which stand for their linked points) that must not be used.
-        `loaded` says whether the vehicle carries anything, where paths are closed with or without a load.
-        Raises UnknownObjectError for a name that the plant does not have and NoRouteError if there is no way.
+        `loaded` is whether the vehicle carries anything, for paths that are closed with or without a load.
+        Raises UnknownObjectError for a name that the plant does not have and NoRouteError if there is no
+        route.
         """
         self._check_points((source, destination))
         steps = self._graph(vehicle, avoid, loaded=loaded).shortest(source, destination, burden)
@@ -85,11 +86,11 @@ class Router:
         avoid: Collection[str] = frozenset(),
         loaded: bool | None = None,
     ) -> tuple[Route, ...]:
-        """Return one route for each destination, one after the other, with the lowest cost in all.
+        """Return one route for each destination, one after the other, with the lowest total cost.
 
         Each destination is a choice of points, such as the access points of a location. The choice that is
-        cheapest for the whole way is taken, even if another point would have been nearer at first. Raises as
-        `route` does; NoRouteError names the first destination that cannot be reached.
+        cheapest for the whole route is taken, even if another point would have been nearer at first. Raises
+        as `route` does; NoRouteError names the first destination that cannot be reached.
         """
         self._check_points([source, *chain.from_iterable(destinations)])
         graph = self._graph(vehicle, avoid, loaded=loaded)
@@ -132,7 +133,7 @@ class Router:
         return known
 
     def prepare(self, vehicles: Iterable[Vehicle | None]) -> None:
-        """Build what the first routes of these vehicles need: in large plants that takes long."""
+        """Build what the first routes of these vehicles need; takes long in large plants."""
         for vehicle in vehicles:
             for point in self._plant.points[:1]:
                 self.costs_to(point.name, vehicle=vehicle)
@@ -157,7 +158,7 @@ class Router:
             self._plant.point(name)
 
     def _resources(self, names: Collection[str]) -> tuple[list[str], list[Path]]:
-        """Return the points, also those that locations stand for, and the paths of these names."""
+        """Return the points, including those that locations stand for, and the paths of these names."""
         plant = self._plant
         points = [name for name in names if name in plant.points_by_name]
         paths = [plant.paths_by_name[name] for name in names if name in plant.paths_by_name]
@@ -188,7 +189,7 @@ def _found(
 
 
 def _longer(graph: RoutingGraph, ways: Mapping[str, _Way], choice: Collection[str]) -> dict[str, _Way]:
-    """Return the cheapest way to each reachable point of the choice, given the cheapest ways so far."""
+    """Return the cheapest route to each reachable point of the choice, given the cheapest routes so far."""
     longer: dict[str, _Way] = {}
     for start, way in ways.items():
         for point, cost in graph.costs_from(start, choice).items():

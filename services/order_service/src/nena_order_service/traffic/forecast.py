@@ -1,7 +1,7 @@
-"""Forecast when vehicles under way come where.
+"""Forecast of when vehicles under way arrive where.
 
-It goes on from what traffic control knows, and changes nothing of it: each vehicle drives its way at the
-speeds of its paths, and enters what another one holds once that has left it.
+It starts from the state of traffic control and changes nothing of it: each vehicle drives its route at the
+speeds of its paths, and enters what another vehicle holds once that one has left it.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ HORIZON: Final = 60.0
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """What a vehicle is about to do: the sets that it holds, and those that are ahead of it.
+    """The near future of a vehicle: the sets that it holds, and those ahead of it.
 
-    The first ``allocated`` of those ``ahead`` are among the held ones. ``seconds`` says how long it takes
-    along each of those ahead.
+    The first ``allocated`` of those ``ahead`` are among the held ones. ``seconds`` is how long each of those
+    ahead takes.
     """
 
     held: tuple[ResourceSet, ...]
@@ -75,11 +75,11 @@ class Forecast:
                     self._go_on(other, now)
 
     def arrivals(self, vehicle: str) -> tuple[float, ...]:
-        """Return in how many seconds a vehicle comes to each set ahead, as far as that is known."""
+        """Return after how many seconds a vehicle arrives at each set ahead, as far as known."""
         return tuple(self._courses[vehicle].arrivals)
 
     def _arrive(self, name: str, now: float) -> list[str]:
-        """Let a vehicle come to the next set; return the resources that it has left."""
+        """Move a vehicle to its next set; return the resources that it has left."""
         course = self._courses[name]
         course.arrivals.append(now)
         course.reached += 1
@@ -88,7 +88,7 @@ class Forecast:
         return [use for each in gone for use in self._holds.remove(name, each.uses)]
 
     def _go_on(self, name: str, now: float) -> None:
-        """Let a vehicle drive to the next set of its way, or wait until what keeps it has changed."""
+        """Start a vehicle's drive to its next set, or make it wait until its obstacle has changed."""
         course = self._courses[name]
         drive, index = course.drive, course.reached
         self._standing.discard(name)
@@ -131,7 +131,7 @@ UNKNOWN_SPEED_MM_S: Final = 1000
 
 
 class Pace:
-    """How long vehicles take along the paths of one plant, at the highest speeds that both allow."""
+    """How long vehicles take along the paths of one plant, at the maximum speed that both allow."""
 
     def __init__(self, plant: PlantModel) -> None:
         self._known_types = plant.vehicle_types
@@ -148,7 +148,10 @@ class Pace:
     def of(
         self, vehicle: Vehicle | None, robot: Factsheet | None
     ) -> Callable[[DirectedEdge | None, float], float]:
-        """Return how long a vehicle takes for so much (mm) of an edge; ``robot`` is its robot's factsheet."""
+        """Return the seconds for a distance (mm) on an edge, as a function.
+
+        ``robot`` is the robot's factsheet.
+        """
         own = vehicle.max_velocity_mm_s if vehicle else 0
         by_robot = robot.physical_parameters.maximum_speed * MM_PER_M if robot else 0.0
         profile = RoutingProfile.of(vehicle, self._known_types)

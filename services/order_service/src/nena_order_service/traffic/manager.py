@@ -27,12 +27,13 @@ D = TypeVar("D", bound=RouteGrant | Evasion)
 
 
 class TrafficManager:
-    """Keeps account of vehicles, by their names, over one plant.
+    """Manages the resources of vehicles, by their names, over one plant.
 
-    A vehicle is *seen* where it stands. It *wishes* for a way, and :meth:`decide` lets it depart;
-    the way's sets are *allocated* one after the other, and freed when it has *arrived* at a later one and its
-    length is off them. It ends its way, or breaks off: then it rests on all that it held until it is seen
-    standing. Nothing is ever given to two vehicles; only those that were found on the same place share it.
+    A vehicle is *seen* where it stands. It *requests* a route, and :meth:`decide` grants it; the route's sets
+    are *allocated* one after the other, and freed when the vehicle has *arrived* at a later one and no longer
+    covers them with its length. It finishes its route or breaks off: then it rests on all that it held until
+    it is seen standing. Nothing is ever allocated to two vehicles; only vehicles that were found at the same
+    place share it.
     """
 
     def __init__(self, plant: PlantModel, ways: Routes, *, exclusive: bool = True) -> None:
@@ -59,7 +60,7 @@ class TrafficManager:
         return vehicle in self._scheduler
 
     def held(self, vehicle: str) -> tuple[ResourceSet, ...]:
-        """Return what a vehicle holds, oldest first; nothing of one that is not here."""
+        """Return what a vehicle holds, oldest first; empty for an unknown vehicle."""
         return tuple(self._scheduler.occupant(vehicle).held) if vehicle in self._scheduler else ()
 
     def point(self, vehicle: str) -> str:
@@ -71,7 +72,7 @@ class TrafficManager:
         return self._scheduler.users(resource)
 
     def stands(self, vehicle: str, point: str, *, on_point: bool) -> bool:
-        """Return whether the vehicle is known to stand at or, else, to be nearest to this point."""
+        """Return whether the vehicle is on this point or, unless ``on_point``, nearest to it."""
         occupant = self._scheduler.occupant(vehicle)
         return occupant.point == point and (occupant.entry is None) == on_point
 
@@ -80,11 +81,13 @@ class TrafficManager:
         return self._journeys.get(vehicle)
 
     def seen(self, vehicle: str, found: Found, box: BoundingBox, *, moving: bool = False) -> bool:
-        """Let a vehicle without a way hold what it was seen on; tell whether that changes what is kept of it.
+        """Set what a vehicle without a route holds to where it was seen.
 
-        While it is ``moving`` it keeps what it held before, too. One that came to where it is on a way knows
-        better than its pose what its length covers; one that broke off also keeps what is next to where it
-        was at last, for paths need not be straight.
+        Return whether that changes anything.
+
+        While it is ``moving`` it also keeps what it held before. A vehicle that arrived by a route knows
+        better than its pose what its length covers; one that broke off also keeps what is next to its last
+        position, because paths need not be straight.
         """
         beside = self.beside(vehicle)
         footing, behind = self._footings.of(found, box), self._behind(vehicle, found, moving=moving)
@@ -112,7 +115,7 @@ class TrafficManager:
         return vehicle in self._scheduler and self._scheduler.occupant(vehicle).point == found.point
 
     def _behind(self, vehicle: str, found: Found, *, moving: bool) -> tuple[ResourceSet, ...]:
-        """Return what of all that a vehicle holds it still covers, now that it was found somewhere."""
+        """Return what a vehicle still covers of all that it holds, after it was found somewhere."""
         held = self.held(vehicle)
         if moving:
             return held
@@ -135,13 +138,13 @@ class TrafficManager:
         *,
         beside: tuple[ResourceSet, ...] | None = None,
     ) -> None:
-        """Let a vehicle hold what it held before a restart; with ``beside`` it has to be seen standing."""
+        """Restore what a vehicle held before a restart; with ``beside`` it has to be seen standing first."""
         self._scheduler.place(vehicle, held, length_mm)
         if beside is not None:
             self._broken_off[vehicle] = beside
 
     def resume(self, vehicle: str, way: Sequence[ResourceSet], allocated: int) -> None:
-        """Let a vehicle be on its way as before a restart; where it is on it will be heard."""
+        """Restore a vehicle's route after a restart; its position on it will be reported."""
         self._broken_off.pop(vehicle, None)
         ends = (index + 1 for index in range(len(way)) if self.resources.may_wait(way, index))
         end = next((each for each in ends if each >= allocated), allocated)
@@ -150,7 +153,7 @@ class TrafficManager:
         self._to_extend[vehicle] = None
 
     def remove(self, vehicle: str) -> None:
-        """Take a vehicle out: it holds, wants and claims nothing any more."""
+        """Remove a vehicle: it no longer holds, requests or claims anything."""
         self._control.forget(vehicle)
         self._told.pop(vehicle, None)
         self._journeys.pop(vehicle, None)
@@ -177,9 +180,9 @@ class TrafficManager:
     def decide(
         self, movable: Callable[[str], bool], lost: Callable[[str], bool] = nobody
     ) -> Iterator[RouteGrant | Evasion | RouteRejection | Displacement | MoreClaimed]:
-        """Let vehicles depart; see :meth:`TrafficControl.decide`.
+        """Grant routes to vehicles; see :meth:`TrafficControl.decide`.
 
-        Who has come to rest on the way of others, though it was to go on, is sent away first.
+        A vehicle that has come to rest on the route of others before its own end is sent away first.
         """
         for evasion in self._clear_ways(movable):
             yield self._departed(evasion)
@@ -195,7 +198,7 @@ class TrafficManager:
     def stuck(self, movable: Callable[[str], bool], lost: Callable[[str], bool]) -> Iterator[str]:
         """Yield the vehicles under way that wait for vehicles at rest which will not make room.
 
-        These cannot be sent away, or nobody knows when they could be. Ask it after :meth:`decide`.
+        These cannot be sent away, or it is unknown when they could be. Call it after :meth:`decide`.
         """
         for vehicle, journey in self.extending():
             if self.is_blocked(vehicle) and journey.refusal:
@@ -216,9 +219,9 @@ class TrafficManager:
         return granted
 
     def replan(self, vehicle: str, steps: Sequence[Step], location: str | None = None) -> Refusal | None:
-        """Let a vehicle's way go on by other steps behind what is allocated; gives why not.
+        """Replace a vehicle's route beyond what is allocated; return the refusal, if any.
 
-        What is allocated stays with the vehicle. Where it is refused, the way stays as it was.
+        What is allocated stays with the vehicle. On a refusal the route stays as it was.
         """
         journey, occupant = self._journeys[vehicle], self._scheduler.occupant(vehicle)
         way = self.resources.way(steps, start=occupant.held[-1], location=location)
@@ -230,12 +233,15 @@ class TrafficManager:
         return refusal
 
     def revoke(self, vehicle: str) -> None:
-        """Take back a way of which nothing is allocated yet: the vehicle rests where it was."""
+        """Withdraw a route of which nothing is allocated yet: the vehicle rests where it was."""
         self._journeys.pop(vehicle)
         self._scheduler.give_up_claim(vehicle)
 
     def allocate(self, vehicle: str, ahead: int = 0) -> bool:
-        """Allocate sets until the vehicle has ``ahead`` of them in front, 0: all that can be; tell if any."""
+        """Allocate sets until the vehicle has ``ahead`` in front of it, 0: as many as possible.
+
+        Return whether any was allocated.
+        """
         journey, occupant = self._journeys[vehicle], self._scheduler.occupant(vehicle)
         before = journey.allocated
         journey.refusal = None
@@ -247,7 +253,7 @@ class TrafficManager:
         return journey.allocated > before
 
     def is_blocked(self, vehicle: str) -> bool:
-        """Return whether somebody who rests keeps a vehicle from going on its way."""
+        """Return whether a vehicle at rest keeps this one from continuing its route."""
         journey = self._journeys.get(vehicle)
         refusal = journey.refusal if journey else None
         return refusal is not None and refusal.hindrance is WaitReason.RESTING
@@ -257,10 +263,10 @@ class TrafficManager:
         return self._scheduler.occupant(vehicle).ahead
 
     def arrived(self, vehicle: str, reached: int) -> bool:
-        """Note that the vehicle has come to the ``reached``-th set of its way, from 1 on.
+        """Note that the vehicle has arrived at the ``reached``-th set of its route, counted from 1.
 
-        Tells whether others, or the vehicle itself, may be able to go on by that.
-        One that has come farther than it was allowed to holds that, too: it is there.
+        Return whether that may let any vehicle continue. A vehicle that has gone further than allowed holds
+        that, too.
         """
         journey, occupant = self._journeys[vehicle], self._scheduler.occupant(vehicle)
         reached = min(reached, len(journey.way))
@@ -276,20 +282,20 @@ class TrafficManager:
         return freed or not journey.all_allocated
 
     def finished(self, vehicle: str) -> None:
-        """Note that the vehicle has come to the end of its way, and rests there."""
+        """Note that the vehicle has arrived at the end of its route, and rests there."""
         self.arrived(vehicle, len(self._journeys[vehicle].way))
         del self._journeys[vehicle]
         self._control.end_turn(vehicle, self._scheduler.occupant(vehicle).point)
 
     def shorten(self, vehicle: str) -> None:
-        """Let a vehicle's way end where its allocated sets do."""
+        """End a vehicle's route at its last allocated set."""
         journey = self._journeys[vehicle]
         self._scheduler.give_up_claim(vehicle)
         journey.way, journey.refusal = journey.way[: journey.allocated], None
         self._control.forget_refusal(vehicle)
 
     def break_off(self, vehicle: str) -> None:
-        """End a way early: the vehicle rests on all that it holds until it is seen standing."""
+        """End a route early: the vehicle rests on all that it holds until it is seen standing."""
         occupant = self._scheduler.occupant(vehicle)
         held = tuple(occupant.held)
         self._journeys.pop(vehicle, None)
@@ -298,7 +304,7 @@ class TrafficManager:
         self._scheduler.place(vehicle, held, occupant.length_mm)
 
     def broke_off(self, vehicle: str) -> bool:
-        """Return whether a vehicle without a way was not seen standing since it broke off or moved."""
+        """Return whether a vehicle without a route has not been seen standing since it broke off or moved."""
         return vehicle in self._broken_off
 
     def extending(self) -> list[tuple[str, Journey]]:
@@ -337,11 +343,11 @@ class TrafficManager:
         return (journey and journey.refusal) or self._control.why_waiting(vehicle)
 
     def turn_back_mm(self, refusal: Refusal) -> int:
-        """Return how far who goes first would have to turn back otherwise; see :class:`Scheduler`."""
+        """Return how far the other vehicle would have to turn back, mm; see :class:`Scheduler`."""
         known = bool(refusal.way) and refusal.vehicles[0] in self._scheduler
         return self._scheduler.turn_back_mm(refusal) if known else 0
 
     def sharing(self, vehicle: str) -> str:
-        """Say with whom a vehicle stands on one place, which nobody was ever given; empty for nobody."""
+        """Return with whom a vehicle shares a place that was allocated to neither; empty for none."""
         found = self._scheduler.sharing(vehicle) if vehicle in self._scheduler else None
         return f"stands on {found[1]!r} together with {found[0]}" if found else ""

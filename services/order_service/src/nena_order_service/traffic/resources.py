@@ -28,9 +28,9 @@ def conflict(one: str | None, other: str | None) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class ResourceSet:
-    """What a vehicle needs to come to ``point``: the point, the path to it, and the blocks of both.
+    """What a vehicle needs to drive to ``point``: the point, the path to it, and the blocks of both.
 
-    ``length_mm`` is that of the path; 0 where the vehicle has not come by a path.
+    ``length_mm`` is the path's length; 0 if the vehicle did not come by a path.
     """
 
     point: str
@@ -39,7 +39,7 @@ class ResourceSet:
 
 
 class Resources:
-    """Knows which resources each step over one plant needs; none at all where they are not ``exclusive``."""
+    """Finds the resources that each step over one plant needs; none if they are not ``exclusive``."""
 
     def __init__(self, plant: PlantModel, *, exclusive: bool = True) -> None:
         self._exclusive = exclusive
@@ -57,10 +57,10 @@ class Resources:
                 self._blocks[member].append(block)
 
     def may_wait(self, way: Sequence[ResourceSet], index: int) -> bool:
-        """Return whether a vehicle may wait at a set of its way until it can go on: at the end it may.
+        """Return whether a vehicle may wait at a set of its route until it can continue; always at the end.
 
-        Elsewhere it may where it goes on by a one-way path, so that nobody who comes towards it waits for it,
-        and stands in no block.
+        Elsewhere it may if it continues by a one-way path, so that no oncoming vehicle waits for it, and if
+        it is in no block.
         """
         if index + 1 == len(way):
             return True
@@ -69,11 +69,11 @@ class Resources:
         return self._crossings.is_open(way[index].point) or self._two_way.isdisjoint(way[index + 1].uses)
 
     def set_locks(self, locks: Mapping[str, bool]) -> None:
-        """Look at locks of paths that hosts have set, over what the plant says."""
+        """Apply locks of paths that hosts have set, overriding the plant model."""
         self._crossings.set_locks(locks)
 
     def at(self, point: str) -> ResourceSet:
-        """Return the resources of a vehicle that was found at ``point``, come by whatever way."""
+        """Return the resources of a vehicle found at ``point``, regardless of how it came there."""
         return self.on(point, (point,))
 
     def on(self, point: str, members: Sequence[str], *, length_mm: int = 0) -> ResourceSet:
@@ -102,9 +102,9 @@ class Resources:
         entry: ResourceSet | None = None,
         location: str | None = None,
     ) -> list[ResourceSet]:
-        """Return the resources of a whole way, with the ``entry`` that comes before it and the ``location``.
+        """Return the resources of a route, with the ``entry`` before it and the ``location``.
 
-        A vehicle that is to use a location where it is needs that alone, without a step.
+        A vehicle that uses a location where it is only needs that location, without a step.
         """
         before = [] if entry is None else [entry]
         if steps or location is None:
@@ -114,7 +114,7 @@ class Resources:
         return [ResourceSet(entry.point, entry.length_mm, {**entry.uses, **self._uses((location,), {})})]
 
     def _directions(self, members: Iterable[str], step: Step, before: ResourceSet) -> dict[str, str | None]:
-        """Return the direction of each same-direction block: a vehicle keeps the one in which it came in."""
+        """Return the direction of each same-direction block: a vehicle keeps the one in which it entered."""
         entry = step.path.properties.get(BLOCK_ENTRY_DIRECTION, step.edge_id)
         return {
             block.name: before.uses.get(block.name, entry)
@@ -141,10 +141,10 @@ WAY_ROUND = 8
 
 
 class Crossings:
-    """Knows the crossings that others can go around when a vehicle waits there.
+    """Finds the crossings that others can bypass when a vehicle waits there.
 
-    Without such a point, each of its neighbours still leads to each other one by a short way, over paths
-    that are not locked. Each is looked at when it is first asked for: there may be thousands.
+    Without such a point, each of its neighbours still leads to each other one by a short route, over paths
+    that are not locked. Each crossing is checked on first use: there may be thousands.
     """
 
     def __init__(self, plant: PlantModel) -> None:
@@ -158,7 +158,7 @@ class Crossings:
         self._open: dict[str, bool] = {}
 
     def set_locks(self, locks: Mapping[str, bool]) -> None:
-        """Look at locks of paths, over what the plant says; all crossings are looked at again."""
+        """Set locks of paths, overriding the plant model; all crossings are checked again."""
         self._locks = dict(locks)
         self._open.clear()
 
@@ -194,7 +194,7 @@ class UseIndex:
         self._users: defaultdict[str, dict[tuple[str, str | None], int]] = defaultdict(dict)
 
     def add(self, vehicle: str, uses: Uses) -> Uses:
-        """Note that ``vehicle`` uses these resources once more; return those that it did not use before."""
+        """Add one use of these resources by ``vehicle``; return those that it did not use before."""
         new: dict[str, str | None] = {}
         for resource, direction in uses.items():
             users, user = self._users[resource], (vehicle, direction)
@@ -205,7 +205,7 @@ class UseIndex:
         return new
 
     def remove(self, vehicle: str, uses: Uses) -> Uses:
-        """Take back one :meth:`add` of the same uses; return those that it does not use any more."""
+        """Revert one :meth:`add` of the same uses; return those that the vehicle no longer uses."""
         gone: dict[str, str | None] = {}
         for resource, direction in uses.items():
             users, user = self._users[resource], (vehicle, direction)
@@ -218,7 +218,7 @@ class UseIndex:
         return gone
 
     def others(self, vehicle: str, uses: Uses) -> Iterator[tuple[str, str]]:
-        """Yield who else uses what ``vehicle`` cannot share with them: pairs of vehicle and resource."""
+        """Yield pairs of vehicle and resource: other users of what ``vehicle`` cannot share with them."""
         for resource, direction in uses.items():
             if users := self._users.get(resource):
                 for other, their_direction in users:
@@ -226,7 +226,7 @@ class UseIndex:
                         yield other, resource
 
     def users(self, resource: str) -> frozenset[str]:
-        """Return who uses ``resource``."""
+        """Return the vehicles that use ``resource``."""
         return frozenset(vehicle for vehicle, _ in self._users.get(resource, ()))
 
 
@@ -248,7 +248,7 @@ class Occupant:
 
     @property
     def resting(self) -> bool:
-        """Whether it has come to the end of its way and wants nothing."""
+        """Return whether it has arrived at the end of its route and requests nothing."""
         return not self.claimed and self.reached == len(self.held) - 1
 
     @property
@@ -258,7 +258,7 @@ class Occupant:
 
     @property
     def ahead(self) -> int:
-        """How many sets it holds in front of it."""
+        """Return how many sets it holds in front of it."""
         return len(self.held) - 1 - self.reached
 
     def at_end(self, way: Sequence[ResourceSet]) -> list[ResourceSet]:
@@ -267,7 +267,10 @@ class Occupant:
         return sets[covered_from(sets, len(sets) - 1, self.length_mm) :]
 
     def arrive(self, index: int) -> list[ResourceSet]:
-        """Come to the ``index``-th held set; gives the sets that are free now, as a vehicle has a length."""
+        """Move to the ``index``-th held set.
+
+        Return the sets that are free now, given the vehicle's length.
+        """
         self.reached, self.entry = index, None
         first = covered_from(self.held, index, self.length_mm)
         self.reached -= first
@@ -277,8 +280,8 @@ class Occupant:
 def covered_from(sets: Sequence[ResourceSet], at: int, length_mm: int) -> int:
     """Return the index of the oldest set that a vehicle of this length covers at the point of ``at``.
 
-    The length is taken to lie behind the point as a whole: where the robot's own reference point is in its
-    middle, that is more than it needs, and never less.
+    The whole length is taken to lie behind the point: if the robot's own reference point is in its middle,
+    that is more than it needs, and never less.
     """
     covered, index = sets[at].length_mm, at
     while index > 0 and covered < length_mm:
@@ -289,10 +292,10 @@ def covered_from(sets: Sequence[ResourceSet], at: int, length_mm: int) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """Where a vehicle was found, in mm of the plant's frame.
+    """Where a vehicle was found, in mm in the plant's frame.
 
-    ``point`` is the point where its ways begin: it is there, or ``on_point`` is False and it is nearest. A
-    vehicle whose place is None is at the point, as it says.
+    ``point`` is the start of its routes: it is there, or ``on_point`` is False and the point is nearest. A
+    vehicle whose place is None is at the point by its own report.
     """
 
     point: str
@@ -304,17 +307,17 @@ class Found:
 
 @dataclass(frozen=True, slots=True)
 class OccupiedResources:
-    """What is under a vehicle, and what it needs to come to the point where its ways begin."""
+    """What a vehicle stands on, and what it needs to reach the point where its routes begin."""
 
     under: ResourceSet
     entry: ResourceSet | None = None
 
 
 class OccupancyFinder:
-    """Tells what is under vehicles on one plant.
+    """Finds what vehicles occupy on one plant.
 
-    On a point that is the point. Beside it, these are the paths, as straight lines, and the points that come
-    nearer to the vehicle than it reaches around itself; far from all of them it stands on nothing.
+    On a point that is the point. Beside it, these are the paths, as straight lines, and the points that are
+    nearer to the vehicle than its own extent; far from all of them it occupies nothing.
     """
 
     def __init__(self, plant: PlantModel, resources: Resources) -> None:

@@ -38,7 +38,7 @@ class Refusal:
         return self.in_words()
 
     def in_words(self, turn_back_mm: int = 0) -> str:
-        """Return for whom the vehicle waits, where and why.
+        """Return which vehicle it waits for, where and why.
 
         ``turn_back_mm`` is how far the other one would have to turn back if this one went first.
         """
@@ -59,7 +59,7 @@ class Refusal:
 
 
 class UnknownOccupantError(LookupError):
-    """Traffic control has not been told where the vehicle ``name`` is."""
+    """The position of the vehicle ``name`` is unknown to traffic control."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -81,7 +81,7 @@ class Scheduler:
         """For each vehicle those that cannot come to their ends before it, by how many resources that is."""
 
     def occupant(self, name: str) -> Occupant:
-        """Return a vehicle as it stands, to be read; raises UnknownOccupantError."""
+        """Return a vehicle's occupancy, for reading only; raises UnknownOccupantError."""
         try:
             return self._occupants[name]
         except KeyError:
@@ -92,15 +92,15 @@ class Scheduler:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The vehicles that are known."""
+        """Return the names of the known vehicles."""
         return tuple(self._occupants)
 
     def place(
         self, name: str, place: Iterable[ResourceSet], length_mm: int, *, entry: ResourceSet | None = None
     ) -> None:
-        """Handle a vehicle that rests on ``place``, oldest set first, whoever else is there.
+        """Place a vehicle that rests on ``place``, oldest set first, regardless of others there.
 
-        ``entry`` is what it needs to come to the point of the last set, where it is not there yet.
+        ``entry`` is what it needs to reach the point of the last set, if it is not there yet.
         """
         self.remove(name)
         sets = deque(place)
@@ -109,7 +109,7 @@ class Scheduler:
             self._add(self._holds, name, each.uses)
 
     def remove(self, name: str) -> None:
-        """Forget a vehicle and free what it holds; one that is not known stays so."""
+        """Remove a vehicle and free what it holds; does nothing for an unknown one."""
         if name not in self._occupants:
             return
         self.give_up_claim(name)
@@ -118,9 +118,11 @@ class Scheduler:
             self._remove(self._holds, name, each.uses)
 
     def claim(self, name: str, way: Sequence[ResourceSet]) -> Refusal | None:
-        """Claim a way that follows what the vehicle holds; gives why not, and then nothing has changed.
+        """Claim a route that follows what the vehicle holds.
 
-        A claim that is there already is replaced.
+        Return the refusal, if any: then nothing has changed.
+
+        An existing claim is replaced.
         """
         occupant = self.occupant(name)
         if refusal := self._resting_on(name, way):
@@ -132,11 +134,9 @@ class Scheduler:
         return refusal
 
     def allocate(self, name: str) -> Refusal | None:
-        """Allocate the next claimed set; gives why not, and then nothing has changed.
+        """Allocate the next claimed set; return the refusal, if any: then nothing has changed.
 
-        Raises:
-            LookupError: the vehicle is not known, or claims nothing.
-
+        Raises: LookupError: the vehicle is not known, or claims nothing.
         """
         occupant = self.occupant(name)
         if not occupant.claimed:
@@ -152,7 +152,7 @@ class Scheduler:
         return None
 
     def resume(self, name: str, held: Sequence[ResourceSet], claimed: Sequence[ResourceSet]) -> None:
-        """Let a vehicle that rests hold and claim what it was granted before, unasked."""
+        """Hold and claim what a vehicle at rest was granted before, without checks."""
         occupant = self.occupant(name)
         for each in held:
             self._add(self._holds, name, each.uses)
@@ -160,7 +160,7 @@ class Scheduler:
         self._set_claim(occupant, claimed)
 
     def seize(self, name: str) -> None:
-        """Let a vehicle hold the next set that it claims, unasked: it is there already."""
+        """Allocate the vehicle's next claimed set without checks: it is already there."""
         occupant = self.occupant(name)
         taken = occupant.claimed.popleft()
         self._remove(self._claims, name, taken.uses)
@@ -168,7 +168,7 @@ class Scheduler:
         self._add(self._holds, name, taken.uses)
 
     def arrive(self, name: str, index: int) -> bool:
-        """Note that the vehicle has come to its ``index``-th held set; tell whether that frees any."""
+        """Note that the vehicle has arrived at its ``index``-th held set; return whether that frees any."""
         occupant = self.occupant(name)
         freed = occupant.arrive(index)
         for each in freed:
@@ -178,13 +178,13 @@ class Scheduler:
         return bool(freed)
 
     def give_up_claim(self, name: str) -> None:
-        """Drop what the vehicle claims; what it holds stays with it, for it may still drive there."""
+        """Drop a vehicle's claim; it keeps what it holds, because it may still drive there."""
         self._set_claim(self.occupant(name), ())
 
     def stand(self, name: str) -> None:
-        """Note that the vehicle stands for good where it is, and free what it was to drive to.
+        """Note that the vehicle stays where it is, and free what it was to drive to.
 
-        It may be anywhere on the way to the next point, so that set stays with it.
+        It may be anywhere on the way to the next point, so it keeps that set.
         """
         occupant = self.occupant(name)
         self.give_up_claim(name)
@@ -198,9 +198,9 @@ class Scheduler:
         return next(self._others(self._holds, name, self.occupant(name).held), None)
 
     def turn_back_mm(self, refusal: Refusal) -> int:
-        """Return how far the vehicle that goes first would have to turn back if the refused one went first.
+        """Return how far, mm, the first vehicle would have to turn back if the refused one went first.
 
-        That is from the point where it is to the end of the way that was refused, if it comes towards it.
+        That is from its current point to the end of the refused route, if it is oncoming.
         """
         first, way = self._occupants[refusal.vehicles[0]], refusal.way
         index = next((index for index, each in enumerate(way) if each.point == first.point), None)
@@ -233,7 +233,7 @@ class Scheduler:
         return {name: self._versions[name] for name in names}
 
     def free_of_rest(self, name: str, way: Iterable[ResourceSet]) -> int:
-        """Return how many sets of a way come before the first one on which another vehicle rests."""
+        """Return how many sets of a route come before the first one on which another vehicle rests."""
         count = 0
         for each in way:
             if any(self._occupants[other].resting for other, _ in self._holds.others(name, each.uses)):
@@ -278,7 +278,7 @@ class Scheduler:
         return Refusal(WaitReason.RESTING if resting else WaitReason.HELD, names, others[0][1])
 
     def _precedence(self, name: str, wanted: ResourceSet) -> Refusal | None:
-        """Return who claims ``wanted`` and must go before this vehicle, directly or by others in between."""
+        """Return the refusal by a vehicle that claims ``wanted`` and must go first, if any."""
         for other, resource in self._claims.others(name, wanted.uses):
             if between := self._chain(other, name):
                 claimed = tuple(self._occupants[name].claimed)
@@ -286,7 +286,7 @@ class Scheduler:
         return None
 
     def _cycle(self, name: str) -> Refusal | None:
-        """Return who must go before this vehicle, directly or by others in between, and also after it."""
+        """Return the refusal by a vehicle that must go both before and after this one, if any."""
         ring = self._chain(name, name)
         if not ring:
             return None
@@ -295,7 +295,7 @@ class Scheduler:
         return Refusal(WaitReason.ORDER, (first,), resource, ring, tuple(self._occupants[name].claimed))
 
     def _chain(self, first: str, later: str) -> tuple[str, ...]:
-        """Return by whom ``first`` must come to its end before ``later`` can, itself first; empty if not."""
+        """Return the chain by which ``first`` must arrive before ``later``, itself first; empty if none."""
         came_from = {first: ""}
         open_ends = [first]
         while open_ends:
@@ -313,18 +313,18 @@ class Scheduler:
         return ()
 
     def _reasons(self, name: str) -> Iterator[tuple[str, str]]:
-        """Yield the vehicles that cannot come to their ends before this one, and for which resource."""
+        """Yield the vehicles that cannot arrive before this one, and for which resource."""
         occupant = self._occupants[name]
         yield from self._others(self._claims, name, occupant.held)
         yield from self._others(self._ends, name, occupant.claimed)
 
     def _add(self, index: UseIndex, name: str, uses: Uses) -> None:
-        """Note a use, and whom that puts behind whom."""
+        """Add a use, and the precedence that follows from it."""
         self._versions[name] += 1
         self._order(index, name, index.add(name, uses), 1)
 
     def _remove(self, index: UseIndex, name: str, uses: Uses) -> None:
-        """Take back a use, and whom that had put behind whom."""
+        """Remove a use, and the precedence that followed from it."""
         self._versions[name] += 1
         self._order(index, name, index.remove(name, uses), -1)
 

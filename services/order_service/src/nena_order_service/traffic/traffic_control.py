@@ -1,4 +1,4 @@
-"""Who may begin a route or go on, and who must make room (decision 0038)."""
+"""Who may begin a route or continue, and who must make room (decision 0038)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from nena_shared.plant.track import PointType
 
 
 class Routes(Protocol):
-    """Gives the ways of vehicles, which it knows by name, between points of the plant."""
+    """Finds routes for vehicles, by their names, between points of the plant."""
 
     def route(
         self,
@@ -71,8 +71,8 @@ class Evader:
     ) -> Iterator[Evasion]:
         """Send those of the ``blockers`` that can go to places outside of ``kept_free``.
 
-        A blocker that is itself enclosed by vehicles at rest has these go first, and goes when it is asked
-        for again. Those of them that cannot be sent are added to ``enclosing``.
+        A blocker that is itself enclosed by vehicles at rest makes these go first, and goes on a later call.
+        Those that cannot be sent are added to ``enclosing``.
         """
         asked: set[str] = set()
         yield from self._evade(blockers, list(kept_free), movable, asked)
@@ -130,7 +130,7 @@ class Evader:
                     return
 
     def _around(self, vehicle: str, way: Sequence[ResourceSet], place: str) -> Route | None:
-        """Return a route to a place around those that rest on the cheapest one; None: nobody, or no route."""
+        """Return a route around vehicles resting on the cheapest one; None: no such vehicle, or no route."""
         resting = self._scheduler.resting_on(vehicle, way)
         if not resting:
             return None
@@ -164,10 +164,10 @@ LONGEST_DETOUR = 1.5
 
 @dataclass(frozen=True, slots=True)
 class RouteRequest:
-    """A vehicle that rests wants to drive to ``goal``, and there to use ``location`` if one is named.
+    """A vehicle at rest requests to drive to ``goal`` and to use ``location`` there, if one is named.
 
-    Where ``straight_mm`` is given it drives so far straight, off the paths, to a place that is nearest to
-    ``goal``. ``avoid`` names points, paths and locations that its way must not use.
+    With ``straight_mm`` it drives that far straight, off the paths, to a place that is nearest to ``goal``.
+    ``avoid`` names points, paths and locations that its route must not use.
     """
 
     vehicle: str
@@ -221,13 +221,13 @@ SECTION = 4
 
 
 def nobody(_vehicle: str) -> bool:
-    """Tell of no vehicle that it is so."""
+    """Return False for every vehicle."""
     return False
 
 
 @dataclass(slots=True)
 class Journey:
-    """A way under way: its sets, how many of them are allocated, and how many the vehicle has come to."""
+    """A route under way: its sets, how many of them are allocated, and how many the vehicle has reached."""
 
     way: tuple[ResourceSet, ...]
     allocated: int = 0
@@ -243,9 +243,9 @@ class Journey:
 
 @dataclass(frozen=True, slots=True)
 class Displacement:
-    """A vehicle under way stands where an older one has to pass.
+    """A vehicle under way blocks an older one.
 
-    Its way ends there, so that it can make room.
+    Its route ends where it is, so that it can make room.
     """
 
     vehicle: str
@@ -290,12 +290,12 @@ def _oncoming(plant: PlantModel) -> dict[tuple[str, str], list[str]]:
 class TrafficControl:
     """Grants routes, oldest request first, and each of them section by section.
 
-    A vehicle claims its way as far as :data:`SECTION` sets ahead, to a point where it can wait without
-    keeping others from passing it on a two-way track; behind that its way is only planned. So claims are
-    short, vehicles follow each other closely, and who stops on its way stops those behind alone.
+    A vehicle claims its route as far as :data:`SECTION` sets ahead, to a point where it can wait without
+    keeping others from passing it on a two-way track; beyond that its route is only planned. So claims are
+    short, vehicles follow each other closely, and a vehicle that stops only stops those behind it.
 
-    The oldest request that waits has the right of way: no vehicle comes to rest on its section any more, and
-    any that rests there makes room, even with a request of its own. So its turn comes.
+    The oldest waiting request has the right of way: no vehicle comes to rest on its section any more, and any
+    vehicle resting there makes room, even with a request of its own. So every request is granted eventually.
     """
 
     def __init__(self, plant: PlantModel, ways: Routes, resources: Resources | None = None) -> None:
@@ -323,10 +323,10 @@ class TrafficControl:
         self._last_turn = 0
 
     def request_route(self, route_request: RouteRequest, *, first: bool = False) -> None:
-        """Handle what a vehicle wants; it replaces what the same vehicle wanted, and keeps its place.
+        """Queue a vehicle's request; it replaces the vehicle's earlier request, and keeps its place.
 
-        A vehicle that had its turn, but could not come to its goal, keeps that turn; one that is ``first``
-        and had none comes before all others.
+        A vehicle that had its turn, but could not reach its goal, keeps that turn; one that is ``first`` and
+        had none goes to the front.
         """
         vehicle = route_request.vehicle
         turn, goal = self._turns.get(vehicle, (None, ""))
@@ -347,7 +347,7 @@ class TrafficControl:
         self._routes.pop(vehicle, None)
 
     def end_turn(self, vehicle: str, point: str | None) -> None:
-        """End the turn of a vehicle that has come to ``point``, if that was its goal."""
+        """End the turn of a vehicle that has arrived at ``point``, if that was its goal."""
         self.forget_refusal(vehicle)
         if vehicle not in self._requests and self._turns.get(vehicle, (0, ""))[1] == point:
             del self._turns[vehicle]
@@ -380,13 +380,13 @@ class TrafficControl:
         lost: Callable[[str], bool] = nobody,
         extending: Iterable[str] = (),
     ) -> Iterator[RouteGrant | Evasion | RouteRejection | Displacement | MoreClaimed]:
-        """Grant what can be granted, oldest first, and send away who rests in the way.
+        """Grant what can be granted, oldest first, and send away vehicles resting in the way.
 
-        ``extending`` names the vehicles under way of whose ways not all is allocated.
+        ``extending`` names the vehicles under way whose routes are not completely allocated.
 
-        ``movable`` tells of a vehicle at rest whether it could drive away now: it does nothing else there.
-        ``lost`` tells whether nobody knows when it could: who waits for such a one keeps nobody else from
-        anything, and takes a detour of any length.
+        ``movable`` returns whether a vehicle at rest could drive away now. ``lost`` returns whether it is
+        unknown when it could: a vehicle that waits for such a one does not hold up others, and takes a detour
+        of any length.
         """
         senior: _Senior | None = None
         for vehicle in sorted({*self._requests, *extending}, key=self._turn):
@@ -419,7 +419,7 @@ class TrafficControl:
                 yield from self._make_room(vehicle, refusal, [*senior.way, *way], movable, first=first)
 
     def _may_be_granted(self, route_request: RouteRequest) -> bool:
-        """Return whether the request still stands, and its vehicle rests."""
+        """Return whether the request is still current, and its vehicle rests."""
         if (
             self._requests.get(route_request.vehicle) is not route_request
             or route_request.vehicle not in self.scheduler
@@ -428,7 +428,7 @@ class TrafficControl:
         return self.scheduler.occupant(route_request.vehicle).resting
 
     def _go_on(self, vehicle: str, senior: _Senior | None) -> tuple[Refusal, list[ResourceSet]] | None:
-        """Claim more of a way under way; gives why not, and what was wanted, where nothing is claimed."""
+        """Claim more of a route under way; if nothing is claimed, return the refusal and what was wanted."""
         journey, claimed = self.journeys[vehicle], len(self.scheduler.occupant(vehicle).claimed)
         ahead = journey.way[journey.allocated :]
         if claimed == len(ahead) or claimed >= SECTION:
@@ -451,14 +451,14 @@ class TrafficControl:
         return refused
 
     def claim_other_way(self, vehicle: str, ahead: Sequence[ResourceSet]) -> Refusal | None:
-        """Claim a section of another way from the end of what the vehicle holds; gives why not."""
+        """Claim a section of another route from the end of what is held; return the refusal, if any."""
         refused = self._claim_section(vehicle, ahead, None)
         return refused and refused[0]
 
     def _claim_section(
         self, vehicle: str, ahead: Sequence[ResourceSet], senior: _Senior | None, *, more_than: int = 0
     ) -> tuple[Refusal, list[ResourceSet]] | None:
-        """Claim the longest section that can be had; gives why the longest one wanted was refused."""
+        """Claim the longest section available; return why the longest one wanted was refused."""
         refused: tuple[Refusal, list[ResourceSet]] | None = None
         sections = tuple(self._sections(ahead))
         free = self.scheduler.free_of_rest(vehicle, ahead[: sections[0]]) if sections else 0
@@ -506,7 +506,7 @@ class TrafficControl:
     def clear(
         self, blockers: Sequence[str], way: Sequence[ResourceSet], movable: Callable[[str], bool]
     ) -> Iterator[Evasion]:
-        """Send those of the ``blockers`` away who rest on a way that is claimed already."""
+        """Send away those of the ``blockers`` that rest on a route that is already claimed."""
         yield from self._evader.evade(blockers, way, movable)
 
     def _make_room(
@@ -545,7 +545,7 @@ class TrafficControl:
         return refusal is not None and not others.isdisjoint(refusal.vehicles)
 
     def _wait_in_ring(self, vehicle: str) -> bool:
-        """Return whether a vehicle waits, by others in between, for itself: then nobody of them goes on."""
+        """Return whether a vehicle waits for itself through others, so that none of them can continue."""
         seen: set[str] = set()
         open_ends = [vehicle]
         while open_ends:
@@ -561,7 +561,7 @@ class TrafficControl:
     def _grant(
         self, route_request: RouteRequest, senior: _Senior | None, lost: Callable[[str], bool]
     ) -> RouteGrant | RouteRejection | tuple[Refusal, list[ResourceSet]]:
-        """Claim the cheapest way or a detour; else tell why the cheapest one was refused."""
+        """Claim the cheapest route or a detour; else return why the cheapest one was refused."""
         try:
             route = self._route(route_request)
         except NoRouteError as error:
@@ -582,9 +582,9 @@ class TrafficControl:
     def _claim_way(
         self, vehicle: str, way: list[ResourceSet], senior: _Senior | None, lost: Callable[[str], bool]
     ) -> tuple[Refusal, list[ResourceSet]] | None:
-        """Claim the first section of a way, on which nobody rests of whom nobody knows when it goes.
+        """Claim the first section of a route on which no vehicle rests whose departure time is unknown.
 
-        One that has let another out must not enclose it again before that has gone.
+        A vehicle that has let another one out must not enclose it again before that one has gone.
         """
         if self._has_let_out(vehicle, lost) or any(map(lost, self.scheduler.resting_on(vehicle, way))):
             refusal = self.scheduler.claim(vehicle, way)
@@ -592,7 +592,7 @@ class TrafficControl:
         return self._claim_section(vehicle, way, senior)
 
     def _has_let_out(self, vehicle: str, lost: Callable[[str], bool]) -> bool:
-        """Return whether a vehicle has let another out that has not gone yet, and is still to go."""
+        """Return whether the vehicle that this one let out is still there, and still needs to go."""
         known = self._lets_out.get(vehicle)
         if known is None:
             return False
