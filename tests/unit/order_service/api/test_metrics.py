@@ -3,6 +3,8 @@ from __future__ import annotations
 import gzip
 import sys
 from collections import Counter
+from dataclasses import replace
+from datetime import timedelta
 from http import HTTPStatus
 from types import SimpleNamespace
 from typing import Any
@@ -11,14 +13,17 @@ import httpx
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
+from nena_order_service.api import metrics
 from nena_order_service.api.metrics import SECTIONS, _answers
 from nena_order_service.api.rest import role_needed, rule_of
 from nena_order_service.api.server import CountedAnswers, make_standby_app, make_starting_app
+from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.service import OrderService
 from nena_shared.fleet_api.base import Role
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
 from nena_shared.vda5050.topics import RobotKey
 from nena_shared.web.settings import HttpSettings
+from support.order_service import NOW, assigned_order, dispatchable_order
 
 MOVE = {"destinations": [{"locationName": "Goods in", "operation": "Load cargo"}]}
 ORDER = TransportOrderRequest.model_validate(MOVE)
@@ -64,6 +69,27 @@ async def test_orders_are_counted_by_state_and_by_what_they_wait_for(client: htt
     assert after["nena_order_service_commits_total"] > before["nena_order_service_commits_total"]
     assert after["nena_order_service_commit_seconds_count"] == after["nena_order_service_commits_total"]
     assert after["nena_order_service_dispatch_seconds_count"] > 0
+
+
+async def test_the_queue_is_as_old_as_its_oldest_order_even_if_that_came_back_last(
+    service: OrderService, client: httpx.AsyncClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def created_after(seconds: int, order: TransportOrder) -> TransportOrder:
+        created = NOW + timedelta(seconds=seconds)
+        return replace(order, status=order.status.model_copy(update={"created": created}))
+
+    async def age() -> float:
+        return (await shown(client))["nena_order_service_queue_oldest_seconds"]
+
+    monkeypatch.setattr(metrics, "time", (NOW + timedelta(seconds=100)).timestamp)
+    orders = service.engine.state.orders
+    assert await age() == 0
+    orders.load(assigned_order(number=1))
+    assert await age() == 0
+    orders.load(created_after(60, dispatchable_order(number=2)))
+    assert await age() == 40
+    orders.load(dispatchable_order(number=1))
+    assert await age() == 100
 
 
 async def test_order_sequences_are_counted_until_they_are_finished(client: httpx.AsyncClient) -> None:

@@ -100,10 +100,10 @@ def _waits(service: Monitored) -> Mapping[LabelValues, float]:
     }
 
 
-def _oldest_wait(service: Monitored) -> float:
+def _oldest_age(service: Monitored) -> float:
     orders = service.engine.state.orders
-    first = orders.waiting.longest
-    return max(0.0, time() - orders.get(first).status.created.timestamp()) if first is not None else 0.0
+    oldest = orders.waiting.oldest
+    return max(0.0, time() - orders.get(oldest).status.created.timestamp()) if oldest is not None else 0.0
 
 
 def _by_value(values: Iterable[str], known: Iterable[str]) -> Mapping[LabelValues, float]:
@@ -173,8 +173,9 @@ ORDERS: Final[Section[Monitored]] = Section(
         ),
         gauge(
             "nena_order_service_queue_oldest_seconds",
-            "Time since the creation of the order that has been in the queue for longest; 0: none waits.",
-            _oldest_wait,
+            "Age of the oldest order that waits for a vehicle, held ones included: time since its creation; "
+            "0: none waits.",
+            _oldest_age,
         ),
         gauge(
             "nena_order_service_waiting",

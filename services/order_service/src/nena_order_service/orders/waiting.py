@@ -75,9 +75,9 @@ class WaitingOrders:
         return (urgency[-1] for urgency in self._queue)
 
     @property
-    def longest(self) -> int | None:
-        """The number of the order that has been in the queue for longest; None: it is empty."""
-        return next(iter(self._urgencies), None)
+    def oldest(self) -> int | None:
+        """The number of the order that was created first, whenever it came here; None: the queue is empty."""
+        return min(self._urgencies, default=None)
 
     def put(self, order: TransportOrder) -> None:
         """Note an order exactly while it is dispatchable; its urgency and its kind never change meanwhile."""
