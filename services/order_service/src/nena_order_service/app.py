@@ -33,14 +33,12 @@ async def has_begun(
     waits: Callable[[], bool],
     show: Callable[[], None],
 ) -> bool:
-    """Let ``begin`` come to its end; False: the program is to stop before.
+    """Wait for ``begin`` to end; return False if the program has to stop first.
 
-    Once ``waits`` returns that the store cannot be written, ``show`` is called, which makes the reason
-    visible; the start continues as soon as the store can be written again.
+    When ``waits`` returns that the store cannot be written, ``show`` is called to make the reason visible;
+    the start continues once the store can be written again.
 
-    Raises:
-        TaskFailedError: a part that the rest cannot do without has failed meanwhile.
-
+    Raises: TaskFailedError: an essential part has failed meanwhile.
     """
     beginning = asyncio.create_task(begin, name="begin")
     ending = asyncio.create_task(supervisor.wait(stop), name="wait for the end")
@@ -67,13 +65,11 @@ DRAIN_TIMEOUT = 3.0
 
 
 async def serve(settings: OrderServiceSettings, stop: asyncio.Event) -> None:
-    """Run the order service until ``stop`` is set; on a store that others share it stands by at first.
+    """Run the order service until ``stop`` is set; on a shared store it begins as standby.
 
-    Raises:
-        ConfigurationError: the plant model cannot be used.
-        StartError: the store cannot be used, or the port is taken.
-        TaskFailedError: a part that the rest cannot do without has failed, or another one has the store now.
-
+    Raises: ConfigurationError: the plant model cannot be used. StartError: the store cannot be used, or the
+    port is in use. TaskFailedError: an essential part has failed, or another order service has taken over the
+    store.
     """
     plant = load_plant(settings.plant)
     run = _serve_shared if is_shared(settings.store.location()) else _serve_alone
@@ -127,7 +123,7 @@ async def _begin_and_serve(
     supervisor: Supervisor,
     stop: asyncio.Event,
 ) -> None:
-    """Serve until ``stop``; where the store takes nothing at first, the server says so meanwhile."""
+    """Serve until ``stop``; while the store cannot be written at first, the server reports that."""
 
     def show() -> None:
         server.show(make_starting_app(lambda: store.why_not_ready))
@@ -187,7 +183,10 @@ def _start_election(
 async def _take_over(
     settings: OrderServiceSettings, lead: Lead, supervisor: Supervisor, url: str
 ) -> tuple[Store, LeaderElection]:
-    """Take over from the other one, which commits nothing any more; return store and leader election."""
+    """Take over from the other order service, which can no longer commit.
+
+    Return store and leader election.
+    """
     own_url = str(settings.public_url or url).rstrip("/")
     engine, fence = await lead.raise_fence(settings.store.location(), own_url)
     store = Store(engine, fence=fence)

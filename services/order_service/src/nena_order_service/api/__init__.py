@@ -1,5 +1,4 @@
-"""What hosts reach of the order service: REST, MQTT, the event stream and openTCS's paths.
+"""The host side of the order service: REST, MQTT, the event stream and openTCS's paths.
 
-:mod:`operations` does what hosts ask for; the table of what they may ask for is
-:mod:`nena_shared.fleet_api.operations`.
+:mod:`operations` executes the requests; the table of operations is :mod:`nena_shared.fleet_api.operations`.
 """

@@ -1,9 +1,9 @@
-"""The stream of changes that hosts follow by server-sent events, and can resume where it was interrupted.
+"""The stream of changes that hosts follow by server-sent events, and can resume after an interruption.
 
-Each change of an order has a number in the store, which is the id of its event. So ids outlive restarts, and
-a takeover by another order service. A client that resumes receives from the store each order that has changed
-since its last id, once and as it is now (its history holds what was between), and the status of all vehicles;
-vehicles have no ids, since only their present status counts.
+Each change of an order has a number in the store, which is the ID of its event. IDs therefore survive
+restarts and takeovers by another order service. A client that resumes receives from the store each order that
+has changed since its last ID, once and in its present state (its history has the steps between), and the
+status of all vehicles; vehicles have no IDs, because only their present status counts.
 
 A client that falls behind by more than the ring holds is brought up to date as if it had resumed.
 """
@@ -119,14 +119,12 @@ class EventStream(EventRing[_Event]):
             self.add(_Event(status, _vehicle_frame(status)))
 
     async def follow(self, last_id: str | None, interest: Interest) -> AsyncGenerator[bytes, None]:
-        """Yield the events for a client that knows everything up to ``last_id``; None: that knows nothing.
+        """Yield the events for a client that has received everything up to ``last_id``; None: it has nothing.
 
-        An id that is unknown here, as after the store was restored from a backup, is answered with a gap.
+        An unknown ID, as after the store was restored from a backup, is answered with a gap.
 
-        Raises:
-            TooManyClientsError: there is no room for another client.
-            StoreNotReadyError: what it missed cannot be read; raised before anything is yielded.
-
+        Raises: TooManyClientsError: the limit of clients is reached. StoreNotReadyError: the missed events
+        cannot be read; raised before anything is yielded.
         """
         if self.clients >= self._settings.clients:
             raise TooManyClientsError(self._settings.clients)
@@ -153,7 +151,7 @@ class EventStream(EventRing[_Event]):
                     yield frames
 
     async def _catch_up(self, known: int | None, interest: Interest) -> tuple[bytes, int]:
-        """Return what brings a client up to date, and the number of the last change that it then knows."""
+        """Return what brings a client up to date, and the number of the last change included."""
         if known is None:
             return self._present(interest)
         frames: list[bytes] = []

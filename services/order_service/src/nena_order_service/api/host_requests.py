@@ -1,4 +1,4 @@
-"""What hosts ask for, the same by REST and MQTT; an answer means that it is committed."""
+"""Requests of hosts, the same over REST and MQTT; an answer means that the change is committed."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ PHASES = {
 
 
 def delivery_status(order: TransportOrderStatus, view: RobotView | None) -> DeliveryStatus:
-    """Return how far an order has come; ``view`` None: no vehicle has the order, or its robot is gone."""
+    """Return the progress of an order's delivery; ``view`` None: no vehicle has it, or its robot is gone."""
     first = order_id(order.name, order.current_drive_order_index)
     own = view.order_id if view else None
     tried = own is not None and (own == first or own.startswith(f"{first}~"))
@@ -119,7 +119,7 @@ VEHICLES_EXPLAINED = 100
 
 @dataclass(frozen=True, slots=True)
 class RobotPose:
-    """A pose on a robot's map, and the point of the plant that is there, empty for none."""
+    """A pose on a robot's map, and the point of the plant at it; empty for none."""
 
     pose: MapPose
     map_id: str
@@ -127,9 +127,9 @@ class RobotPose:
 
 
 class HostRequests:
-    """Answers hosts; what it has answered is committed.
+    """Executes requests about orders and vehicles; changes are committed before the answer.
 
-    Every method may raise what :mod:`nena_order_service.errors` holds.
+    Every method may raise the errors in :mod:`nena_order_service.errors`.
     """
 
     def __init__(self, engine: Engine) -> None:
@@ -173,10 +173,10 @@ class HostRequests:
     async def withdraw(
         self, name: str, reason: str, *, seen: ETag | None = None, immediate: bool = True
     ) -> TransportOrderStatus:
-        """Withdraw an order: it fails at once, or when the vehicle that works on it has let it go.
+        """Withdraw an order: it fails at once, or when the vehicle working on it has released it.
 
-        Only if it still is as the caller has ``seen`` it; None: whatever it is now. Not ``immediate``, its
-        vehicle drives to the end of what it was given.
+        Only if the order is unchanged since the caller has ``seen`` it; None: unconditionally. Unless
+        ``immediate``, its vehicle drives to the end of its base.
         """
         order = await self._living(name, seen)
         self._engine.withdraw(order.number, reason, immediate=immediate)
@@ -186,7 +186,7 @@ class HostRequests:
     async def hold(
         self, name: str, by: str, reason: str, *, seen: ETag | None = None, immediate: bool = True
     ) -> TransportOrderStatus:
-        """Hold an order until it is resumed; one that is held already keeps its holder.
+        """Hold an order until it is resumed; an order already on hold keeps its holder.
 
         ``seen`` and ``immediate`` are as in :meth:`withdraw`.
         """
@@ -218,7 +218,7 @@ class HostRequests:
         return await self._engine.store.orders(wanted)
 
     async def delivery(self, name: str) -> DeliveryStatus:
-        """Return how far an order has come on its way to its robot."""
+        """Return the progress of an order's delivery to its robot."""
         order = await self.order(name)
         vehicle = self._engine.registry.named(order.processing_vehicle)
         return delivery_status(order, self._engine.view(vehicle) if vehicle else None)
@@ -263,7 +263,7 @@ class HostRequests:
         )
 
     async def traffic_plan(self) -> TrafficPlan:
-        """Return where vehicles will be in the next minute, and for whom they wait."""
+        """Return where vehicles will be in the next minute, and which vehicles they wait for."""
         return await self._engine.traffic_plan()
 
     async def set_integration_level(self, name: str, level: IntegrationLevel) -> VehicleStatus:
@@ -304,7 +304,7 @@ class HostRequests:
         parameters: tuple[ActionParameter, ...] = (),
         blocking_type: BlockingType = BlockingType.NONE,
     ) -> tuple[Action, InstantActionEnded | None]:
-        """Send an instant action to a vehicle and wait a while for its end; None: it goes on."""
+        """Send an instant action to a vehicle and wait a while for its end; None: it is still running."""
         vehicle = self._vehicle(name)
         link = self._engine.view(vehicle).link
         if link is not LinkStatus.ONLINE:
@@ -403,9 +403,9 @@ SEQUENCE_PREFIX = "OSequence"
 
 
 class SequenceRequests:
-    """Answers hosts; what it has answered is committed.
+    """Executes requests about order sequences; changes are committed before the answer.
 
-    Every method may raise what :mod:`nena_order_service.errors` holds.
+    Every method may raise the errors in :mod:`nena_order_service.errors`.
     """
 
     def __init__(self, engine: Engine) -> None:
@@ -487,7 +487,7 @@ class SequenceRequests:
 
 
 def _check_same(known: OrderSequence, request: OrderSequenceRequest, name: str, *, complete: bool) -> None:
-    """Refuse a request that comes again and says something else; ``name`` is the start of a complete one."""
+    """Refuse a repeated request that differs from the first; ``name`` starts a complete one."""
     key = request.idempotency_key
     if known.idempotency_key != key:
         raise SequenceNameTakenError(name)
@@ -498,7 +498,7 @@ def _check_same(known: OrderSequence, request: OrderSequenceRequest, name: str, 
 
 @dataclass(frozen=True, slots=True)
 class HostServices:
-    """Each does one kind of what hosts ask for."""
+    """The services behind the host operations, one per topic."""
 
     requests: HostRequests
     sequences: SequenceRequests
@@ -506,6 +506,6 @@ class HostServices:
     zones: ZoneSets
 
     async def load(self) -> None:
-        """Take up what hosts have put into the store."""
+        """Restore what hosts have put into the store."""
         await self.locks.load()
         await self.zones.load()

@@ -1,4 +1,4 @@
-"""The metrics of the order service: each stands here once, with the place that it is read from.
+"""The metrics of the order service: each is defined once here, with its source.
 
 To add one: count it where it happens, read it here, and run ``make reference``.
 """
@@ -33,7 +33,7 @@ class Running(Protocol):
 
     @property
     def leads(self) -> bool:
-        """Whether it is the one that takes orders and commands robots."""
+        """Return whether it is the active one, which accepts orders and commands robots."""
         ...
 
     @property
@@ -44,7 +44,7 @@ class Running(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Waiting:
-    """An order service that starts or stands by."""
+    """An order service that is starting or on standby."""
 
     store_ready: bool
     leads: bool = False
@@ -75,7 +75,7 @@ class Monitored:
 
     @property
     def store_ready(self) -> bool:
-        """Whether new orders may be taken."""
+        """Return whether new orders can be accepted."""
         return self.store.ready
 
 

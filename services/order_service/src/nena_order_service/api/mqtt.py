@@ -94,9 +94,9 @@ CommandAnswer: Final[type[Answer]] = create_model(
 
 
 class MqttLimits:
-    """Limits how often a host may ask, and how many requests are processed at a time.
+    """Limits how often a host may send requests, and how many are processed at a time.
 
-    A host is who its topic names; the broker's access list keeps hosts from using each other's names.
+    A host is identified by its topic; the broker's access list keeps hosts from using each other's names.
     """
 
     def __init__(self, settings: HostSettings, clock: Clock) -> None:
@@ -277,7 +277,7 @@ def read_request(message: Inbound, model: type[M], *, max_body: int) -> M | Prob
 
 
 def text_in(message: Inbound, key: str, *, max_body: int) -> str | None:
-    """Return a text of a refused request, so that its host knows which one it was; None: it has none."""
+    """Return a text of a refused request, so that its host can identify it; None: it has none."""
     if len(message.payload) > max_body:
         return None
     try:

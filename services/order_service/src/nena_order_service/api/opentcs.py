@@ -137,7 +137,7 @@ class DestinationRequest(Body):
 
 
 class CreationRequest(Body):
-    """Asks for a transport order; its name stands in the path."""
+    """Request for a transport order; its name is in the path."""
 
     incomplete_name: bool = False
     deadline: Moment | None = None
@@ -191,7 +191,7 @@ class AllowedOrderTypes(Body):
 
 
 class DestinationState(Body):
-    """One stop as it stands."""
+    """One stop in its present state."""
 
     location_name: str
     operation: str
@@ -211,7 +211,7 @@ class DestinationState(Body):
 
 
 class TransportOrderState(Body):
-    """A transport order as it stands."""
+    """A transport order in its present state."""
 
     name: str
     type: str
@@ -280,7 +280,7 @@ class Size(Body):
 
 
 class VehicleState(Body):
-    """A vehicle as it stands."""
+    """A vehicle in its present state."""
 
     name: str
     properties: dict[str, str]
@@ -335,7 +335,7 @@ class VehicleState(Body):
 
 
 class OrderSequenceCreation(Body):
-    """Asks for an order sequence; its name stands in the path."""
+    """Request for an order sequence; its name is in the path."""
 
     incomplete_name: bool = False
     type: OrderType | None = None
@@ -358,7 +358,7 @@ class OrderSequenceCreation(Body):
 
 
 class OrderSequenceState(Body):
-    """An order sequence as it stands."""
+    """An order sequence in its present state."""
 
     name: str
     type: str
@@ -431,7 +431,7 @@ _VEHICLES = TypeAdapter(list[VehicleState])
 
 
 class AccessKey:
-    """ASGI middleware: takes openTCS's key for the token that this program asks for."""
+    """ASGI middleware: accepts openTCS's access key in place of this program's token."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app

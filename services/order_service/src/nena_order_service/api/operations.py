@@ -1,4 +1,4 @@
-"""Does what hosts ask for: one method for each operation of the table, the same over REST and MQTT."""
+"""Host operations: one method for each operation of the table, the same over REST and MQTT."""
 
 from __future__ import annotations
 
@@ -86,9 +86,9 @@ def _does(operation: table.Operation[Any]) -> Callable[[M], M]:
 
 
 class HostOperations:
-    """Answers hosts; a change is committed when its answer is returned.
+    """Executes host operations; a change is committed before its answer is returned.
 
-    Methods raise what :mod:`nena_order_service.errors` holds; ``api.problems`` maps it to problems.
+    Methods raise the errors in :mod:`nena_order_service.errors`; ``api.problems`` maps them to problems.
     """
 
     def __init__(self, hosts: HostServices) -> None:

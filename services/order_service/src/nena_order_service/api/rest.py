@@ -170,7 +170,7 @@ def _refusals(refusals: Iterable[Refusal]) -> dict[int | str, dict[str, Any]]:
 
 
 def _parameters(operation: Operation[Any]) -> Iterator[Parameter]:
-    """Return what FastAPI is to read of a request: it takes an endpoint's signature for that."""
+    """Return the parameters that FastAPI reads from a request, as an endpoint's signature."""
     reads = operation.method in READING
 
     def parameter(name: str, kind: Any, default: Any = Parameter.empty) -> Parameter:  # noqa: ANN401 - types
@@ -318,7 +318,7 @@ def _probes(service: Service) -> APIRouter:
 
     @router.get(METRICS, operation_id="metrics", response_class=PlainTextResponse)
     async def metrics(request: Request) -> Response:
-        """Return all metrics in the Prometheus text format, compressed for who takes gzip."""
+        """Return all metrics in the Prometheus text format, compressed for clients that accept gzip."""
         return metrics_response(request, service.metrics())
 
     @router.get("/healthz", operation_id="healthz", response_class=PlainTextResponse)

@@ -31,10 +31,10 @@ DETAIL = (
 
 
 class NoPages:
-    """ASGI middleware: answers 403 to changes that a web page asks for, as a browser says by ``Origin``.
+    """ASGI middleware: answers 403 to changes requested by a web page, as shown by the browser's ``Origin``.
 
-    Any page that is open in a browser can send requests here: simple ones to any address, and any to a host
-    name that it lets point here. Only a token distinguishes users from pages.
+    Any page open in a browser can send requests here: simple ones to any address, and any to a host name that
+    it makes resolve to this one. Only a token distinguishes users from pages.
     """
 
     def __init__(self, app: ASGIApp) -> None:
@@ -76,10 +76,8 @@ METHODS = ["GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"]
 def make_standby_app(active_url: Callable[[], str], problem: Callable[[], str]) -> FastAPI:
     """Make the ASGI application of a standby.
 
-    Args:
-        active_url: returns the URL of the active order service; empty while it is not known.
-        problem: returns why the database does not answer; empty while it does.
-
+    Args: active_url: returns the URL of the active order service; empty while unknown. problem: returns why
+    the database does not answer; empty while it does.
     """
 
     def readiness() -> Readiness:
@@ -169,10 +167,8 @@ class RestServer:
     def __init__(self, app: ASGIApp, settings: HttpSettings) -> None:
         """Bind the port.
 
-        Raises:
-            ConfigurationError: the address is not protected as it must be, or a file cannot be used.
-            StartError: the port is taken, or the address is not one of this machine.
-
+        Raises: ConfigurationError: the address is not protected as required, or a file cannot be used.
+        StartError: the port is in use, or the address does not belong to this machine.
         """
         self.answers: Counter[int] = Counter()
         """How many requests were answered, by status."""
@@ -188,7 +184,7 @@ class RestServer:
         return self._http.url
 
     def show(self, app: ASGIApp) -> None:
-        """Let ``app`` answer from the next request on."""
+        """Serve ``app`` from the next request on."""
         self._guard.app = app
 
     def open(self, supervisor: Supervisor) -> None:

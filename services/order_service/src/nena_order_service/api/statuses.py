@@ -90,9 +90,9 @@ class StatusPublisher:
         self._ended = EndedOrders(end_kept, self._clear)
 
     def greeting(self) -> Iterator[Outbound]:
-        """Yield what is published at each connect, for the broker may have lost its data.
+        """Yield what is published on each connection, because the broker may have lost its data.
 
-        The link takes it in parts: what changes meanwhile is published behind it.
+        The link takes it in parts: later changes are published after it.
         """
         yield Outbound(self.topics.plant_model, self._plant_json, retain=True)
         for vehicle in tuple(self._engine.registry):
@@ -185,9 +185,9 @@ LISTEN = 2.0
 
 
 class RetainedSweep:
-    """Reads once in each term of leadership what the broker has retained, over a link of its own.
+    """Reads once in each term of leadership what the broker has retained, over a separate link.
 
-    The program's own link does not subscribe to it: it would get back all that it publishes.
+    The program's own link does not subscribe to it: it would receive everything that it publishes.
     """
 
     def __init__(
@@ -220,7 +220,7 @@ class RetainedSweep:
                 await asyncio.sleep(TERM_POLL)
 
     async def _sweep(self) -> None:
-        """Listen for a while once the broker is there, then correct what is stale."""
+        """Listen for a while after the broker is connected, then correct what is stale."""
         connected = asyncio.Event()
 
         def greet() -> tuple[Outbound, ...]:

@@ -22,8 +22,8 @@ LINK_REASONS: Final = {
 def away(link: LinkStatus, unreadable: str = "", *, broker: bool, unread: bool = False) -> str | None:
     """Return why the robot cannot be reached; None if it can.
 
-    ``unreadable`` says what is wrong with its messages, ``broker`` whether our own link stands. ``unread``:
-    the robot has to report before it is sent anything, see :meth:`FleetController.on_broker`.
+    ``unreadable`` is the problem of its messages, ``broker`` whether our own link is up. ``unread``: the
+    robot has to report before anything is sent to it, see :meth:`FleetController.on_broker`.
     """
     if unread:
         return "has not reported its state since the order service took over"
@@ -57,9 +57,9 @@ def unfit(state: State, *, placed: bool) -> str | None:
 
 
 def lost(state: State, *, placed: bool) -> bool:
-    """Return whether a robot does not know where it is; ``placed`` as for :func:`unfit`.
+    """Return whether a robot is not localised; ``placed`` as for :func:`unfit`.
 
-    The first states of a robot that has started may come before its localisation has told a pose.
+    The first states after a robot's start may come before its localisation has reported a pose.
     """
     position = state.mobile_robot_position
     return placed if position is None else not position.localized
@@ -91,9 +91,9 @@ def vehicle_state(state: State | None, link: LinkStatus, instant_ids: Collection
 
 
 def matters(state: State) -> tuple[object, ...]:
-    """Return all that VDA orders and events are made of: not where the robot is, nor fractions of a percent.
+    """Return all fields that VDA orders and events depend on: not the position, nor fractions of a percent.
 
-    Of the nodes and edges to come the first counts, and whether there are any: all others follow it.
+    Of the coming nodes and edges, the first counts, and whether there are any: all others follow from it.
     """
     power, position = state.power_supply, state.mobile_robot_position
     return (

@@ -108,9 +108,10 @@ class RobotControl:
         self._left_at = self._changes
 
     def _says_nothing_new(self, message: State) -> bool:
-        """Return whether all is as the last state left it, and nothing would come of the same again.
+        """Return whether the state equals the last one in all that matters, and repeating it has no effect.
 
-        Strays are stopped, actions cleared away and factsheets asked for by time, while states say the same.
+        Strays are stopped, actions cleared away and factsheets requested by time, even while states stay the
+        same.
         """
         before, self._mattered = self._mattered, matters(message)
         if self._mattered != before or self._changes != self._left_at or not self.quiet:
@@ -138,7 +139,7 @@ class RobotControl:
         return self._advance(now)
 
     def extend(self, vda_order: VdaOrder, now: float) -> Iterator[FleetOutput]:
-        """Update the robot's VDA order to a newer plan; one that has ended meanwhile is passed over.
+        """Update the robot's VDA order to a newer plan; does nothing if the order has ended meanwhile.
 
         Raises BaseChangedError, before anything is taken from the iterator.
         """
@@ -167,12 +168,12 @@ class RobotControl:
             yield from self._advance(now)
 
     def instruct(self, action: Action, now: float) -> Iterator[FleetOutput]:
-        """Send an instant action, unless it is known already that the robot would not get or take it."""
+        """Send an instant action, unless it is certain that the robot would not receive or accept it."""
         yield from self._instant_actions.request(action, now)
         yield from self._advance(now)
 
     def tick(self, now: float) -> Iterator[FleetOutput]:
-        """Do what is overdue; who is quiet has nothing, unless it has fallen silent."""
+        """Do what is overdue; a quiet robot has nothing, unless it has stopped sending."""
         if self.quiet and self.robot.link(now) is self._told_link:
             return
         yield from self._instant_actions.on_tick(now)
@@ -195,7 +196,7 @@ class RobotControl:
         return (self._run is None or self._run.quiet) and not self._instant_actions.busy
 
     def view(self, now: float) -> RobotView:
-        """Return what is known; made again only where that may have changed."""
+        """Return the known state of the robot; rebuilt only after a possible change."""
         robot = self.robot
         moment = (
             self._changes,
@@ -275,7 +276,7 @@ class RobotControl:
         yield run.send_update(state.errors, now)
 
     def _refuse(self, run: OrderExecution, problem: str) -> Iterator[FleetOutput]:
-        """End a VDA order that the robot could never take, before anything of it is sent."""
+        """End a VDA order that the robot could never execute, before anything of it is sent."""
         yield run.refuse(f"the robot cannot execute the order: {problem}")
         self._ended.append(run.vda_order.order_id)
         self._run = None
@@ -349,7 +350,7 @@ class RobotControl:
             yield RobotChanged(self.robot.key)
 
     def _signature(self, now: float) -> tuple[object, ...]:
-        """Return what makes a change worth telling: not its place on the map, speeds, parts of a percent."""
+        """Return the fields whose change is reported: not the position, speeds or fractions of a percent."""
         state, run = self.robot.state, self._run
         vda_order = (run.vda_order.order_id, run.phase, self._wait_reason(now)) if run else None
         abilities = self.robot.abilities
@@ -381,7 +382,7 @@ def _utc_now() -> datetime:
 
 
 class FleetController:
-    """Sends VDA orders to robots and follows them by what the robots' states say.
+    """Sends VDA orders to robots and follows them by the robots' states.
 
     Each VDA order that is started or adopted ends in exactly one of VdaOrderFinished, VdaOrderFailed and
     VdaOrderCancelled. ``now`` is in monotonic seconds everywhere.
@@ -426,15 +427,15 @@ class FleetController:
     def on_malformed(self, robot: RobotKey, problem: str | None, now: float) -> Outputs:
         """Count a message that could not be read.
 
-        ``problem`` says what is wrong with it; None: fleet control can do without the message.
+        ``problem`` describes the error; None: fleet control does not need the message.
         """
         control = self._control(robot)
         return self._told(control, control.on_malformed(problem, now))
 
     def on_broker(self, *, connected: bool, now: float, unread: bool = False) -> Outputs:
-        """Note that our own link to the broker stands or has gone; at first it counts as gone.
+        """Note that our own link to the broker is up or down; initially it is down.
 
-        With ``unread`` no robot is sent anything before its next state.
+        With ``unread`` nothing is sent to a robot before its next state.
         """
         self._broker = connected
         self._broker_since = now
@@ -445,11 +446,9 @@ class FleetController:
         return tuple(chain.from_iterable(outputs))
 
     def start_vda_order(self, robot: RobotKey, vda_order: VdaOrder, now: float) -> Outputs:
-        """Send a VDA order, now or as soon as the robot can be sent one; the view says what it waits for.
+        """Send a VDA order, now or as soon as the robot can be sent one; the view has its wait reason.
 
-        Raises:
-            RobotBusyError: the robot has a VDA order.
-
+        Raises: RobotBusyError: the robot has a VDA order.
         """
         control = self._control(robot)
         return self._told(control, control.start(control.new_run(vda_order), now))
@@ -457,29 +456,26 @@ class FleetController:
     def adopt_vda_order(
         self, robot: RobotKey, vda_order: VdaOrder, now: float, *, accepted: bool, update_id: int = 0
     ) -> Outputs:
-        """Adopt a VDA order from before a restart; the robot's next state decides how it goes on.
+        """Adopt a VDA order from before a restart; the robot's next state decides how it continues.
 
-        A robot that has it continues, and events may repeat. A robot that does not know it gets it, unless it
-        was ``accepted`` before: then the robot has lost it, and the VDA order fails. ``update_id`` is the
-        last update that was sent; a robot that has an older one is sent the rest.
+        A robot that has it continues, and events may repeat. A robot that does not know it receives it,
+        unless it was ``accepted`` before: then the robot has lost it, and the VDA order fails. ``update_id``
+        is the last update that was sent; a robot that has an older one is sent the rest.
 
-        Raises:
-            RobotBusyError: the robot has a VDA order.
-
+        Raises: RobotBusyError: the robot has a VDA order.
         """
         control = self._control(robot)
         run = control.new_run(vda_order, adopted=True, accepted=accepted, update_id=update_id)
         return self._told(control, control.start(run, now))
 
     def extend_vda_order(self, robot: RobotKey, vda_order: VdaOrder, now: float) -> Outputs:
-        """Return the robot's VDA order a newer plan: more of it released, or another way behind the base.
+        """Update the robot's VDA order to a newer plan: a longer base, or another route behind it.
 
-        It goes out as an order update as soon as the robot has echoed what it was sent before; of plans that
-        come in the meantime only the newest is sent. A VDA order that has ended is passed over.
+        It is sent as an order update (VDA 5050 3.0 section 6.1.2) as soon as the robot has echoed the
+        previous message; of plans that come in the meantime only the newest is sent. Does nothing for a VDA
+        order that has ended.
 
-        Raises:
-            BaseChangedError: the plan does not go on from the base that the robot was given.
-
+        Raises: BaseChangedError: the plan does not continue from the base that the robot was given.
         """
         control = self._control(robot)
         return self._told(control, control.extend(vda_order, now))
@@ -495,12 +491,12 @@ class FleetController:
         return self._told(control, control.instruct(action, now))
 
     def tick(self, now: float) -> Outputs:
-        """Do what is overdue: send again, give up, notice silence. Call it a few times each second."""
+        """Do what is overdue: resend, give up, notice silence. Call it a few times each second."""
         ticks = chain.from_iterable(self._told(each, each.tick(now)) for each in self._due(now))
         return (*ticks, *(self._answers(now) if self._instant_actions.busy else ()))
 
     def view(self, robot: RobotKey, now: float) -> RobotView:
-        """Return what is known of a robot; of one that was never heard of, that."""
+        """Return the known state of a robot; LinkStatus.UNKNOWN if it never reported."""
         known = self._robots.get(robot)
         return (known or self._new_control(robot)).view(now)
 
@@ -515,7 +511,7 @@ class FleetController:
         return all(each.robot.state or not each.robot.reachable for each in self._robots.values())
 
     def robots(self) -> tuple[RobotKey, ...]:
-        """Name all robots that have been heard of or given something to do."""
+        """Return all robots that have reported or were given an order."""
         return tuple(self._robots)
 
     def has_room_for(self, robot: RobotKey) -> bool:
@@ -545,7 +541,7 @@ class FleetController:
         return found
 
     def _due(self, now: float) -> Iterator[RobotControl]:
-        """Yield those for whom it makes a difference that time has gone by."""
+        """Yield the robots for which the passing of time makes a difference."""
         busy = dict(self._busy)
         yield from busy.values()
         yield from (self._robots[robot] for robot in self._silences.passed(now) if robot not in busy)

@@ -25,7 +25,7 @@ class Delivery:
         return now >= self._due_at and self.sendings < self.settings.sendings
 
     def failed(self, now: float) -> bool:
-        """Return whether the last sending has been given its time, too."""
+        """Return whether the waiting time after the last sending has passed, too."""
         return now >= self._due_at and self.sendings >= self.settings.sendings
 
     def sent(self, now: float) -> None:
@@ -36,9 +36,9 @@ class Delivery:
         self.in_all += 1
 
     def is_refused(self, now: float, *, named: bool) -> bool:
-        """Return whether a refusal is to be believed; one that names nothing may be about another message.
+        """Return whether a refusal counts; one that names nothing may be about another message.
 
-        Then the message is sent once more, and the robot has its time to take it up.
+        In that case the message is sent once more, and the robot gets its time to accept it.
         """
         if named or self.sendings >= self.settings.sendings:
             return True

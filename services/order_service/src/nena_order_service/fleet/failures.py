@@ -13,7 +13,7 @@ from nena_shared.vda5050.v2_1.state import REJECTIONS, WRITTEN
 
 
 class FailureKind(StrEnum):
-    """How a VDA order has failed, and so how much is known of what the robot has done of it."""
+    """How a VDA order has failed, which decides how much is known of its progress at the robot."""
 
     REFUSED = "REFUSED"
     """The robot has refused it, or has one already."""
@@ -69,7 +69,7 @@ def in_words(error: ErrorEntry) -> str:
 
 
 def with_details(reason: str, details: Iterable[str]) -> str:
-    """Return a reason and what the robot says of it."""
+    """Return a reason with the robot's own error texts."""
     said = "; ".join(details)
     return f"{reason}: {said}" if said else reason
 
@@ -80,7 +80,7 @@ def fatal(errors: Iterable[ErrorEntry]) -> ErrorEntry | None:
 
 
 def no_navigation(errors: Iterable[ErrorEntry]) -> ErrorEntry | None:
-    """Return the error by which a robot says that it waits for its own navigation, if there is one."""
+    """Return the error by which a robot reports that it waits for its own navigation, if any."""
     return next((error for error in errors if error.error_type in NO_NAVIGATION), None)
 
 
@@ -128,9 +128,9 @@ def name_actions(errors: Iterable[ErrorEntry]) -> bool:
 
 
 def refuses_update(error: ErrorEntry, order_id: str, update_id: int) -> bool:
-    """Return whether an error says that the robot does not take an update of the order that it has.
+    """Return whether an error means that the robot refuses an update of its present order.
 
-    An update is named by its number; in 2.x an error that names no order may be meant.
+    An update is identified by its number; in 2.x an error that names no order may be about it.
     """
     orders, updates = _referenced(error, "orderId"), _referenced(error, "orderUpdateId")
     foreign = _of_another_topic(error) or (orders and order_id not in orders)
@@ -147,7 +147,7 @@ def names_update(error: ErrorEntry) -> bool:
 def about(
     errors: Iterable[ErrorEntry], vda_order: VdaOrder, before: frozenset[ErrorIdentity]
 ) -> tuple[ErrorEntry, ...]:
-    """Return the errors that say that the robot, which has the VDA order, cannot go on with it."""
+    """Return the errors that mean that the robot, which has the VDA order, cannot continue it."""
     return tuple(error for error in _new_stops(errors, before) if _is_about(error, vda_order) is True)
 
 

@@ -35,11 +35,11 @@ P = TypeVar("P", bound=BaseModel)
 
 
 def fitted(vda_order: VdaOrder, abilities: Abilities | None) -> VdaOrder:
-    """Leave out the optional fields that the robot does not take, and fill those that it demands.
+    """Remove the optional fields that the robot does not support, and fill those that it requires.
 
-    Of a robot without a factsheet only limits of its speed are known to be too much: it would refuse them.
+    Without a factsheet only speed limits are removed, because such a robot may refuse them.
 
-    What would change the order stays as it is, for :mod:`nena_order_service.fleet.fitness` to name: a
+    What would change the order stays as it is, and :mod:`nena_order_service.fleet.feasibility` reports it: a
     position, and the heading at a coordinate.
     """
     nodes = vda_order.nodes
@@ -61,10 +61,10 @@ def fitted(vda_order: VdaOrder, abilities: Abilities | None) -> VdaOrder:
 
 
 def fitted_action(action: Action, abilities: Abilities) -> Action:
-    """Return each parameter the type that the robot wants, where the value says so unmistakably.
+    """Return the action with each parameter in the type that the robot requires, if the value is unambiguous.
 
-    Where and what kind of load it is says fleet control of its own accord; a robot that lists its
-    parameters, and these not among them, is not reported.
+    Station and load type are added by fleet control itself: if a robot lists its parameters without these,
+    they are left out, not reported.
     """
     wanted = abilities.parameters(action)
     parameters = tuple(
@@ -76,7 +76,7 @@ def fitted_action(action: Action, abilities: Abilities) -> Action:
 
 
 def _changed(part: P, changes: Mapping[str, object]) -> P:
-    """Return a part of an order with changes; itself where they change nothing, as most do."""
+    """Return a part of an order with changes; the same object if nothing changes, as usual."""
     new = {
         name: value
         for name, value in changes.items()
@@ -145,7 +145,7 @@ def _distance(_: Edge, ends: tuple[Node, Node], __: Abilities) -> float | None:
 
 
 def _limits_speed(speed: float, abilities: Abilities) -> bool:
-    """Return whether a limit would make the robot slower, and it says that it obeys limits."""
+    """Return whether a limit would make the robot slower, and it reports support for limits."""
     own = abilities.factsheet.physical_parameters.maximum_speed
     return abilities.lists_field("edges.maximumSpeed") and (not own or speed < own)
 
@@ -177,9 +177,9 @@ _EDGE_FIELDS: Final[Mapping[str, tuple[str, _Fill]]] = MappingProxyType(
 
 
 def _headings(nodes: tuple[Node, ...]) -> Iterator[float]:
-    """Yield the way that a robot looks when it comes to each node forwards and straight, rad.
+    """Yield the heading with which a robot arrives at each node, driving forwards and straight, rad.
 
-    It depends on nothing behind the node, so that an update may repeat the node as it was.
+    It depends on nothing behind the node, so that an update can repeat the node unchanged.
     """
     yield 0.0
     heading = 0.0
@@ -239,12 +239,12 @@ _LONGEST_HEADER: Final[Mapping[str, Any]] = MappingProxyType(
 
 
 def order_problem(vda_order: VdaOrder, abilities: Abilities) -> str | None:
-    """Return why the robot cannot take a fitted VDA order; None if nothing is known against it."""
+    """Return why the robot cannot execute a fitted VDA order; None if no reason is known."""
     return next(_order_problems(vda_order, abilities), None)
 
 
 def instant_action_problem(action: Action, abilities: Abilities) -> str | None:
-    """Return why the robot cannot take a fitted instant action; None if nothing is known against it."""
+    """Return why the robot cannot execute a fitted instant action; None if no reason is known."""
     if action.action_type in ALWAYS_THERE:
         return None
     return next(_instant_problems(action, abilities), None)
@@ -277,7 +277,7 @@ def _order_problems(vda_order: VdaOrder, abilities: Abilities) -> Iterator[str]:
 
 
 def _long_lists(vda_order: VdaOrder, abilities: Abilities) -> Iterator[str]:
-    """Look for lists that are too long in the order, or would be in the states that report it."""
+    """Yield lists that are too long in the order, or would be in the states that report it."""
     limits = abilities.factsheet.protocol_limits.maximum_array_lengths
     yield from _too_many(len(vda_order.nodes), limits.order_nodes, "nodes")
     yield from _too_many(len(vda_order.edges), limits.order_edges, "edges")
@@ -336,7 +336,7 @@ def _value_problems(action: Action, wanted: Mapping[str, ActionParameterDescript
 
 
 def _fields(vda_order: VdaOrder, abilities: Abilities) -> Iterator[str]:
-    """Look for fields that the robot demands and do not stand there, or must stand and it does not take."""
+    """Yield fields that the robot requires and are missing, or that are mandatory and it does not support."""
     required = abilities.required_fields
     document = vda_order.model_dump(mode="json", by_alias=True, exclude_none=True) if required else {}
     for path in required:

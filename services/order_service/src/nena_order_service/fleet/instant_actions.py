@@ -51,7 +51,7 @@ class InstantRun:
         return self.action.action_type == CANCEL_ORDER
 
     def on_states(self, states: Mapping[str, ActionState], now: float) -> None:
-        """Look for the action among all those that the robot reports."""
+        """Find the action among all those that the robot reports."""
         state = states.get(self.action.action_id)
         if state is None:
             if self._seen_at is not None:
@@ -82,9 +82,9 @@ class InstantRun:
             self.outcome = Outcome(None, f"the robot did not finish it within {limit} s")
 
     def hold(self, reason: str, now: float) -> None:
-        """Let no time pass for the action while it cannot be sent, for ``reason``.
+        """Stop the action's timeout while it cannot be sent, for ``reason``.
 
-        One that was requested and that the robot may never have got ends instead: no caller wants a
+        One that a host requested and that the robot may never have received ends instead: no caller wants a
         pause that comes hours later.
         """
         if self._seen_at is not None:
@@ -107,7 +107,7 @@ def cancel_order(action_id: str, order_id: str | None = None) -> Action:
 
 
 def retry_or_skip(action_id: str, failed: str, *, retry: bool) -> Action:
-    """Make the action that starts a RETRIABLE one again, or lets it be FAILED (section 6.2.3)."""
+    """Make the action that retries a RETRIABLE action, or sets it to FAILED (section 6.2.3)."""
     return Action(
         action_type=RETRY if retry else "skipRetry",
         action_id=action_id,
@@ -117,12 +117,12 @@ def retry_or_skip(action_id: str, failed: str, *, retry: bool) -> Action:
 
 
 def clear_instant_actions(action_id: str) -> Action:
-    """Make the action that takes ended instant actions out of the robot's state (section 6.2.3)."""
+    """Make the action that removes ended instant actions from the robot's state (section 6.2.3)."""
     return Action(action_type=CLEAR_INSTANT_ACTIONS, action_id=action_id, blocking_type=BlockingType.NONE)
 
 
 def factsheet_request(action_id: str) -> Action:
-    """Make the action that asks the robot for its factsheet (section 6.2.3)."""
+    """Make the action that requests the robot's factsheet (section 6.2.3)."""
     return Action(action_type=FACTSHEET_REQUEST, action_id=action_id, blocking_type=BlockingType.NONE)
 
 
@@ -178,7 +178,7 @@ class InstantActionManager:
         return f"is in operating mode {state.operating_mode}, which takes no instant actions"
 
     def request(self, action: Action, now: float) -> Iterator[FleetOutput]:
-        """Begin what somebody asks for, unless the robot is known not to get or take it."""
+        """Begin a requested instant action, unless the robot is known not to receive or accept it."""
         if self._robot.abilities:
             action = fitted_action(action, self._robot.abilities)
         refusal = self._refusal(action, now)
@@ -203,7 +203,7 @@ class InstantActionManager:
         self._asked = None
 
     def awaits_factsheet(self, now: float) -> bool:
-        """Return whether the robot was asked for its factsheet just now, and may still send it."""
+        """Return whether the robot's factsheet was just requested, and may still come."""
         if self._robot.abilities or not self._asked:
             return False
         end = self._asked.outcome
@@ -211,7 +211,7 @@ class InstantActionManager:
         return not cannot and now - self._asked_at < FACTSHEET_TIMEOUT
 
     def on_state(self, state: State, now: float) -> Iterator[FleetOutput]:
-        """Follow all by a new state; ask for what is missing, and clear away what piles up."""
+        """Update all actions by a new state; request what is missing, and clear ended actions."""
         if self._runs:
             reported: dict[str, ActionState] = {
                 each.action_id: each for each in (*state.action_states, *state.instant_action_states)
@@ -223,7 +223,7 @@ class InstantActionManager:
         self._clear_ended(state, now)
 
     def on_tick(self, now: float) -> Iterator[FleetOutput]:
-        """Yield up what takes too long."""
+        """Fail the instant actions that take too long."""
         for run in self._runs.values():
             reason = self.unsendable(run.action.action_type, now)
             if reason is None:
@@ -262,7 +262,7 @@ class InstantActionManager:
         return run
 
     def _ask_for_factsheet(self, now: float) -> None:
-        """Ask a robot whose factsheet the broker has not kept, once for each connection."""
+        """Request the factsheet of a robot if the broker has not retained it, once per connection."""
         if self._robot.abilities is None and self._asked is None:
             self._asked = self._begin(factsheet_request(self._new_id()), requested=False)
             self._asked_at = now

@@ -1,8 +1,8 @@
-"""Leader election over MQTT: two order services with stores of their own must not command the same robots.
+"""Leader election over MQTT: two order services with separate stores must not command the same robots.
 
 The leader keeps a retained record at the broker, and its last will clears it. Another order service reads the
-record, asks whether its leader still answers, and ends if so, before it has sent anything. Services
-that share a store elect their leader by its lease (``store/lead.py``); here they count as one.
+record, asks whether its leader still answers, and exits if so, before it has sent anything. Services that
+share a store elect their leader by its lease (``store/lead.py``); here they count as one.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ ANSWERED_WITHIN = 5.0
 
 
 class FleetTakenError(StartError):
-    """Another order service leads the fleet; the text says which, and what to do."""
+    """Another order service leads the fleet; the text names it, and says what to do."""
 
     def __init__(self, record: LeaderRecord, *, own_store: bool = False) -> None:
         if own_store:
@@ -45,7 +45,7 @@ class FleetTakenError(StartError):
 
 
 class LeaderRecord(Resource):
-    """Who leads a fleet."""
+    """The leader of a fleet."""
 
     store: str
     epoch: int
@@ -59,7 +59,7 @@ class LeaderRecord(Resource):
 
 
 class LeaderElection:
-    """Takes part in the election of one fleet's leader, over a connection of its own."""
+    """Takes part in the election of one fleet's leader, over a separate connection."""
 
     def __init__(self, mqtt: MqttSettings, topic: str, *, store: str, epoch: int, term: Term) -> None:
         """Prepare to take part; ``store`` identifies the store, for ``term`` see :data:`Term`."""
@@ -115,7 +115,7 @@ class LeaderElection:
             await end(linking)
 
     def _ask(self) -> None:
-        """Ask who leads: retained records come before our own question does."""
+        """Ask for the leader: retained records arrive before our own question does."""
         self._link.publish(Outbound(self._question, self._own.instance.encode()))
 
     def _on_question(self, message: Inbound) -> None:
@@ -145,7 +145,7 @@ class LeaderElection:
             self._meet(found, alive=not message.retained)
 
     def _meet(self, found: LeaderRecord, *, alive: bool) -> None:
-        """Decide who keeps the fleet; of one store, the older epoch is over."""
+        """Decide which service keeps the fleet; of one store, the older epoch is over."""
         if found.store == self._own.store:
             if found.rank > self._own.rank:
                 self._yield_to(found)

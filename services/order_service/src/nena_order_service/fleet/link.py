@@ -65,9 +65,9 @@ class RobotAddress:
 
 
 class RobotAddresses:
-    """Remembers where each robot's last good message came from; at first, what the plant model says.
+    """Remembers the source of each robot's last good message; initially that of the plant model.
 
-    ``schemes`` are the topics of robots of which the plant model says no others, one per major version.
+    ``schemes`` are the topics of robots for which the plant model names none, one per major version.
     """
 
     def __init__(self, schemes: Sequence[TopicScheme]) -> None:
@@ -82,12 +82,10 @@ class RobotAddresses:
         return tuple(self._schemes)
 
     def expect(self, vehicles: Iterable[tuple[RobotKey, Vehicle]]) -> None:
-        """Note what the plant model says of its vehicles' versions and interface names.
+        """Note the versions and interface names of vehicles in the plant model.
 
-        Raises:
-            ConfigurationError: it names an unsupported version, an interface name that is no
-                topic, or a robot that the store cannot hold.
-
+        Raises: ConfigurationError: it names an unsupported version, an interface name that is no topic, or a
+        robot that the store cannot hold.
         """
         for robot, vehicle in vehicles:
             _require_storable(robot, vehicle)
@@ -105,9 +103,9 @@ class RobotAddresses:
     def learn(
         self, robot: RobotKey, codec: Codec, scheme: TopicScheme, message: Dated, *, retained: bool
     ) -> bool:
-        """Note that ``robot`` has spoken there; from now on it is answered there.
+        """Note the source of a message of ``robot``; answers go there.
 
-        False: the message says nothing of it now, as :class:`RobotSources` has it.
+        Return False if the message is outdated; see :class:`RobotSources`.
         """
         if not self._sources.accepts(robot, scheme, message, retained=retained):
             return False
@@ -232,11 +230,11 @@ def _mark(topic: str, payload: bytes) -> int:
 
 
 class FleetLink:
-    """Couples a :class:`FleetController` with the broker; every method is for the event loop's thread.
+    """Connects a :class:`FleetController` with the broker; call every method in the event loop's thread.
 
-    ``on_events`` gets the outputs of the core but the messages to send, in order, all of a call at once and
-    within that call; it may call this object again. What goes out never waits for the broker: the core sends
-    again what no state echoes.
+    ``on_events`` gets the core's outputs except messages to send, in order, all of a call at once and within
+    that call; it may call this object again. Sending never waits for the broker: the core resends what no
+    state echoes.
     """
 
     def __init__(
@@ -275,7 +273,7 @@ class FleetLink:
                 mqtt.subscribe(scheme.for_all(topic), self._check_command, qos=0, needed=False)
 
     async def run(self) -> None:
-        """Look after what is overdue, until cancelled."""
+        """Do what is overdue, until cancelled."""
         await forever("fleet control", self._look)
 
     def start_vda_order(self, robot: RobotKey, vda_order: VdaOrder) -> None:
@@ -308,7 +306,7 @@ class FleetLink:
         self._hand_out(self._controller.instant_action(robot, action, self._now()))
 
     def send_zone_set(self, robot: RobotKey, zone_set: ZoneSet) -> None:
-        """Bring a robot a zone set; its states show whether it has taken it (section 6.4)."""
+        """Send a zone set to a robot; its states show whether it has accepted it (section 6.4)."""
         self._publish(PublishZoneSet(robot, zone_set), self._now())
 
     def all_known(self) -> bool:
@@ -335,8 +333,8 @@ class FleetLink:
     def _notice_broker(self) -> None:
         """Report to the core that our own link is up or down; a message that arrives shows it, too.
 
-        In a new term of leadership robots are sent nothing before they have reported: what is known of them
-        may be from before another order service had the lead.
+        In a new term of leadership nothing is sent to robots before they have reported: what is known of them
+        may date from before another order service led.
         """
         link = self._mqtt.state
         unread = link.connected and link.term != self._term
@@ -348,7 +346,7 @@ class FleetLink:
         self._hand_out(self._controller.on_broker(connected=link.connected, now=self._now(), unread=unread))
 
     def _check_command(self, inbound: Inbound) -> None:
-        """Raise the alarm when somebody else commands robots; the broker returns our own commands as well."""
+        """Raise an alarm if another program commands robots; the broker returns our own commands as well."""
         if not inbound.payload or _mark(inbound.topic, inbound.payload) in self._sent:
             return
         if self.statistics.foreign % MALFORMED_LOGGED_EACH == 0:
@@ -367,7 +365,7 @@ class FleetLink:
         self._sent[_mark(topic, payload)] = None
 
     def _hear(self, topic: Topic, kind: type[M], take: Take[M], *, qos: int) -> None:
-        """Subscribe to a topic of all robots; ``take`` gets what is well-formed and says something of now."""
+        """Subscribe to a topic of all robots; ``take`` gets messages that are well-formed and current."""
 
         def handle(scheme: TopicScheme, inbound: Inbound) -> None:
             self.statistics.received[topic] += 1
@@ -403,7 +401,7 @@ class FleetLink:
     def _is_new(self, kind: type[Connection | Factsheet | State], robot: RobotKey, header_id: int) -> bool:
         """Return False for an old state of a robot whose timestamps cannot be read.
 
-        Its time of arrival stands for the timestamp, by which an old state looks new.
+        The time of arrival replaces the timestamp, which makes an old state look new.
         """
         if kind is Connection:
             self._undated.pop(robot, None)

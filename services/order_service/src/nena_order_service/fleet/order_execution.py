@@ -54,7 +54,7 @@ class PendingUpdate:
         )
 
     def is_refused(self, refusals: Iterable[ErrorEntry], now: float) -> bool:
-        """Return whether refusals are to be believed."""
+        """Return whether any of the refusals counts."""
         return self.delivery.is_refused(now, named=any(map(self._is_named, refusals)))
 
     def _is_named(self, error: ErrorEntry) -> bool:
@@ -67,7 +67,7 @@ NOT_BEGUN: Final = frozenset({ActionStatus.WAITING, ActionStatus.FAILED})
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """What a state that echoes the VDA order says about it."""
+    """The progress of a VDA order, by a state that echoes it."""
 
     passed: int
     """The sequenceId of the last node that has been traversed; -1: none."""
@@ -96,10 +96,10 @@ def knows(state: State, vda_order: VdaOrder, update_id: int) -> bool:
 
 
 def read(state: State, vda_order: VdaOrder) -> Progress:
-    """Read a state that :func:`knows` the VDA order.
+    """Read the progress from a state that :func:`knows` the VDA order.
 
-    A node counts as traversed only if it is no longer among those to come: not every robot sets
-    lastNodeSequenceId back at once when it takes a new order.
+    A node counts as traversed only if it is no longer among the coming nodes: not every robot resets
+    lastNodeSequenceId at once when it accepts a new order.
     """
     ids = vda_order.action_ids
     own = [each for each in state.action_states if each.action_id in ids] if ids else []
@@ -128,12 +128,12 @@ class ExecutionFailure:
 
 
 class OrderExecution:
-    """Follows one VDA order. When ``ended`` is true its end has been reported, and nothing more comes of it.
+    """Follows one VDA order. When ``ended`` is true its end has been reported, and no event follows.
 
-    One that is ``adopted`` may have been sent before; ``accepted`` is whether the robot is known to have
-    it. ``vda_order`` is what the robot has by its states, or is to have at first, with all updates up to
-    ``update_id``; one update at a time is active, and the newest plan waits behind it. The ``cancel`` is
-    made and sent by the owner once :meth:`wants_cancel` asks for it.
+    One that is ``adopted`` may have been sent before; ``accepted`` is whether the robot is known to have it.
+    ``vda_order`` is what the robot has by its states, or is to have at first, with all updates up to
+    ``update_id``; one update at a time is active, and the newest plan waits behind it. The ``cancel`` is made
+    and sent by the owner once :meth:`wants_cancel` returns True.
     """
 
     def __init__(
@@ -224,7 +224,7 @@ class OrderExecution:
 
     @property
     def sent_again(self) -> bool:
-        """Whether the robot has not confirmed the order in the time that this usually takes."""
+        """Return whether the robot has not confirmed the order within the usual time."""
         return self.phase is VdaOrderPhase.SENT and self._delivery.sendings > 1
 
     def send(self, errors: Iterable[ErrorEntry], now: float) -> PublishOrder:
@@ -237,7 +237,7 @@ class OrderExecution:
         return PublishOrder(self._robot, self.vda_order)
 
     def doubt_place(self) -> None:
-        """Note that the robot may not have known where it is when it got the order."""
+        """Note that the robot may not have been localised when it received the order."""
         self._place_doubted = True
 
     def refuse(self, reason: str) -> FleetOutput:
@@ -245,13 +245,13 @@ class OrderExecution:
         return self._fail(ExecutionFailure(FailureKind.UNFIT, reason))
 
     def hold(self) -> None:
-        """Let no time pass for the delivery: the robot cannot be sent the order now."""
+        """Stop the delivery's timeout: the order cannot be sent to the robot now."""
         self._delivery.hold()
         if self._pending:
             self._pending.delivery.hold()
 
     def begin_cancel(self) -> Iterator[FleetOutput]:
-        """End the VDA order early because somebody wants it; at once if the robot cannot have it."""
+        """End the VDA order early on request; at once if the robot cannot have it."""
         if self.phase is VdaOrderPhase.WAITING and not self._adopted:
             yield from self._end_early()
         else:
@@ -263,7 +263,7 @@ class OrderExecution:
         return waiting and state is not None and self._may_be_at_robot(state)
 
     def on_event(self, event: FleetOutput) -> None:
-        """Handle an action that is tried again: if it is RETRIABLE now, it has failed once more."""
+        """Handle the retry of an action: if it is RETRIABLE again, it has failed once more."""
         if isinstance(event, InstantActionEnded) and event.action.action_type == RETRY:
             self._retriable -= {event.action.parameter("actionId")}
 
@@ -280,7 +280,7 @@ class OrderExecution:
             yield from self._settle_cancel(state)
 
     def on_tick(self, state: State | None, now: float) -> Iterator[FleetOutput]:
-        """Yield up what takes too long."""
+        """Fail what takes too long."""
         if self.phase is VdaOrderPhase.SENT and self._delivery.failed(now):
             times = self._settings.sendings
             yield self._fail(
@@ -318,7 +318,7 @@ class OrderExecution:
         return knows(state, self.vda_order, self.update_id)
 
     def _follow(self, state: State, now: float) -> Iterator[FleetOutput]:
-        """Yield what a state that knows the VDA order says of it."""
+        """Yield the progress of the VDA order by a state that knows it."""
         progress = read(state, self.vda_order)
         self._retriable &= {each.action_id for each in progress.retriable}
         yield from self._tell(progress)
@@ -352,7 +352,7 @@ class OrderExecution:
         self._base_wanted = wanted
 
     def _judge(self, state: State, progress: Progress, now: float) -> Iterator[FleetOutput]:
-        """Look for what went wrong with a VDA order that is neither done nor to be cancelled."""
+        """Detect failures of a VDA order that is neither finished nor to be cancelled."""
         failure = self._failed_actions(state, progress.failed)
         if progress.idle and failure:
             yield self._fail(failure)
@@ -394,7 +394,7 @@ class OrderExecution:
         return ExecutionFailure(kind, f"the action {name!r} has failed", (*filter(None, own), *said))
 
     def _look_for_standstill(self, state: State, now: float) -> None:
-        """Fail the VDA order of a robot that has stood too long and lacks what it takes to end it."""
+        """Fail the VDA order of a robot that has stood still too long and lacks something to finish it."""
         failure = self._standstill(state)
         if failure is None:
             self._standing_since = None
@@ -452,7 +452,7 @@ class OrderExecution:
             yield self._fail(ExecutionFailure(FailureKind.UNCLEAR, reason, _words(state.errors)))
 
     def _may_be_unseen(self, cancelled: ActionStatus | None) -> bool:
-        """Return whether the order, or a copy of it, may yet come to the robot, though no state shows it."""
+        """Return whether the order, or a copy of it, may still reach the robot, though no state shows it."""
         return cancelled is None and (not self._accepted or self._delivery.in_all > 1)
 
     def _may_be_at_robot(self, state: State) -> bool:

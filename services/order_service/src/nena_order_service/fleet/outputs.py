@@ -50,10 +50,10 @@ Publish = PublishOrder | PublishInstantActions | PublishResponses | PublishZoneS
 
 @dataclass(frozen=True, slots=True)
 class RobotChanged:
-    """Something about a robot has changed that people or a dispatcher care about.
+    """Something relevant to people or a dispatcher has changed about a robot.
 
-    Its pose and the fractions of its battery's percent change all the time and make no such event: take them
-    from :meth:`FleetController.view` when they are asked for.
+    Its pose and fractions of the battery's percent change all the time and make no such event: read them from
+    :meth:`FleetController.view`.
     """
 
     robot: RobotKey
@@ -69,7 +69,7 @@ class VdaOrderAccepted:
 
 @dataclass(frozen=True, slots=True)
 class NodePassed:
-    """The robot has traversed a node, or stands on the first one; in order, none left out."""
+    """The robot has traversed a node, or is on the first one; in order, without gaps."""
 
     robot: RobotKey
     order_id: str
@@ -79,7 +79,7 @@ class NodePassed:
 
 @dataclass(frozen=True, slots=True)
 class BaseWanted:
-    """The robot comes near the end of its base, and there is more of the VDA order (section 6.6.3)."""
+    """The robot approaches the end of its base, and the VDA order has more nodes (section 6.6.3)."""
 
     robot: RobotKey
     order_id: str
@@ -105,7 +105,7 @@ class VdaOrderFinished:
 class VdaOrderFailed:
     """The VDA order has ended without success.
 
-    ``reason`` is one sentence for people; ``details`` holds the robot's own words, an error each.
+    ``reason`` is one sentence for people; ``details`` has the robot's own texts, one per error.
     """
 
     robot: RobotKey
@@ -139,10 +139,10 @@ class VdaOrderCancelled:
 
 @dataclass(frozen=True, slots=True)
 class InstantActionEnded:
-    """An instant action that was asked for has come to its end.
+    """A requested instant action has ended.
 
-    ``status`` is FINISHED or FAILED as the robot reports it, FAILED for one that was not sent, None where the
-    robot never reported; ``reason`` says in words what happened, ``result`` is the robot's own.
+    ``status`` is FINISHED or FAILED as reported by the robot, FAILED for one that was not sent, None if the
+    robot never reported it; ``reason`` describes what happened, ``result`` is the robot's own.
     """
 
     robot: RobotKey

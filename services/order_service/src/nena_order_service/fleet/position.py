@@ -1,4 +1,4 @@
-"""Where a robot is in the plant: frames, deviations, and the point it stands on or is nearest to."""
+"""Where a robot is in the plant: frames, deviations, and the point that it is on or nearest to."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class RobotProfile:
 
     @classmethod
     def of(cls, vehicle: Vehicle, *, default_map_id: str, transforms: Mapping[str, MapTransform]) -> Self:
-        """Take from the vehicle's properties what they say, and defaults for the rest."""
+        """Read the profile from the vehicle's properties, with defaults for missing ones."""
         deviation_xy, deviation_theta = vehicle.deviation_xy_m, vehicle.deviation_theta_rad
         return cls(
             map_id=vehicle.map_id or default_map_id,
@@ -50,16 +50,16 @@ class RobotProfile:
         return IDENTITY if self.transforms_itself else self.transforms.get(map_id, IDENTITY)
 
     def knows_frame(self, map_id: str) -> bool:
-        """Return whether it is certain who transforms: this side or, as its factsheet says, the robot."""
+        """Return whether it is certain which side transforms: this one or, by its factsheet, the robot."""
         return self.transforms_itself is not None or map_id not in self.transforms
 
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """Where routes of a robot begin.
+    """The start of a robot's routes.
 
-    ``point`` is the point that it stands on or, where ``on_point`` is False, the one that is nearest.
-    ``pose`` is the robot's own, in m and rad of its map; None where it reports none that can be trusted.
+    ``point`` is the point that it is on or, if ``on_point`` is False, the nearest one. ``pose`` is the
+    robot's own, in m and rad of its map; None if it reports none that can be trusted.
     """
 
     point: str
@@ -68,7 +68,7 @@ class Standing:
 
 
 class NotLocatedError(Exception):
-    """The robot's position in the plant is unknown; ``reason`` says why and what to do, in words."""
+    """The robot's position in the plant is unknown; ``reason`` says why and what to do."""
 
     def __init__(self, reason: str) -> None:
         super().__init__(reason)
@@ -76,14 +76,12 @@ class NotLocatedError(Exception):
 
 
 def locate(plant: PlantModel, state: State, profile: RobotProfile) -> Standing:
-    """Return where the robot stands.
+    """Return where the robot is.
 
-    It stands on a point if it is not farther away than the allowed deviation; the point that it passed last
-    is tried first. A robot without a trusted pose stands where it says it passed last.
+    It is on a point if its distance is within the allowed deviation; the point that it passed last is tried
+    first. A robot without a trusted pose is at its last passed point.
 
-    Raises:
-        NotLocatedError: the robot says neither a trusted pose on its map nor a point of the plant.
-
+    Raises: NotLocatedError: the robot reports neither a trusted pose on its map nor a point of the plant.
     """
     last = plant.points_by_name.get(state.last_node_id)
     pose = state.mobile_robot_position

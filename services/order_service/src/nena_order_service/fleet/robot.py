@@ -39,11 +39,11 @@ POSITION_WITHIN: Final = 30.0
 
 
 class MessageOrder:
-    """Judges the headers of one robot's messages on one topic.
+    """Checks the headers of one robot's messages on one topic.
 
-    A message is old if neither its headerId nor its timestamp is beyond the last one's. A sender that
-    restarts counts from 0 with a later timestamp, which is no old message; one whose clock went back as
-    well is believed after some messages, or at once after :meth:`restart`.
+    A message is old if neither its headerId nor its timestamp is higher than the last one's. A sender that
+    restarts counts from 0 with a later timestamp, so its message is new; one whose clock was also set back is
+    accepted after some messages, or at once after :meth:`restart`.
     """
 
     def __init__(self) -> None:
@@ -53,11 +53,11 @@ class MessageOrder:
         self._old_in_a_row = 0
 
     def restart(self) -> None:
-        """Take any message as new: the sender has reconnected."""
+        """Accept any message as new: the sender has reconnected."""
         self._last = None
 
     def is_new(self, header_id: int, timestamp: datetime, now: float) -> bool:
-        """Return whether the message that comes ``now`` is new; the next ones are compared with it then."""
+        """Return whether a message that arrives at ``now`` is new; if so, later ones are compared with it."""
         last = self._last
         if last is not None and header_id <= last[0] and timestamp <= last[1]:
             repeated = (header_id, timestamp) == last
@@ -76,9 +76,9 @@ class MessageOrder:
 
 
 class Silences:
-    """Returns each robot from the moment on at which it may be silent, without a look at all of them.
+    """Returns each robot once the time has passed after which it may be silent, without checking all.
 
-    Most are heard again long before. That moves nothing here: a robot is only checked once it is returned.
+    Most report again long before. That changes nothing here: a robot is only checked once it is returned.
     """
 
     def __init__(self) -> None:
@@ -87,7 +87,7 @@ class Silences:
         self._looked_at = -inf
 
     def expect(self, robot: RobotKey, at: float) -> None:
-        """Let :meth:`passed` yield the robot after ``at``, in monotonic s; not one that was checked since."""
+        """Make :meth:`passed` yield the robot after ``at``, in monotonic s, unless it was checked since."""
         known = self._at.get(robot, inf)
         if self._looked_at <= at < known:
             self._at[robot] = at
@@ -104,7 +104,7 @@ class Silences:
 
 
 class LinkStatus(StrEnum):
-    """What is known of the way to a robot."""
+    """What is known of the connection to a robot."""
 
     UNKNOWN = "UNKNOWN"
     """It has never connected."""
@@ -123,7 +123,7 @@ REPORTS_NOTHING: Final = frozenset({LinkStatus.SILENT, LinkStatus.UNREADABLE})
 
 
 class VdaOrderPhase(StrEnum):
-    """How far a VDA order has come."""
+    """The phase of a VDA order."""
 
     WAITING = "WAITING"
     """Nothing is sent yet; the robot cannot be sent an order now."""
@@ -137,7 +137,7 @@ class VdaOrderPhase(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Availability:
-    """Whether a robot can take a VDA order now; ``reason`` says why, or why not, in words."""
+    """Whether a robot can take a VDA order now; ``reason`` is the explanation."""
 
     can_take_order: bool
     reason: str
@@ -173,9 +173,9 @@ LISTS: Final = frozenset({"nodes", "edges"})
 
 
 class Abilities:
-    """Answers questions about one factsheet.
+    """What a robot supports according to its factsheet.
 
-    A list that is empty is taken as silent, not as a robot that can do nothing.
+    An empty list counts as not reported, not as a robot without any ability.
     """
 
     def __init__(self, factsheet: Factsheet) -> None:
@@ -195,7 +195,7 @@ class Abilities:
         )
 
     def takes_field(self, path: str) -> bool:
-        """Return whether nothing is known against an optional field, such as ``nodes.nodePosition.theta``."""
+        """Return whether an optional field, such as ``nodes.nodePosition.theta``, may be sent."""
         taken = self._taken.get(path)
         if taken is None:
             listed = self.factsheet.protocol_features.optional_parameters
@@ -205,7 +205,7 @@ class Abilities:
         return taken
 
     def lists_field(self, path: str) -> bool:
-        """Return whether the robot says that it takes an optional field."""
+        """Return whether the robot reports that it supports an optional field."""
         return bool(self.factsheet.protocol_features.optional_parameters) and self.takes_field(path)
 
     @cached_property
@@ -228,11 +228,11 @@ class Abilities:
 
     @property
     def lists_actions(self) -> bool:
-        """Whether the factsheet says which actions there are."""
+        """Return whether the factsheet lists the supported actions."""
         return bool(self.factsheet.protocol_features.mobile_robot_actions)
 
     def declarations(self, action_type: str) -> tuple[MobileRobotAction, ...]:
-        """Return what it says of an action; some robots have an entry for each scope."""
+        """Return the declarations of an action type; some robots have one for each scope."""
         actions = self.factsheet.protocol_features.mobile_robot_actions
         return tuple(each for each in actions if each.action_type == action_type)
 
@@ -258,7 +258,7 @@ AWAY: Final = {
 
 @dataclass(slots=True)
 class Robot:
-    """The last messages of a robot, and when they came (monotonic seconds)."""
+    """The last messages of a robot, and their times of arrival (monotonic seconds)."""
 
     key: RobotKey
     settings: FleetSettings
@@ -289,13 +289,13 @@ class Robot:
         self._silent_after = self.settings.silent_after
 
     def take_connection(self, message: Connection, now: float) -> bool:
-        """Note what is known of the link, and return whether the robot has connected or gone.
+        """Update the connection state, and return whether the robot has connected or disconnected.
 
-        A will has an old header, so its age does not count here.
+        A last will has an old header, so its age does not count here.
 
-        One that comes again, retained or repeated, is no new connection: an old state behind it stays old.
-        Neither is ONLINE with a higher headerId after ONLINE: some robots publish it periodically, and one
-        that has restarted counts from 0.
+        A repeated or retained message is no new connection: an old state after it stays old. Nor is ONLINE
+        with a higher headerId after ONLINE: some robots publish it periodically, and one that has restarted
+        counts from 0.
         """
         online = message.connection_state is ConnectionState.ONLINE
         known = self._online_id if self.connection is ConnectionState.ONLINE else None
@@ -317,10 +317,10 @@ class Robot:
         return True
 
     def take_state(self, message: State, now: float) -> bool:
-        """Note a state and return whether it is a new one.
+        """Store a state and return whether it is a new one.
 
-        A state that comes after OFFLINE or a last will shows that the robot is there again: the broker may
-        deliver the will of an old connection only after the new connection stands.
+        A state after OFFLINE or a last will shows that the robot is back: the broker may deliver the will of
+        an old connection only after the new connection is up.
         """
         if not self._order.is_new(message.header_id, message.timestamp, now):
             return False
@@ -353,7 +353,7 @@ class Robot:
         self._silent_after = max(self.settings.silent_after, self.settings.silent_intervals * interval)
 
     def link(self, now: float) -> LinkStatus:
-        """Return what is known of the way to the robot; one whose messages cannot be read is not silent."""
+        """Return the state of the connection to the robot; a robot with unreadable messages is not silent."""
         if self.connection is None or self._heard_at is None:
             return LinkStatus.UNREADABLE if self.unreadable else LinkStatus.UNKNOWN
         speaks = bool(self.unreadable) and now <= self._unreadable_at + self._silent_after
@@ -374,13 +374,13 @@ class Robot:
 
     @property
     def rules(self) -> Rules | None:
-        """What the version that the robot's states are of can say; None before the first one."""
+        """Return the rules of the version of the robot's states; None before the first one."""
         codec = nearest_codec(self.state.version) if self.state else None
         return codec.rules if codec else None
 
     @property
     def reachable(self) -> bool:
-        """Whether it is worth sending anything: nothing says that the robot is away."""
+        """Return whether sending makes sense: nothing shows that the robot is offline."""
         return self.connection is not None and self.connection not in AWAY
 
     @property
@@ -390,7 +390,7 @@ class Robot:
 
     @property
     def most_instant_actions(self) -> int:
-        """How many instant actions one message may hold, by the factsheet."""
+        """Return how many instant actions one message may hold, according to the factsheet."""
         limit = self.factsheet.protocol_limits.maximum_array_lengths.instant_actions if self.factsheet else 0
         return limit or INSTANT_ACTIONS_LIMIT
 
@@ -438,7 +438,7 @@ def is_idle(state: State, instant_ids: Collection[str]) -> bool:
     """Return whether the robot has nothing left to do of any order (section 6.6.8).
 
     Instant actions do not count; ``instant_ids`` are those that 2.x mixes with the order's actions and that
-    their types do not give away.
+    cannot be told apart by type.
     """
     if state.node_states or state.edge_states:
         return False

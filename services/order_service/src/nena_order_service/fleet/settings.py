@@ -11,7 +11,7 @@ from nena_shared.settings import SettingsGroup
 
 
 class ReleasePolicy(StrEnum):
-    """Who is let into a zone that needs a release."""
+    """Which robot is granted a zone that needs a release."""
 
     EXCLUSIVE = "exclusive"
     """One robot at a time, in the order of asking."""

@@ -31,7 +31,7 @@ ACTIONS_REMEMBERED: Final = 1000
 
 @dataclass(slots=True)
 class _Delivery:
-    """How far a VDA order has come; moments in monotonic seconds."""
+    """How far a VDA order has come; times in monotonic seconds."""
 
     begun: float
     sent: float | None = None
@@ -41,7 +41,7 @@ class _Delivery:
 
 
 class FleetStatistics:
-    """Counts since the start of the program, and how long VDA orders take from step to step."""
+    """Counts since the start of the program, and the times that VDA orders take from step to step."""
 
     def __init__(self) -> None:
         self.received = dict.fromkeys(HEARD, 0)

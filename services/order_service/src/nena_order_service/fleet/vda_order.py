@@ -45,7 +45,7 @@ class VdaOrder(WireObject):
         return cls.model_validate_json(text)
 
     def to_json(self) -> str:
-        """Write the VDA order so that :meth:`from_json` gives an equal one."""
+        """Return the VDA order as JSON that :meth:`from_json` reads back unchanged."""
         return self.model_dump_json(by_alias=True, exclude_none=True)
 
     @cached_property
@@ -97,23 +97,22 @@ UNSPECIFIED_LOAD: Final = "unspecified"
 
 
 def fresh_id() -> str:
-    """Return an id that nothing else has; 32 characters, for some robots take no longer ones."""
+    """Return a unique ID of 32 characters, because some robots accept no longer ones."""
     return uuid4().hex
 
 
 @dataclass(frozen=True, slots=True)
 class OperationMap:
-    """Which action an operation stands for; an unknown operation is an action of the same name.
+    """Maps operations to action types; an unknown operation is an action of the same name.
 
-    ``action_types`` is laid over the defaults; an empty action type means that there is nothing to do but to
-    be there.
+    ``action_types`` overrides the defaults; an empty action type means that arriving is all.
     """
 
     action_types: Mapping[str, str] = field(default_factory=dict)
     new_id: Callable[[], str] = fresh_id
 
     def action_type(self, operation: str) -> str:
-        """Return the action type that an operation stands for."""
+        """Return the action type of an operation."""
         usual = DEFAULT_ACTION_TYPES.get(operation, operation)
         return self.action_types.get(operation, usual)
 
@@ -129,10 +128,10 @@ class OperationMap:
         *,
         retriable: bool = False,
     ) -> tuple[Action, ...]:
-        """Return the actions of ``operation`` with fresh ids; ``properties`` become parameters.
+        """Return the actions of ``operation`` with new IDs; ``properties`` become parameters.
 
-        For pick and drop the location's name and type become stationName and stationType, unless the
-        properties say something else.
+        For pick and drop, the location's name and type become stationName and stationType, unless the
+        properties define them.
         """
         action_type = self.action_type(operation)
         if action_type == NO_ACTION:
@@ -166,9 +165,9 @@ GOAL_PREFIX = "goal:"
 
 
 def order_id(order_name: str, drive_order_index: int, attempt: int = 0) -> str:
-    """Return the id of a drive order's VDA order; each new attempt is an order of its own for the robot.
+    """Return the ID of a drive order's VDA order; each new attempt is a separate order for the robot.
 
-    Names of orders hold no ``~``, so that no two orders have VDA orders of one id.
+    Names of orders hold no ``~``, so that no two orders have VDA orders with the same ID.
     """
     first = f"{order_name}-{drive_order_index}"
     return f"{first}~{attempt}" if attempt else first
@@ -209,13 +208,11 @@ def build_vda_order(
 ) -> VdaOrder:
     """Build the VDA order called ``name``: along the route, if any, then to the coordinate, if any.
 
-    It begins where the robot stands; if that is no point of the plant, at a temporary node at its own pose.
+    It begins where the robot is; if that is no point of the plant, at a temporary node at its own pose.
     Points that are passed have no heading, so that the robot need not stop; the last one has that of the
-    point or coordinate. ``actions`` are done at the end.
+    point or coordinate. ``actions`` are executed at the end.
 
-    Raises:
-        ValueError: neither a route nor a coordinate, or a route that begins elsewhere than at the robot.
-
+    Raises: ValueError: neither a route nor a coordinate, or a route that does not begin at the robot.
     """
     if route is None and coordinate is None:
         message = "a VDA order needs a route or a coordinate"
@@ -330,7 +327,7 @@ def _edges(stops: list[_Stop]) -> Iterator[Edge]:
 
 
 class BaseChangedError(ValueError):
-    """A plan that changes the robot's base, which cannot be taken back."""
+    """The plan changes the robot's base, which cannot be taken back."""
 
     def __init__(self, order_id: str, problem: str) -> None:
         super().__init__(f"VDA order {order_id!r} cannot be changed like this: {problem}")
@@ -373,7 +370,7 @@ def released_to(plan: VdaOrder, sequence_id: int) -> VdaOrder:
 
 
 def held_by(state: State, plan: VdaOrder) -> VdaOrder:
-    """Return as much of the plan as a robot that has an older update says that it has for its base."""
+    """Return the part of the plan that a robot with an older update reports as its base."""
     base = [each.sequence_id for each in state.node_states if each.released]
     return released_to(plan, base[-1] if base else state.last_node_sequence_id)
 
@@ -401,13 +398,11 @@ def _released(part: G, *, released: bool) -> G:
 def with_other_horizon(held: VdaOrder, base_end: int, tail: VdaOrder) -> VdaOrder:
     """Return ``held`` up to its node ``base_end``, and from there on ``tail``, which begins at that node.
 
-    What the robot was sent of the base stays to the last field; the first node of ``tail`` gives only the
-    place to go on from. The actions behind the base are those of ``tail``: their ids must be new, for ids are
-    not used again after a change of the horizon.
+    Every field of the base stays as it was sent; the first node of ``tail`` only marks the place to continue
+    from. The actions behind the base are those of ``tail``: their IDs must be new, because IDs are not reused
+    after a change of the horizon.
 
-    Raises:
-        ValueError: ``tail`` begins elsewhere, has nothing behind its first node, or uses an action id again.
-
+    Raises: ValueError: ``tail`` begins elsewhere, has nothing behind its first node, or reuses an action ID.
     """
     if tail.nodes[0].node_id != held.nodes[base_end].node_id or not tail.edges:
         message = f"no way on from node {held.nodes[base_end].node_id!r}"
@@ -426,5 +421,5 @@ def with_other_horizon(held: VdaOrder, base_end: int, tail: VdaOrder) -> VdaOrde
 
 
 def state_request() -> Action:
-    """Return the instant action that asks a robot for its state (VDA 5050 3.0 section 6.2.3)."""
+    """Return the instant action that requests a robot's state (VDA 5050 3.0 section 6.2.3)."""
     return Action(action_type="stateRequest", action_id=fresh_id(), blocking_type=BlockingType.NONE)

@@ -1,4 +1,4 @@
-"""Answers to robots that ask for a zone or a corridor (VDA 5050 3.0 sections 6.4.3, 6.6.10 and 6.9)."""
+"""Answers to robots that request a zone or a corridor (VDA 5050 3.0 sections 6.4.3, 6.6.10 and 6.9)."""
 
 from __future__ import annotations
 
@@ -37,19 +37,19 @@ class _Asked:
 
     @property
     def holds(self) -> bool:
-        """Whether the robot may be at the place: it was granted, or is there without a release now."""
+        """Return whether the robot may be at the place: it was granted, or is there without a release now."""
         return self.shown in INSIDE or self.answer is GrantType.GRANTED
 
 
 @dataclass(slots=True)
 class ReleaseManager:
-    """Keeps which robot requested which place, in turn; ``utc_now`` returns the time of day for leases.
+    """Keeps the robots' requests for each place, in order; ``utc_now`` returns the time for leases.
 
-    A place is held from the grant until the robot's state names the request no more: also by a robot that
-    has fallen silent, or whose grant has been taken back while it was inside. A robot may ask for a place by
-    several requests, one for each path that it would take. Nothing is granted before every robot that is
-    connected has reported its state, so that earlier grants are known after a restart; where two then hold
-    the same place, the grant of the second is taken back.
+    A place is held from the grant until the robot's state no longer has the request: also by a silent robot,
+    or one whose grant was revoked while it was inside. A robot may send several requests for a place, one for
+    each path that it might take. Nothing is granted before every connected robot has reported its state, so
+    that earlier grants are known after a restart; if two then hold the same place, the grant of the second is
+    revoked.
     """
 
     settings: FleetSettings
@@ -57,7 +57,7 @@ class ReleaseManager:
     _asked: dict[Place, list[_Asked]] = field(default_factory=dict)
 
     def on_state(self, robot: RobotKey, state: State) -> None:
-        """Handle what a robot asks for."""
+        """Handle a robot's requests."""
         requests = {(_place(each), each.request_id): each for each in _requests(state)}
         for place, asked in list(self._asked.items()):
             asked[:] = [each for each in asked if each.robot != robot or (place, each.request_id) in requests]
@@ -81,7 +81,7 @@ class ReleaseManager:
 
     @property
     def busy(self) -> bool:
-        """Whether any robot asks for anything."""
+        """Return whether any robot has requests."""
         return bool(self._asked)
 
     def _note(self, robot: RobotKey, asked: list[_Asked], request: Request) -> None:
@@ -92,7 +92,7 @@ class ReleaseManager:
         asked.append(_Asked(robot, request.request_id, request.request_status))
 
     def _wanted(self, each: _Asked, asked: list[_Asked], *, all_known: bool) -> GrantType:
-        """Return how a request stands by the policy; what is held can only be left or taken back."""
+        """Return the answer to a request by the policy; what is held can only be left or revoked."""
         policy = self.settings.release_policy
         if policy is ReleasePolicy.ALL:
             return GrantType.GRANTED
@@ -113,7 +113,7 @@ class ReleaseManager:
         return now - each.answered_at >= pause
 
     def _must_renew(self, each: _Asked, now: float) -> bool:
-        """Return whether the lease of a grant is half over, or not known after a restart."""
+        """Return whether half of a grant's lease has passed, or the lease is unknown after a restart."""
         lease = self.settings.release_lease
         return lease > 0 and (each.lease_until is None or now >= each.lease_until - lease / 2)
 

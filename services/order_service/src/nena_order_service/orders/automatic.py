@@ -23,7 +23,7 @@ JUST_FAIL: Final = (FailureStep(do=FailureMeasure.FAIL),)
 
 
 def park_request(vehicle: str, point: str) -> TransportOrderRequest:
-    """Ask for an order by which a vehicle parks; anything else is more important."""
+    """Make a request for an order by which a vehicle parks, with the lowest priority."""
     return TransportOrderRequest(
         destinations=(Destination(location_name=point, operation=PARK),),
         intended_vehicle=vehicle,
@@ -41,7 +41,7 @@ def goal_of(request: TransportOrderRequest) -> str:
 def recharge_request(
     vehicle: str, location: str, operation: str, *, dispensable: bool
 ) -> TransportOrderRequest:
-    """Ask for an order by which a vehicle recharges; ``dispensable`` where it has energy left."""
+    """Make a request for an order by which a vehicle recharges; ``dispensable`` if it has energy left."""
     return TransportOrderRequest(
         destinations=(Destination(location_name=location, operation=operation),),
         intended_vehicle=vehicle,
@@ -52,7 +52,7 @@ def recharge_request(
 
 
 def is_automatic_recharge(order: TransportOrder) -> bool:
-    """Return whether the order service itself created an order to recharge a vehicle."""
+    """Return whether the order service created an order itself to recharge a vehicle."""
     return order.status.automatic and order.status.type == RECHARGE_TYPE
 
 

@@ -40,7 +40,7 @@ class DueTimes:
             self._sweep()
 
     def take(self, now: datetime) -> list[int]:
-        """Return the numbers of the orders whose times have come, once each; some may be over."""
+        """Remove and return the numbers of the orders that are due, once each; some may have ended."""
         due: list[int] = []
         while self._queue and self._queue[0][0] <= now:
             time, number = heappop(self._queue)

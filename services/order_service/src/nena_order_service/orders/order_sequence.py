@@ -1,4 +1,4 @@
-"""An order sequence as the order service holds it: the rules of what is done when, and by whom."""
+"""An order sequence in the order service: the rules of its order of execution and of its vehicle."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class SequenceRuleError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class OrderSequence:
-    """An immutable order sequence; each change gives a new one with the next version."""
+    """An immutable order sequence; each change returns a new one with the next version."""
 
     number: int
     """Counts the sequences of a store."""
@@ -63,7 +63,7 @@ class OrderSequence:
         return cls(number, status, request.idempotency_key)
 
     def asked_for_by(self, request: OrderSequenceRequest) -> bool:
-        """Return whether ``request`` says what the one said that made it; names are another matter."""
+        """Return whether ``request`` has the same content as the one that created it, apart from names."""
         return all(getattr(self.status, field) == getattr(request, field) for field in REQUEST_FIELDS)
 
     @property
@@ -106,7 +106,7 @@ class OrderSequence:
         return self._changed(now, SequenceEvent.ORDER_APPENDED, order, orders=orders)
 
     def bound(self, vehicle: str, now: datetime) -> Self:
-        """Let a vehicle do it, all of it."""
+        """Bind the whole sequence to a vehicle."""
         if self.bound_vehicle == vehicle:
             return self
         if self.bound_vehicle or self.status.finished:
@@ -125,13 +125,13 @@ class OrderSequence:
         )
 
     def completed(self, why: str, now: datetime) -> Self:
-        """Let no more orders be added; that it is complete already changes nothing."""
+        """Close it to new orders; does nothing if it is already complete."""
         if self.status.complete:
             return self
         return self._changed(now, SequenceEvent.SEQUENCE_COMPLETED, why, complete=True)
 
     def advanced(self, is_ended: Callable[[str], bool], now: datetime) -> Self:
-        """Go on behind all orders that are at their end, without a gap; never back."""
+        """Advance past all ended orders, without a gap; never back."""
         index, orders = self.status.finished_index, self.status.orders
         while index + 1 < len(orders) and is_ended(orders[index + 1]):
             index += 1

@@ -12,7 +12,7 @@ S = TransportOrderState
 
 
 class Wait(StrEnum):
-    """What an order waits for that no vehicle works on now."""
+    """What an order without a vehicle at work waits for."""
 
     DEPENDENCY = "dependency"
     """Other orders, which have to be finished first."""

@@ -1,4 +1,4 @@
-"""Transport orders: their life cycle, their history, and what becomes of them after failures and holds."""
+"""Transport orders: their life cycle, their history, and their changes after failures and holds."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from nena_shared.fleet_api.transport_order import (
 
 
 class EventCode(StrEnum):
-    """What happened to a transport order; the supplements of an entry say why, in words."""
+    """Type of an event of a transport order; the supplements of an entry explain it."""
 
     ORDER_CREATED = "nena:orderCreated"
     DISPATCHING_DEFERRED = "nena:dispatchingDeferred"
@@ -97,9 +97,9 @@ class IllegalTransitionError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class TransportOrder:
-    """An immutable transport order; each change gives a new one with the next version.
+    """An immutable transport order; each change returns a new one with the next version.
 
-    ``status`` is what hosts see of it. Every method that changes it raises IllegalTransitionError where the
+    ``status`` is the hosts' view of it. Every method that changes it raises IllegalTransitionError if the
     life cycle forbids the change.
     """
 
@@ -118,7 +118,7 @@ class TransportOrder:
         now: datetime,
         automatic: bool = False,
     ) -> Self:
-        """Make a RAW order; ``automatic``: no host has asked for it."""
+        """Make a RAW order; ``automatic``: not requested by a host."""
         status = TransportOrderStatus(
             name=name,
             version=1,
@@ -137,7 +137,7 @@ class TransportOrder:
         return cls(number, status, request.idempotency_key)
 
     def asked_for_by(self, request: TransportOrderRequest) -> bool:
-        """Return whether ``request`` says what the one said that made the order; names are another matter."""
+        """Return whether ``request`` equals the one that created the order, apart from names."""
         same_stops = tuple(each.destination for each in self.status.drive_orders) == request.destinations
         return same_stops and all(
             getattr(self.status, field) == getattr(request, field) for field in REQUEST_FIELDS
@@ -150,7 +150,7 @@ class TransportOrder:
 
     @property
     def state(self) -> TransportOrderState:
-        """Where it stands in its life cycle."""
+        """Return the state in its life cycle."""
         return self.status.state
 
     @property
@@ -160,7 +160,7 @@ class TransportOrder:
 
     @property
     def index(self) -> int:
-        """Which destination it is at, from 0 on; the first one before it was ever given to a vehicle."""
+        """Return the index of its current destination, from 0; 0 before it was first assigned."""
         return max(self.status.current_drive_order_index, 0)
 
     @property
@@ -191,7 +191,7 @@ class TransportOrder:
         return self._moved(S.ACTIVE, "waits for its conditions")
 
     def dispatchable(self) -> Self:
-        """Let an ACTIVE order be assigned."""
+        """Make an ACTIVE order assignable."""
         held = self.status.held
         return self._moved(S.DISPATCHABLE, held_in_words(held) if held else "waits for its turn")
 
@@ -232,7 +232,7 @@ class TransportOrder:
         )
 
     def dispatchable_again(self, entry: HistoryEntry, **changes: object) -> Self:
-        """Let another vehicle go on with it, from the destination that it is at."""
+        """Make it assignable to another vehicle, from its current destination on."""
         waiting = self.current.model_copy(update={"state": DriveOrderState.PRISTINE, "route": None})
         return self._moved(
             S.DISPATCHABLE,
@@ -266,7 +266,7 @@ class TransportOrder:
         return self.moved_on(DriveOrderState.FINISHED, self.entry(now, EventCode.DRIVE_ORDER_FINISHED, place))
 
     def moved_on(self, state: DriveOrderState, entry: HistoryEntry) -> Self:
-        """Let the current drive order be at its end in ``state``; to a next one it travels on."""
+        """End the current drive order in ``state``; travel to the next one, if any."""
         index = self.status.current_drive_order_index
         done = self._with_drive_order(index, state)
         changes: dict[str, Any] = {"drive_orders": done, "history": (*self.status.history, entry)}
@@ -277,7 +277,7 @@ class TransportOrder:
         return self.changed(**changes)
 
     def finished(self, now: datetime) -> Self:
-        """End it well: every drive order is done, or its operation was left out as the policy says."""
+        """Finish it: every drive order is done, or its operation was skipped by the policy."""
         drive_orders = tuple(
             each
             if each.state is DriveOrderState.FAILED
@@ -304,14 +304,14 @@ class TransportOrder:
         return self._ended(S.FAILED, reason, now, drive_orders=drive_orders)
 
     def withdrawn(self, reason: str, now: datetime) -> Self:
-        """Withdraw it: it fails at once where no vehicle works on it, else once the vehicle has let it go."""
+        """Withdraw it: it fails at once if no vehicle works on it, else once the vehicle has released it."""
         if self.state in (S.ACTIVE, S.DISPATCHABLE):
             return self.failed(reason, now)
         entry = self.entry(now, EventCode.WITHDRAWAL_REQUESTED, reason)
         return self._moved(S.WITHDRAWN, None, entry, held=None, next_try=None)
 
     def rerouted(self, route: tuple[str, ...] | None, why: str, now: datetime) -> Self:
-        """Note that its vehicle rerouted; None: which one is not known yet."""
+        """Note that its vehicle was rerouted; ``route`` None: the new route is not known yet."""
         self.require("rerouting", S.BEING_PROCESSED)
         current = self.current if route is None else self.current.model_copy(update={"route": route})
         entry = self.entry(now, EventCode.REROUTED, why)
@@ -331,9 +331,9 @@ class TransportOrder:
         return self.changed(late=True, reason=self.status.reason, history=(*self.status.history, entry))
 
     def adopted(self, now: datetime, vehicle: str | None = None) -> Self:
-        """Note that it has been taken up again after a restart of the order service.
+        """Note that it was restored after a restart of the order service.
 
-        ``vehicle`` is what its vehicle is called now, where the plant model has changed; None: as before.
+        ``vehicle`` is its vehicle's new name, if the plant model has changed; None: unchanged.
         """
         self.require("adopting", S.BEING_PROCESSED, S.WITHDRAWN)
         vehicle = vehicle or self.vehicle
@@ -342,14 +342,14 @@ class TransportOrder:
         return self.changed(processing_vehicle=vehicle, history=(*self.status.history, entry))
 
     def on_hold(self, hold: Hold, now: datetime) -> Self:
-        """Let it wait until a person resumes it; its vehicle keeps it."""
+        """Put it on hold until a person resumes it; it keeps its vehicle."""
         self.require("holding", S.ACTIVE, S.DISPATCHABLE, S.BEING_PROCESSED)
         entry = self.entry(now, EventCode.HELD, hold.by, hold.reason)
         history = (*self.status.history, entry)
         return self.changed(held=hold, next_try=None, reason=held_in_words(hold), history=history)
 
     def resumed(self, by: str, reason: str, now: datetime) -> Self:
-        """Let a held order go on, with all its tries again."""
+        """Resume a held order, with all its retries available again."""
         fresh = self.current.model_copy(update={"measures_taken": 0})
         entry = self.entry(now, EventCode.RESUMED, by, reason)
         changes: dict[str, object] = {"held": None, "drive_orders": self.with_current(fresh)}
@@ -366,7 +366,7 @@ class TransportOrder:
         return self.changed(held=self.status.held.model_copy(update={"reason": reason}))
 
     def retried(self, taken: int, why: str, *, now: datetime, next_try: datetime | None = None) -> Self:
-        """Let the same vehicle try again, at ``next_try`` where that is given."""
+        """Note a retry by the same vehicle, at ``next_try`` if given."""
         return self._again(EventCode.RETRIED, taken, why, now=now, next_try=next_try)
 
     def replanned(
@@ -378,14 +378,14 @@ class TransportOrder:
         avoided: tuple[str, ...],
         next_try: datetime | None = None,
     ) -> Self:
-        """Let the same vehicle try again by a route that also avoids these paths and points."""
+        """Note a retry by the same vehicle on a route that also avoids these paths and points."""
         why = f"{why}; avoids {', '.join(avoided)}"
         order = self._again(EventCode.REPLANNED, taken, why, now=now, next_try=next_try)
         current = order.current.model_copy(update={"avoided": (*order.current.avoided, *avoided)})
         return order.changed(drive_orders=order.with_current(current))
 
     def reassigned(self, taken: int, why: str, now: datetime) -> Self:
-        """Let another vehicle go on with it; the one that has failed does not get it again."""
+        """Release it for another vehicle; the one that has failed does not get it again."""
         assert self.vehicle, "it was assigned"  # noqa: S101 - for the type
         entry = self.entry(now, EventCode.REASSIGNED, self.vehicle, why)
         excluded = (*self.status.excluded_vehicles, self.vehicle)
@@ -454,7 +454,7 @@ class TransportOrder:
         entry: HistoryEntry | None = None,
         **changes: object,
     ) -> Self:
-        """Change the state; ``reason`` None: what the vehicle does says it."""
+        """Change the state; ``reason`` None: the vehicle's activity explains it."""
         if state not in SUCCESSORS[self.state]:
             raise IllegalTransitionError(self.name, self.state, f"the change to {state}")
         if reason is not None:
@@ -487,7 +487,7 @@ def why_withdrawn(status: TransportOrderStatus) -> str:
 
 
 def held_in_words(hold: Hold) -> str:
-    """Return who holds an order, since when and why."""
+    """Return by whom an order is held, since when and why."""
     return f"held by {hold.by} since {hold.since:%Y-%m-%d %H:%M:%S} UTC: {hold.reason}"
 
 

@@ -45,7 +45,7 @@ class InvalidRequestError(Exception):
 
 
 def check_request(request: TransportOrderRequest, plant: PlantModel, vehicles: Collection[str]) -> None:
-    """Raise InvalidRequestError with all that is wrong with ``request``; ``vehicles`` are those known."""
+    """Raise InvalidRequestError with all errors of ``request``; ``vehicles`` are the known ones."""
     _raise_if_any(
         [
             *_check_destinations(request.destinations, plant),

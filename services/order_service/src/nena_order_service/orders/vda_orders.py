@@ -34,7 +34,7 @@ from nena_shared.vda5050.topics import RobotKey
 
 
 class SentOrder(BaseModel):
-    """A VDA order, the robot it was sent to, and whether the robot is known to have it.
+    """A VDA order, its robot, and whether the robot is known to have it.
 
     ``vda_order`` is the whole plan. ``released_to`` is the sequenceId of the last node of its base (None: all
     of it is base), reached with at most ``update_id`` updates. ``way`` lists the resources that it needs for
@@ -104,7 +104,7 @@ class SentOrder(BaseModel):
 
     @property
     def robot(self) -> RobotKey:
-        """Whom it was sent to."""
+        """Return the robot that it was sent to."""
         return RobotKey(self.manufacturer, self.serial_number)
 
     def as_released(self) -> VdaOrder:
@@ -113,7 +113,7 @@ class SentOrder(BaseModel):
 
     @property
     def all_released(self) -> bool:
-        """Whether the robot was given all of it."""
+        """Return whether all of it was released to the robot."""
         return self.released_to is None
 
     def ending_early(self, *, partial: bool) -> Self:
@@ -163,7 +163,7 @@ class OrderPlanner:
         return self._operations.recharges(operation)
 
     def standing(self, vehicle: FleetVehicle, view: RobotView) -> Standing:
-        """Return where a vehicle stands; raises NotLocatedError."""
+        """Return where a vehicle is; raises NotLocatedError."""
         if view.state is None:
             raise NotLocatedError("it has not reported its state yet")
         return locate(self.plant, view.state, vehicle.profile)
@@ -173,7 +173,7 @@ class OrderPlanner:
         return self.plant.point(point).map_id or vehicle.profile.map_id
 
     def action_type(self, operation: str) -> str:
-        """Return the VDA 5050 action that an operation stands for; empty for none."""
+        """Return the VDA 5050 action type of an operation; empty for none."""
         return self._operations.action_type(operation)
 
     def paths(self, names: Iterable[str]) -> tuple[str, ...]:
@@ -199,7 +199,7 @@ class OrderPlanner:
         )
 
     def recharges(self, order: TransportOrder) -> bool:
-        """Return whether the next thing that an order asks for is to recharge."""
+        """Return whether the next operation of an order is to recharge."""
         return self._operations.recharges(order.current.destination.operation)
 
     def pick(self, order: TransportOrder) -> Pick | None:
@@ -271,7 +271,7 @@ class OrderPlanner:
         )
 
     def evasion(self, vehicle: FleetVehicle, standing: Standing, route: Route) -> VdaOrder:
-        """Make a VDA order that takes a vehicle out of the way of others."""
+        """Make a VDA order by which a vehicle makes room for others."""
         return build_vda_order(
             f"{EVASION_PREFIX}{fresh_id()}",
             plant=self.plant,
@@ -282,7 +282,7 @@ class OrderPlanner:
         )
 
     def _speed_limit(self, vehicle: FleetVehicle) -> SpeedLimit:
-        """Return how fast a vehicle may drive where, by speeds that the plant model gives: no defaults."""
+        """Return a vehicle's speed limits by the plant model; defaults do not count."""
         if not self._speed_limits:
             return unlimited
         profile = RoutingProfile.of(vehicle.model, self.plant.vehicle_types)

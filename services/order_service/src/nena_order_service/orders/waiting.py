@@ -13,7 +13,7 @@ from nena_shared.fleet_api.transport_order import TransportOrderState
 
 
 class OrderKind(NamedTuple):
-    """What an order says about who may do it: of orders of one kind, each vehicle says the same."""
+    """What decides which vehicles may get an order: it is the same for all orders of one kind."""
 
     intended_vehicle: str | None
     sequence: str | None
@@ -47,7 +47,7 @@ def kind_of(order: TransportOrder) -> OrderKind:
 
 
 class WaitingOrders:
-    """Finds the most urgent orders of some kinds without a look at the others.
+    """Finds the most urgent orders of some kinds without checking the others.
 
     A held order waits too, but it is of no kind: no vehicle gets it.
     """

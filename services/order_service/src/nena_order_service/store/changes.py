@@ -60,7 +60,7 @@ class Changes:
         self.missions[order_number] = document
 
     def put_vehicle(self, robot: str, document: Document) -> None:
-        """Add what is known of a vehicle."""
+        """Add a vehicle's record."""
         self.vehicles[robot] = document
 
     def put_sequence(self, sequence: OrderSequence) -> None:
@@ -99,9 +99,9 @@ def _equal_entries(order: TransportOrder, before: TransportOrder) -> int:
 
 
 class ChangeNumbers:
-    """Counts the changes of all orders of a store, over restarts and takeovers too.
+    """Counts the changes of all orders of a store, across restarts and takeovers.
 
-    They follow the order in which changes are committed and published; a step that changes an order
+    They follow the order in which changes are committed and published; a unit of work that changes an order
     several times has one number for all of its versions.
     """
 
@@ -122,7 +122,7 @@ class ChangeNumbers:
             versions.append((order.status.version, change.change_number))
 
     def begin(self, last: int) -> None:
-        """Go on behind the last number of the store."""
+        """Continue after the last number of the store."""
         self.last = self.published = last
 
     def of(self, name: str, version: int) -> tuple[int, bool]:

@@ -106,7 +106,7 @@ def _put(name: str, table: Table) -> ClauseElement:
 
 
 def equals(column: Column[Any], text: str) -> ColumnElement[bool]:
-    """Ask for rows with what a host says; PostgreSQL takes no text with NUL, so there is none."""
+    """Return a condition for text given by a host; PostgreSQL accepts no text with NUL, so none matches."""
     return false() if "\0" in text else column == text
 
 
@@ -154,7 +154,7 @@ def read_vehicles(connection: Connection) -> dict[str, str]:
 
 @dataclass(frozen=True, slots=True)
 class SequenceFilter:
-    """Which sequences are asked for, newest first; ``before`` is the number of the last one had already."""
+    """Which sequences to return, newest first; ``before`` is the number of the last one received."""
 
     finished: bool | None = None
     intended_vehicle: str | None = None
@@ -231,7 +231,7 @@ FINAL_STATES = tuple(state.value for state in TransportOrderState if state.final
 
 @dataclass(frozen=True, slots=True)
 class OrderFilter:
-    """Which orders are asked for, newest first; ``before`` is the number of the last one had already."""
+    """Which orders to return, newest first; ``before`` is the number of the last one received."""
 
     states: tuple[TransportOrderState, ...] = ()
     intended_vehicle: str | None = None
@@ -241,7 +241,7 @@ class OrderFilter:
 
 @dataclass(frozen=True, slots=True)
 class Unfinished:
-    """What a restart takes up."""
+    """What a restart restores."""
 
     orders: tuple[TransportOrder, ...]
     missions: dict[int, str]
@@ -260,9 +260,7 @@ class Unfinished:
 def write(engine: Engine, changes: Changes, fence: Fence | None = None) -> None:
     """Commit all changes together; with a fence each commit is made once, however often it is tried.
 
-    Raises:
-        FencedError: another order service has taken the store over.
-
+    Raises: FencedError: another order service has taken over the store.
     """
     texts = statements(engine)
     with engine.begin() as connection:
@@ -403,9 +401,10 @@ def read_orders(engine: Engine, wanted: OrderFilter) -> tuple[TransportOrder, ..
 
 
 def read_changes(engine: Engine, after: int, limit: int) -> tuple[tuple[int, TransportOrder], ...]:
-    """Read each order that has changed since change number ``after``, with the number of its last change.
+    """Return each order changed since change number ``after``, with the number of its last change.
 
-    The change that is longest ago comes first. An order that has changed several times comes once, as it is.
+    The oldest change comes first. An order that has changed several times is returned once, in its present
+    state.
     """
     orders = schema.transport_orders
     query = select(orders).where(orders.c.change_number > after).order_by(orders.c.change_number).limit(limit)

@@ -14,8 +14,8 @@ from nena_order_service.store.schema import StoreError, parse_url
 class InstanceLock:
     """Locks the database file itself, from :meth:`take` until :meth:`release` or the end of the process.
 
-    A second order service on the same file would send the same orders. To be released after the database is
-    closed: closing any descriptor of a file gives up SQLite's own locks on it (POSIX).
+    A second order service on the same file would send the same orders. Release it after the database is
+    closed: closing any descriptor of a file releases SQLite's own locks on it (POSIX).
     """
 
     def __init__(self, path: Path) -> None:
@@ -71,7 +71,7 @@ class InstanceLock:
         )
 
     def release(self) -> None:
-        """Let another process have the store."""
+        """Release the lock."""
         os.close(self._file)
 
 

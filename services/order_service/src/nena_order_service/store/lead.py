@@ -39,7 +39,7 @@ NOT_ANSWERED = "the database does not answer"
 
 
 class Lead:
-    """The lock and the lease, renewed in a thread of its own: a busy event loop does not lose them."""
+    """The lock and the lease, renewed in a separate thread: a busy event loop does not lose them."""
 
     def __init__(self, url: str) -> None:
         """Prepare it; nothing is opened yet.
@@ -100,11 +100,9 @@ class Lead:
             await end(holding)
 
     async def keep(self, store: Store, engine: Engine, fence: Fence) -> None:
-        """Renew the lease until cancelled; while it is not sure, the store takes no new orders.
+        """Renew the lease until cancelled; while that is uncertain, the store accepts no new orders.
 
-        Raises:
-            FencedError: another order service has it now.
-
+        Raises: FencedError: another order service has it now.
         """
         try:
             while True:
@@ -116,7 +114,7 @@ class Lead:
             self._stopped.set()
 
     async def close(self) -> None:
-        """Let another one have the lead, also while the database says nothing."""
+        """Give up the lead, even while the database does not answer."""
         self._lock.hang_up()
         await self._run(self._lock.release)
         self._thread.shutdown()
@@ -127,7 +125,7 @@ class Lead:
         self._lock.hang_up()
 
     async def _renew_until_lost(self, store: Store) -> None:
-        """Return when the lock is lost; a database that hangs says neither, and takes no orders meanwhile."""
+        """Return when the lock is lost; while the database hangs, accept no orders."""
         renewing = asyncio.ensure_future(self._run(self._renew))
         while not renewing.done():
             await asyncio.wait((renewing,), timeout=POLL)
@@ -152,7 +150,7 @@ class Lead:
             self.lease.not_before = seconds_since_boot() + LEASE_SECONDS
 
     async def _hold(self) -> None:
-        """Renew the lease while the store is made ready, which may take longer than its timeout."""
+        """Renew the lease while the store is being prepared, which may take longer than its timeout."""
         while True:
             await self._run(self._lock.keep)
             await asyncio.sleep(POLL)

@@ -1,13 +1,13 @@
-"""Which of several order services that share one PostgreSQL is the active one.
+"""Leadership among order services that share one PostgreSQL.
 
-A lock of the database, held by a connection of its own, says who may be active: it is free the moment the
-connection ends, however that comes. That alone is no fence, for a program learns late that its connection
-has ended. So each takeover raises an epoch in the store, and each commit of the active one begins with a
-look at it: a program of another epoch commits nothing any more. The epoch is the time of day in seconds, or
-one more than the last one, whichever is greater: so it also rises over a restore from a backup.
+A lock of the database, held by a separate connection, decides which one may be active: it is free the moment
+the connection ends, for whatever reason. That alone is no fence, because a program learns late that its
+connection has ended. So each takeover raises an epoch in the store, and each commit of the active service
+checks it first: a program of another epoch cannot commit. The epoch is the Unix time in seconds, or one more
+than the last one, whichever is greater: so it also rises over a restore from a backup.
 
-A message to a robot is no commit. So the active one also holds a :class:`Lease`, by its own clock, which ends
-before the database frees the lock of a program that hangs; without it nothing is published.
+A message to a robot is no commit. So the active service also holds a :class:`Lease`, by its own clock, which
+ends before the database frees the lock of a hanging program; without it nothing is published.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def seconds_since_boot() -> float:
 class Lease:
     """The right to publish, for :data:`LEASE_SECONDS` after each confirmation by the database.
 
-    The thread that asks the database renews it; every thread may ask for :meth:`term`.
+    The thread that queries the database renews it; every thread may call :meth:`term`.
     """
 
     def __init__(self) -> None:
@@ -88,7 +88,7 @@ class Lease:
         return seconds_since_boot() - (self._until - LEASE_SECONDS)
 
     def renew(self, asked_at: float) -> None:
-        """Extend the lease; ``asked_at`` is the time just before the database was asked."""
+        """Extend the lease; ``asked_at`` is the time just before the query to the database."""
         if asked_at >= self._until:
             self._term += 1
         self._until = asked_at + LEASE_SECONDS
@@ -138,9 +138,9 @@ class LeaderLock:
         return taken
 
     def keep(self) -> bool:
-        """Return whether the lock is still held, which also keeps it.
+        """Renew the lock; return whether it is still held.
 
-        It is not when the connection has ended; :meth:`take` makes a new one then.
+        It is lost when the connection has ended; :meth:`take` makes a new one then.
         """
         if self._connection is None:
             return False
@@ -168,14 +168,14 @@ class LeaderLock:
             raise
 
     def release(self) -> None:
-        """Let go of the lock and its connection."""
+        """Release the lock and close its connection."""
         connection, self._connection = self._connection, None
         if connection is not None:
             connection.invalidate()  # closes it whatever state it is in
             connection.close()
 
     def hang_up(self) -> None:
-        """End the connection from another thread, which may wait for an answer in vain."""
+        """End the connection from another thread, where this one may wait for an answer that never comes."""
         hang_up(self._engine)
 
     def _connected(self) -> Connection:
@@ -194,8 +194,8 @@ def _next(active_url: str) -> dict[str, object]:
 def begin_epoch(engine: Engine) -> int:
     """Begin a new epoch on a store that is not shared, and return it.
 
-    A store that cannot be written is no reason not to start: its commits say so. The time of day alone is the
-    epoch then.
+    A store that cannot be written does not prevent the start: its commits report it. The Unix time alone is
+    the epoch then.
     """
     try:
         with engine.begin() as connection:
@@ -224,28 +224,26 @@ def store_id(engine: Engine) -> str:
 
 @dataclass(slots=True)
 class Fence:
-    """Lets pass the commits of one epoch, each of them once; for the writer's thread alone."""
+    """Admits the commits of one epoch, each of them once; used by the writer's thread only."""
 
     epoch: int
     commits: int = 0
 
     @classmethod
     def raise_for(cls, engine: Engine, active_url: str) -> Fence:
-        """Take the store over: the program that wrote before commits nothing from now on.
+        """Take over the store: the previous program can no longer commit.
 
-        Waits for a commit that is active. Raises DBAPIError where the database does not answer.
+        Waits for a commit in progress. Raises DBAPIError if the database does not answer.
         """
         with engine.begin() as connection:
             return cls(connection.execute(_TAKE_OVER, _next(active_url)).scalar_one())
 
     def lets_pass(self, connection: Connection) -> bool:
-        """Look whether a commit may be made; False: it was made already, only the answer was lost.
+        """Return whether a commit may be made; False: it was already made, only the answer was lost.
 
-        To be asked first within the commit's transaction, which it keeps others from overtaking.
+        Call it first within the commit's transaction, whose lock keeps others from overtaking.
 
-        Raises:
-            FencedError: another order service has taken the store over.
-
+        Raises: FencedError: another order service has taken over the store.
         """
         row = connection.execute(select(schema.leadership).where(_ROW).with_for_update()).one()
         if row.epoch != self.epoch:

@@ -49,7 +49,7 @@ class StoreError(StartError):
 
 
 class FencedError(StoreError):
-    """Another order service has taken the store over; this one must not write any more."""
+    """Another order service has taken over the store; this one must not write any more."""
 
     def __init__(self) -> None:
         super().__init__(
@@ -166,12 +166,9 @@ Brought up to date they say 2: releases from then look there, and would work on 
 
 
 def migrate(engine: Engine) -> None:
-    """Make or change the tables in one transaction: all of it or nothing.
+    """Create or migrate the tables in one transaction.
 
-    Raises:
-        StoreError: the tables are of a newer release.
-        SQLAlchemyError: the database takes no change.
-
+    Raises: StoreError: the tables are from a newer release. SQLAlchemyError: the database rejects the change.
     """
     logging.getLogger("alembic").setLevel(logging.WARNING)
     with engine.begin() as connection:
@@ -267,13 +264,13 @@ def parse_url(url: str) -> URL:
 
 
 def unusable(reason: str) -> StoreError:
-    """Make the error that says why the store cannot be used, and what to do."""
+    """Return the error for an unusable store, with the reason and what to do."""
     advice = ROOM if any(sign in reason for sign in SIGNS_OF_NO_ROOM) else PLACE
     return StoreError(f"store.url cannot be used: {reason}. {advice}")
 
 
 def is_shared(url: str) -> bool:
-    """Return whether several order services may use this store, one active and the others standing by."""
+    """Return whether several order services may use this store, one active and the others on standby."""
     return parse_url(url).get_backend_name() == "postgresql"
 
 
@@ -318,7 +315,7 @@ def open_database(url: str) -> Engine:
 
 
 def reason_of(error: DBAPIError) -> str:
-    """Return in one line what the database says."""
+    """Return the database's error message in one line."""
     return (str(error.orig).strip() or type(error.orig).__name__).splitlines()[0]
 
 

@@ -38,10 +38,10 @@ LOSS_SHOWN = 3.0
 
 
 class Store:
-    """Commits changes in the order in which they come; all that wait are committed together.
+    """Commits changes in their order; all waiting ones are committed together.
 
-    A database that takes nothing is tried again for ever, with pauses: until it does, nothing that hangs on
-    the changes is published. Every method is for the event loop's thread.
+    While the database fails, it is retried for ever, with pauses: until it succeeds, nothing that depends on
+    the changes is published. Call every method in the event loop's thread.
     """
 
     def __init__(
@@ -49,11 +49,8 @@ class Store:
     ) -> None:
         """Use an open database.
 
-        Args:
-            engine: the database.
-            lock: keeps others from a file, and notices when it is gone; released by :meth:`close`.
-            fence: what keeps this program from writing to a store that another one has taken over.
-
+        Args: engine: the database. lock: keeps other processes from a file, and detects its removal; released
+        by :meth:`close`. fence: keeps this program from writing to a store that another one has taken over.
         """
         self._engine = engine
         self._lock = lock
@@ -79,7 +76,7 @@ class Store:
 
     @property
     def why_not_ready(self) -> str:
-        """Why new orders may not be taken; empty when they may."""
+        """Return why new orders cannot be accepted; empty if they can."""
         full = "too many changes are waiting to be written" if len(self._then) >= WAITING_LIMIT else ""
         return self._lost() or self.problem or self.lead_problem or full
 
@@ -95,11 +92,11 @@ class Store:
 
     @property
     def ready(self) -> bool:
-        """Whether new orders may be taken."""
+        """Return whether new orders can be accepted."""
         return not self.why_not_ready
 
     def commit(self, changes: Changes, then: Callable[[], None]) -> None:
-        """Call ``then`` once ``changes`` and all that came before them are committed.
+        """Call ``then`` once ``changes`` and all earlier ones are committed.
 
         Without changes, and with nothing before them, it is called at once.
         """
@@ -114,11 +111,9 @@ class Store:
     async def run(self) -> None:
         """Write until cancelled.
 
-        Raises:
-            SQLAlchemyError: the database refuses the changes as such; going on would lose them.
-            FencedError: another order service has taken the store over.
-            StoreLostError: the database file was deleted or replaced.
-
+        Raises: SQLAlchemyError: the database rejects the changes as such; continuing would lose them.
+        FencedError: another order service has taken over the store. StoreLostError: the database file was
+        deleted or replaced.
         """
         while True:
             await self._wake.wait()
@@ -144,7 +139,7 @@ class Store:
         return True
 
     def close(self) -> None:
-        """End the threads, close the database and let go of its lock; what is being asked is given up."""
+        """End the threads, close the database and release its lock; pending queries are abandoned."""
         hang_up(self._engine)
         self._writer.shutdown()
         self._reader.shutdown()
@@ -153,7 +148,7 @@ class Store:
             self._lock.release()
 
     async def unfinished(self) -> Unfinished:
-        """Read all that a restart takes up."""
+        """Return all that a restart restores."""
         found = await self._read(lambda: database.read_unfinished(self._engine))
         self.numbers.begin(found.last_change)
         return found
@@ -233,7 +228,7 @@ class Store:
                 return
 
     def _lost(self) -> str:
-        """Look at the database file; return why it is not the one that was opened, empty while it is."""
+        """Check the database file; return why it is not the one that was opened, empty if it is."""
         if not self._loss and self._lock and (loss := self._lock.loss()):
             log.critical("accepting no more orders; the order service exits", reason=loss)
             self._loss = loss
@@ -258,7 +253,7 @@ class Store:
 
 
 def _twice(work: Callable[[], T]) -> Callable[[], T]:
-    """Let ``work`` be tried once more where the connection has ended since it was used last."""
+    """Return ``work`` with one retry if the connection has ended since its last use."""
 
     def tried() -> T:
         try:

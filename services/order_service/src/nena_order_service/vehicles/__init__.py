@@ -1,1 +1,1 @@
-"""Vehicles: who they are, where they are, what they do without an order."""
+"""Vehicles: their names and robots, their positions, and what they do without an order."""

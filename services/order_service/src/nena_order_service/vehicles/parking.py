@@ -72,7 +72,7 @@ class ParkingPositions:
         }
 
     def choose(self, model: Vehicle | None, here: str | None, prospect: Prospect) -> Parking:
-        """Return the best position for a vehicle that stands at ``here``, None: beside any point."""
+        """Return the best position for a vehicle at the point ``here``; None: it is on no point."""
         properties = model.properties if model else {}
         if assigned := properties.get(ASSIGNED_PARKING_POSITION):
             return self._assigned(assigned, here, prospect)
@@ -128,7 +128,7 @@ def _best(free: Sequence[_Ranked], prospect: Prospect) -> _Ranked | None:
 
 
 def _priority(point: Point) -> float:
-    """Return the priority of a position; those that have none come last."""
+    """Return the priority of a position; positions without one come last."""
     try:
         return float(int(point.properties[PARKING_POSITION_PRIORITY]))
     except (KeyError, ValueError):
@@ -137,7 +137,7 @@ def _priority(point: Point) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Recharging:
-    """Where to recharge by which operation; without a ``location`` nowhere, and ``reason`` says why."""
+    """Where to recharge, and by which operation; without a ``location`` ``reason`` says why nowhere."""
 
     location: str = ""
     operation: str = ""
@@ -172,9 +172,9 @@ class RechargeLocations:
     ) -> Recharging:
         """Return the best location for a vehicle.
 
-        ``cost`` is that of the way to a point, infinity where there is none; ``taken`` returns of a point
-        whether another vehicle is there or is to come there, ``held_in_vain`` whether that one has no need
-        to be there: such a place is taken where none is free.
+        ``cost`` returns the cost of the route to a point, infinity if there is none. ``taken`` returns
+        whether another vehicle is at a point or is going there, ``held_in_vain`` whether that vehicle has no
+        need to be there: such a place is used if none is free.
         """
         properties = model.properties if model else {}
         assigned = properties.get(ASSIGNED_RECHARGE_LOCATION)

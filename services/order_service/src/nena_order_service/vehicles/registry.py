@@ -30,8 +30,7 @@ class FleetVehicle:
 class VehicleRegistry:
     """The vehicles, by their names and by their robots' keys.
 
-    A vehicle whose plant model says no more is the robot of manufacturer ``NeNa`` whose serial number is the
-    vehicle's name.
+    By default a vehicle is the robot of manufacturer ``NeNa`` whose serial number is the vehicle's name.
     """
 
     def __init__(self, plant: PlantModel, *, default_map_id: str, adopt_unknown: bool) -> None:
@@ -51,7 +50,7 @@ class VehicleRegistry:
         return iter(tuple(self._by_name.values()))
 
     def names(self) -> frozenset[str]:
-        """Return the names of the vehicles that may get orders; asked for with each order, so kept."""
+        """Return the names of the vehicles that may get orders; cached, because each order needs them."""
         if self._names is None:
             self._names = frozenset(vehicle.name for vehicle in self if not vehicle.obstacle)
         return self._names
@@ -75,7 +74,7 @@ class VehicleRegistry:
         return self._by_key.get(key)
 
     def discover(self, key: RobotKey) -> FleetVehicle:
-        """Return the vehicle that is this robot; one that is new is listed from now on."""
+        """Return the vehicle that is this robot; a new one is added."""
         known = self._by_key.get(key)
         if known:
             return known
@@ -90,7 +89,7 @@ class VehicleRegistry:
         return self._add(replace(vehicle, profile=replace(vehicle.profile, map_id=map_id)))
 
     def learn_frame(self, vehicle: FleetVehicle, *, transforms_itself: bool) -> None:
-        """Let a robot say by its factsheet whether it speaks in the plant's frame."""
+        """Note from a robot's factsheet whether it uses the plant's frame."""
         if vehicle.profile.transforms_itself is not transforms_itself:
             self._add(replace(vehicle, profile=replace(vehicle.profile, transforms_itself=transforms_itself)))
 

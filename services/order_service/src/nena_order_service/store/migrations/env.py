@@ -1,4 +1,4 @@
-"""Run by Alembic: brings the tables of the connection that it was given to the wanted revision."""
+"""Run by Alembic: migrates the tables of the given connection to the requested revision."""
 
 from __future__ import annotations
 

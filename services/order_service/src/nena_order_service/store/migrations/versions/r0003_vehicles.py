@@ -10,7 +10,7 @@ down_revision = "0002"
 
 
 def upgrade() -> None:
-    """Add the table; until a robot is heard again nothing is known of it."""
+    """Add the table; a robot is unknown until it reports again."""
     op.create_table(
         "vehicles",
         sa.Column("robot", sa.String(400), primary_key=True),

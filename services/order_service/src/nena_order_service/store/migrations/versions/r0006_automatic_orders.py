@@ -1,4 +1,4 @@
-"""Which orders the order service has made by itself; before, their names alone said so."""
+"""Marks the orders that the order service has created itself; before, only their names showed it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ PAGE = 1000
 
 
 def upgrade() -> None:
-    """Note it in the documents of orders that are to the letter as it has made them."""
+    """Mark the orders whose documents are exactly as the order service creates them."""
     connection = op.get_bind()
     named = sa.or_(ORDERS.c.name.startswith("Park-"), ORDERS.c.name.startswith("Recharge-"))
     query = sa.select(ORDERS.c.number, ORDERS.c.document).where(named, ORDERS.c.idempotency_key.is_(None))
