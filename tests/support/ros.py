@@ -33,13 +33,13 @@ if "ROS_LOG_DIR" not in os.environ:
     os.environ["ROS_LOG_DIR"] = _log_dir
     atexit.register(shutil.rmtree, _log_dir, ignore_errors=True)
 
-import rclpy  # noqa: E402 - the environment comes first
 from rclpy.context import Context  # noqa: E402
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.node import Node  # noqa: E402
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy  # noqa: E402
-from rclpy.signals import SignalHandlerOptions  # noqa: E402
 
+from nena_edge_agent.nav2 import session  # noqa: E402 - the environment comes first
+from nena_edge_agent.nav2.session import joined_domain  # noqa: E402
 from support.waiting import PATIENCE  # noqa: E402
 
 T = TypeVar("T")
@@ -67,13 +67,8 @@ class Participant:
     """Seconds after which it has seen who else is in the domain."""
 
     def __init__(self, domain_id: int) -> None:
-        self.context = Context()
-        rclpy.init(
-            args=[],
-            context=self.context,
-            domain_id=domain_id,
-            signal_handler_options=SignalHandlerOptions.NO,
-        )
+        self._stack = ExitStack()  # is never closed
+        self.context = self._stack.enter_context(joined_domain(domain_id))
         self._node = self.node("_test_process", "")  # hidden, as for `ros2 node list`
         self._since = time.monotonic()
 
@@ -94,6 +89,7 @@ class Participant:
         return seen and bool(self._node.get_node_names() == [self._node.get_name()])
 
 
+_joining = threading.Lock()
 _participants: dict[int, Participant] = {}
 _reservations: list[socket.socket] = []
 _free: list[int] = []
@@ -102,9 +98,19 @@ _free: list[int] = []
 
 def _participant(domain_id: int) -> Participant:
     """Return this process in a domain; it stays there until it ends."""
-    if domain_id not in _participants:
-        _participants[domain_id] = Participant(domain_id)
-    return _participants[domain_id]
+    with _joining:
+        if domain_id not in _participants:
+            _participants[domain_id] = Participant(domain_id)
+        return _participants[domain_id]
+
+
+@contextmanager
+def _kept_domain(domain_id: int) -> Iterator[Context]:
+    """Stand in for the agent's own participant, which it removes at the end of its ROS session."""
+    yield _participant(domain_id).context
+
+
+session.joined_domain = _kept_domain
 
 
 @contextmanager

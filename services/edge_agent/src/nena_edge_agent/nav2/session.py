@@ -5,8 +5,8 @@ from __future__ import annotations
 import asyncio
 import threading
 from collections import deque
-from collections.abc import Callable
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from typing import Any, Generic, TypeVar
 
 import rclpy
@@ -59,6 +59,17 @@ class RosMailbox(Generic[T]):
 
 
 log = get_logger(__name__)
+
+
+@contextmanager
+def joined_domain(domain_id: int) -> Iterator[Context]:
+    """Join a ROS domain with a participant of its own; its nodes must have been destroyed before the end."""
+    context = Context()
+    rclpy.init(args=[], context=context, domain_id=domain_id, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        yield context
+    finally:
+        context.try_shutdown()
 
 
 class RosSession:
@@ -206,14 +217,7 @@ class RosSession:
             self.post(lambda: self._end(reason))
 
     def _open(self, stack: ExitStack, populate: Callable[[Any], None]) -> None:
-        context = Context()
-        rclpy.init(
-            args=[],
-            context=context,
-            domain_id=self._domain_id,
-            signal_handler_options=SignalHandlerOptions.NO,
-        )
-        stack.callback(context.try_shutdown)
+        context = stack.enter_context(joined_domain(self._domain_id))
         node = Node(
             self._node_name,
             context=context,
