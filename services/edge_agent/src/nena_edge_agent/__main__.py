@@ -82,7 +82,7 @@ async def _serve_alone(settings: EdgeAgentSettings, stop: asyncio.Event) -> None
 
 
 def _noted(make: Callable[[], RobotAgent], agents: dict[RobotKey, RobotAgent]) -> Callable[[], RobotAgent]:
-    """Let ``agents`` hold the newest agent of each robot."""
+    """Return a maker that also stores the newest agent of each robot in ``agents``."""
 
     def noted() -> RobotAgent:
         agent = make()
@@ -149,7 +149,7 @@ def _agent_maker(
 
 
 def watch_of_map(settings: EdgeAgentSettings, server: MapServer | None) -> MapWatch:
-    """Return the watch of a robot's map; ``server`` says which map it has."""
+    """Return the watch of a robot's map; ``server`` has its map ID."""
 
     def map_id() -> str:
         return server.map_id if server is not None else settings.map_id
@@ -236,7 +236,7 @@ async def _run_all(
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; the exit status is 0 after a signal, 1 after a failure, 2 for bad settings.
 
-    What a robot is not served with is loaded only where it is asked for: its memory is small.
+    Parts that the settings do not need are never imported, to save the robot's memory.
     """
     arguments = sys.argv[1:] if argv is None else list(argv)
     if arguments[:1] == ["doctor"]:

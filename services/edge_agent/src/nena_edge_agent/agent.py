@@ -103,10 +103,11 @@ class Vitals:
 
 
 class RobotAgent:
-    """One robot. Only its own task changes it; all others put events into its mailbox.
+    """One robot. Only its own task changes its state; all others put events into its mailbox.
 
-    The rule is *durable before visible*: a change survives the end of the process before the driver is told,
-    and a power cut before anything else has an effect, including the state that reports it.
+    The rule is *durable before visible*: a change is written to the journal before the driver gets a command,
+    so that it survives the end of the process, and synchronised to disk before anything else has an effect,
+    including the state that reports it.
     """
 
     _logged_ends: frozenset[str] = frozenset()
@@ -247,7 +248,7 @@ class RobotAgent:
         return effects
 
     def _log_new_errors(self) -> None:
-        """Log each error that the state shows from now on; one whose text alone changes is logged once."""
+        """Log each error that is new in the state; one whose text alone changes is logged once."""
         shown = self._core.robot.errors.entries
         if shown is self._logged_errors:
             return

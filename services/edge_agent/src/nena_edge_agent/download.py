@@ -41,7 +41,7 @@ class DownloadSettings(SettingsGroup):
 
 
 class DownloadError(Exception):
-    """A file was not fetched; the text says why."""
+    """A file was not downloaded; the text says why."""
 
 
 async def download(link: str, digest: str | None, settings: DownloadSettings) -> bytes:
@@ -73,7 +73,7 @@ async def download(link: str, digest: str | None, settings: DownloadSettings) ->
 
 
 def _fetch(link: str, settings: DownloadSettings) -> bytes:
-    """Block until the file is fetched; both timeouts end it, also after the caller has given up."""
+    """Block until the file is downloaded; both timeouts end it, even after the caller has given up."""
     request = Request(link, headers={"User-Agent": "nena-edge-agent"})  # noqa: S310 - the scheme was checked
     end = monotonic() + settings.timeout
     parts: list[bytes] = []
@@ -94,7 +94,7 @@ def _fetch(link: str, settings: DownloadSettings) -> bytes:
 
 
 def _check(link: str, size: int, end: float, settings: DownloadSettings) -> None:
-    """Raise for a file that is too large, or comes too slowly: the time is over at ``end``, monotonic."""
+    """Raise for a file that is too large or too slow: it must be complete at ``end``, monotonic."""
     if size > settings.maximum_bytes:
         message = f"{link} is larger than {settings.maximum_bytes} bytes"
         raise DownloadError(message)
@@ -104,7 +104,7 @@ def _check(link: str, size: int, end: float, settings: DownloadSettings) -> None
 
 
 class _Reach(StrEnum):
-    """What an address reaches: a server could use the robot to ask what only the robot can ask."""
+    """The network range of an address: a server must not use the robot to reach what it cannot reach."""
 
     NETWORK = "the network"
     ROBOT = "the robot itself"
@@ -125,7 +125,7 @@ class _Reach(StrEnum):
 
 
 class _Journey:
-    """The connections of one download: the first goes where the link says, the others where servers say."""
+    """The connections of one download: the first by the link, the others by redirects."""
 
     def __init__(self) -> None:
         self._first: _Reach | None = None

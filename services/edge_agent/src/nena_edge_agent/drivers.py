@@ -31,14 +31,12 @@ def driver_maker(
     extensions: Sequence[NodeExtension] = (),
     map_server: MapServer | None = None,
 ) -> DriverMaker:
-    """Return what makes the driver of robot ``index``, from 0.
+    """Return a maker of the driver of robot ``index``, from 0.
 
-    ``control`` gets hold of a loopback robot, ``switch`` of the ROS session of another one, on whose nodes
+    ``control`` gets a loopback robot, ``switch`` the ROS session of another one, on whose nodes
     ``extensions`` have topics and services of their own; ``map_server`` has its maps.
 
-    Raises:
-        StartError: ROS 2 for Python is wanted and missing.
-
+    Raises: StartError: ROS 2 for Python is required and missing.
     """
     if settings.driver == "nav2":
         return _nav2(settings, clock, switch, extensions, map_server)

@@ -52,7 +52,7 @@ def braking_distance(description: DescriptionSettings) -> float:
 def make_capabilities(
     settings: EdgeAgentSettings, registry: ActionRegistry, offers: Nav2Offers = NO_OFFERS
 ) -> Capabilities:
-    """Return what the core needs to know of the settings and of what Nav2 offers."""
+    """Return what the core needs to know about the settings and Nav2's features."""
     drive, goals = settings.drive, settings.ros.goals
     by_nav2 = settings.driver == "nav2"
     return Capabilities(
@@ -89,7 +89,7 @@ def make_factsheet(
     capabilities: Capabilities,
     limits: DriveLimits | None = None,
 ) -> Factsheet:
-    """Make the factsheet message under ``header``; ``limits`` are those of navigation, where it has told."""
+    """Make the factsheet (section 7.10) under ``header``; ``limits`` are navigation's, None: not reported."""
     return Factsheet(
         **header,
         type_specification=_type(settings, capabilities),

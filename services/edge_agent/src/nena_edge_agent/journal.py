@@ -34,9 +34,7 @@ CHECKSUM = 9
 def sole_user(folder: Path, robot: RobotKey) -> Iterator[None]:
     """Lock the journal of ``robot`` in this folder against other programs until the block ends.
 
-    Raises:
-        StartError: another program holds the lock, or the folder cannot be used.
-
+    Raises: StartError: another program holds the lock, or the folder cannot be used.
     """
     path = _at_home(folder) / f"{_file_name(robot)}.lock"
     with ExitStack() as stack:
@@ -112,13 +110,11 @@ class Journal:
         raise UnreadableJournalError(message)
 
     def write(self, memory: Memory) -> None:
-        """Replace the record; when this returns it survives the process, after :meth:`sync` a power cut.
+        """Replace the record; on return it survives the process, and after :meth:`sync` a power cut.
 
-        Both block for the time of the disk: to be called outside of the event loop's thread.
+        Both block for the time of the disk: call them outside of the event loop's thread.
 
-        Raises:
-            OSError: it could not be written; the old record stands.
-
+        Raises: OSError: it could not be written; the old record is kept.
         """
         record = memory.model_dump_json(exclude_defaults=True).encode()
         self._begun = number = self._next()
@@ -127,11 +123,9 @@ class Journal:
             self._number, self._made = number, True
 
     def sync(self) -> None:
-        """Wait until the disk has the record that was written last.
+        """Wait until the disk has the last record.
 
-        Raises:
-            OSError: the disk has failed; whether it has the record is not known.
-
+        Raises: OSError: the disk has failed; whether it has the record is unknown.
         """
         with self._file.open("rb") as file:
             os.fdatasync(file.fileno())
@@ -226,9 +220,9 @@ def _blocks(half: bytes) -> list[bytes]:
 
 
 def _numbers(half: bytes) -> list[int | None]:
-    """Return the number of each block's record, 0 for one that was never written, None for a damaged one.
+    """Return the number of each block's record, 0 if it was never written, None if it is damaged.
 
-    A checksum also holds the count of blocks, so a file that was cut is damaged.
+    A checksum also covers the count of blocks, so a truncated file counts as damaged.
     """
     blocks = _blocks(half)
     return [_number(block, len(blocks)) for block in blocks]
@@ -267,7 +261,7 @@ def _is_of_an_earlier_release(half: bytes) -> bool:
 def _file_name(robot: RobotKey) -> str:
     """Return the robot's unique file name: manufacturer, full stop, serial number.
 
-    Characters of the standard stay as they are; all others are percent-encoded as in a URL.
+    Characters of the standard stay unchanged; all others are percent-encoded as in a URL.
     """
     manufacturer = quote(robot.manufacturer, safe=" ").replace(".", "%2E")
     return f"{manufacturer}.{quote(robot.serial_number, safe=' :')}"
@@ -332,12 +326,9 @@ class Recorder:
     ) -> None:
         """Prepare to record what differs from ``version``.
 
-        Args:
-            journal: where to; None: nowhere.
-            version: of what the journal holds.
-            tell: called after each record with the problem of the disk, "" for none.
-            wake: called when a disk that hung has answered: the newest record can be written then.
-
+        Args: journal: the journal; None: nothing is recorded. version: of the journal's content. tell: called
+        after each record with the problem of the disk, "" for none. wake: called when a disk that hung has
+        answered: the newest record can be written then.
         """
         self._journal = journal
         self._durable: Version | None = version

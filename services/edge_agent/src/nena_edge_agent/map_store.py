@@ -15,11 +15,11 @@ from nena_shared.vda5050.state import Map, MapStatus
 
 
 class MapRefusedError(Exception):
-    """A map cannot be taken, enabled or deleted; the text says why."""
+    """A map cannot be stored, enabled or deleted; the text says why."""
 
 
 class DuplicateMapError(MapRefusedError):
-    """A map of the same id and version is there."""
+    """A map with the same ID and version already exists."""
 
     def __init__(self, map_id: str, map_version: str) -> None:
         super().__init__(f"the robot already has map '{map_id}' in version '{map_version}'")
@@ -31,9 +31,9 @@ def find(maps: Iterable[Map], map_id: str, map_version: str) -> Map | None:
 
 
 class MapStore(Protocol):
-    """Keeps maps by mapId and mapVersion; at most one version of each mapId is enabled.
+    """Keeps maps by mapId and mapVersion; at most one version of each mapId is enabled (3.0 section 6.3).
 
-    The methods may take their time; each is called when the one before has ended.
+    The methods may take their time; each is called when the previous one has ended.
     """
 
     @property
@@ -42,11 +42,9 @@ class MapStore(Protocol):
         ...
 
     async def install(self, map_id: str, map_version: str, content: bytes) -> None:
-        """Keep a new map, DISABLED; it touches no other one.
+        """Store a new map, DISABLED; other maps stay unchanged.
 
-        Raises:
-            MapRefusedError: it is not taken.
-
+        Raises: MapRefusedError: it is not accepted.
         """
         ...
 
@@ -75,11 +73,9 @@ UNFINISHED = ".new"
 
 
 class FolderMapStore:
-    """Keeps what it is given as it is; a robot that must do more with a map has a store of its own.
+    """Stores maps unchanged; a robot that needs more than that has its own store.
 
-    Raises:
-        StartError: the folder cannot be used.
-
+    Raises: StartError: the folder cannot be used.
     """
 
     def __init__(self, folder: Path, first: Map, *, maximum: int) -> None:
@@ -96,11 +92,9 @@ class FolderMapStore:
             raise StartError(message) from error
 
     async def install(self, map_id: str, map_version: str, content: bytes) -> None:
-        """Keep a new map, DISABLED.
+        """Store a new map, DISABLED.
 
-        Raises:
-            MapRefusedError: it is there already, or there is no room.
-
+        Raises: MapRefusedError: it already exists, or there is no room.
         """
         if find(self.maps, map_id, map_version):
             raise DuplicateMapError(map_id, map_version)
@@ -217,5 +211,5 @@ def _write_through(path: Path, content: bytes) -> None:
 
 
 def _name(text: str) -> str:
-    """Return the name of a folder; with its first letter none is a relative path or one of our own files."""
+    """Return the name of a folder; its first letter keeps it from being a relative path or a file of ours."""
     return "=" + quote(text, safe=" ").replace(".", "%2E")

@@ -107,7 +107,7 @@ def client_id_of(robot: RobotKey, settings: MqttSettings) -> str:
 
 
 class RobotMessages:
-    """Makes the messages of one robot, ready for the link; each takes the next headerId of its topic."""
+    """Makes the messages of one robot, ready for the link; each gets the next headerId of its topic."""
 
     def __init__(
         self,

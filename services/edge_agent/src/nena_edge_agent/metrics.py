@@ -232,9 +232,7 @@ class MetricsServer:
     async def run(self) -> None:
         """Serve until cancelled.
 
-        Raises:
-            StartError: the port is taken, or the address is not one of this machine.
-
+        Raises: StartError: the port is in use, or the address does not belong to this machine.
         """
         host, port = self._settings.host, self._settings.port
         try:

@@ -44,11 +44,9 @@ class Nav2MapStore(FolderMapStore):
             server.expect(current.map_id, self._file(current.map_id, current.map_version))
 
     async def install(self, map_id: str, map_version: str, content: bytes) -> None:
-        """Keep a new map, DISABLED.
+        """Store a new map, DISABLED.
 
-        Raises:
-            MapRefusedError: it is no map of Nav2, it is there already, or there is no room.
-
+        Raises: MapRefusedError: it is not a Nav2 map, it already exists, or there is no room.
         """
         try:
             await asyncio.to_thread(MapBundle.of, content)
@@ -59,9 +57,7 @@ class Nav2MapStore(FolderMapStore):
     async def enable(self, map_id: str, map_version: str) -> None:
         """Make map_server use this map, and no other one.
 
-        Raises:
-            MapRefusedError: it is not there, or map_server does not take it.
-
+        Raises: MapRefusedError: it is not stored, or map_server does not accept it.
         """
         self._expect(map_id, map_version)
         if self._is_foreign(map_id, map_version):

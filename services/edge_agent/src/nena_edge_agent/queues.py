@@ -88,7 +88,7 @@ class Mailbox:
             return
 
     def _keep_order(self, event: Event) -> None:
-        """Put ``event`` behind the pose that came before it: an arrival is judged by its own pose."""
+        """Put ``event`` after the pose that came before it: an arrival is judged by its own pose."""
         self._flush_newest()
         self._events.append(event)
 

@@ -228,7 +228,7 @@ class EdgeAgentSettings(ServiceSettings):
 
     @property
     def drives_ahead(self) -> bool:
-        """Whether the driver goes over several nodes with one goal."""
+        """Return whether the driver passes several nodes with one goal."""
         return self.driver == "nav2" and self.ros.navigation is Navigation.THROUGH_POSES
 
     @property

@@ -46,7 +46,7 @@ class Work:
 
 
 class Behaviours:
-    """The servers of one robot; ``wake`` lets it move."""
+    """The behaviour servers of one robot; ``wake`` makes it move."""
 
     def __init__(
         self, session: RosSession, robot: Robot, docks: tuple[str, ...], wake: Callable[[], None]
@@ -149,7 +149,7 @@ class Behaviours:
             self._answer(work.name)
 
     def _answer(self, name: str) -> None:
-        """Answer those who wait for a goal that has ended."""
+        """Answer the clients that wait for a goal that has ended."""
         for goal_id in [each for each in self._waiting if each in self._ended]:
             status, code = self._ended[goal_id]
             response = self._types[name].Impl.GetResultService.Response(status=int(status))

@@ -104,7 +104,7 @@ class Stuck(Lasting):
 
 
 class CollisionStop(Lasting):
-    """The collision monitor stops the robot; the navigator does not know."""
+    """The collision monitor stops the robot; the navigator is not informed."""
 
     kind: Literal["collision_stop"] = "collision_stop"
     polygon: str = Field("PolygonStop", max_length=100, description="Name of the field that is violated.")

@@ -102,7 +102,7 @@ class GridMap:
 
 
 def hall(*, min_x: float, min_y: float, max_x: float, max_y: float, resolution: float) -> GridMap:
-    """Create the map of a hall with walls, two cells thick, just outside the given bounds (m)."""
+    """Return the map of a hall with walls, two cells thick, just outside the given bounds (m)."""
     wall = 2
     inner_width = math.ceil((max_x - min_x) / resolution)
     inner_height = math.ceil((max_y - min_y) / resolution)
@@ -157,7 +157,7 @@ class Motion:
 
     @property
     def standing(self) -> bool:
-        """Whether the robot stands still."""
+        """Return whether the robot is at standstill."""
         return self.speed == 0.0 and self.yaw_rate == 0.0
 
 
@@ -205,7 +205,7 @@ def _wanted(pose: Pose, target: Pose, limits: Limits, behind: float) -> tuple[fl
 
 
 def _turn(error: float, limits: Limits) -> float:
-    """Yaw rate that takes the error away and can be braked in time."""
+    """Return a yaw rate that removes the error and can be braked in time."""
     braking = math.sqrt(2.0 * limits.yaw_acceleration * abs(error))
     return math.copysign(min(limits.yaw_rate, HEADING_GAIN * abs(error), braking), error)
 

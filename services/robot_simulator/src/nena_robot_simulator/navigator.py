@@ -131,7 +131,10 @@ class Navigator:
         return True
 
     def tick(self, now: float, progress: Progress, error_code: int = 0) -> None:
-        """Run one cycle; ``progress`` is towards :attr:`target`, ``error_code`` says why it failed."""
+        """Run one cycle.
+
+        ``progress`` is towards :attr:`target`, ``error_code`` is the reason of a failure.
+        """
         if self._current is None:
             return
         if self._halted_at is not None:
@@ -297,7 +300,7 @@ class Drive:
         return _length([*self._via, self.end]) if self.end is not None else 0.0
 
     def fail(self, error_code: int) -> None:
-        """Let the controller give up."""
+        """Make the controller give up."""
         self.end, self.error_code, self.recovery = None, error_code, None
 
     def left(self, pose: Pose) -> float:

@@ -191,7 +191,7 @@ class RobotNode:
         return [self._map, served, *(map_services(self._servers, self._use_map) if self._offers else ())]
 
     def _use_map(self, found: GridMap) -> OccupancyGrid:
-        """Take another map, as map_server does when it loads one; where the robot is on it stays open."""
+        """Use another map, as map_server does when it loads one; the robot's pose on it is unknown."""
         self._hall = found
         self._robot.use_map(found)
         self._publish_map()

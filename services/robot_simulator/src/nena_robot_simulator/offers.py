@@ -41,7 +41,7 @@ def interface(name: str) -> Any | None:  # noqa: ANN401 - rclpy carries no types
 
 
 def map_services(servers: ServerEndpoints, use: Callable[[GridMap], Any]) -> list[Any]:
-    """Serve what map_server offers beside its map; ``use`` takes a map over and returns its message."""
+    """Serve map_server's services beside its map; ``use`` switches to a map and returns its message."""
     kind = interface("nav2_msgs/srv/LoadMap")
     if kind is None:
         return []
@@ -70,7 +70,7 @@ def costmap_services(session: RosSession, cleared: Callable[[str], None]) -> Non
 
 
 def costmap_parameters(session: RosSession, footprint: str) -> None:
-    """Serve the parameters of the local costmap: none, unless all that are asked for are known."""
+    """Serve the parameters of the local costmap: none, unless all requested ones exist."""
 
     def tell(request: GetParameters.Request, response: GetParameters.Response) -> None:
         if footprint and set(request.names) == {"footprint"}:
@@ -132,6 +132,6 @@ class Offers:
             self._collision.publish(message)
 
     def _on_speed_limit(self, message: Any) -> None:  # noqa: ANN401
-        """Take a limit like Regulated Pure Pursuit: one above the robot's own speed makes it faster."""
+        """Apply a limit like Regulated Pure Pursuit: one above the robot's own speed makes it faster."""
         limit = float(message.speed_limit)
         self._robot.limit_speed(limit, percentage=bool(message.percentage))

@@ -122,7 +122,7 @@ class Robot:
 
     @property
     def resting(self) -> bool:
-        """Whether the robot stands still without a goal; only a request can change that."""
+        """Return whether the robot is at standstill without a goal; only a request can change that."""
         if self._drive is not None or self.behaviour is not None:
             return False
         return self._motion.standing and not any(each.busy for each in self._navigators.values())
@@ -188,7 +188,7 @@ class Robot:
         )
 
     def use_map(self, hall: GridMap) -> None:
-        """Plan on another map from now on."""
+        """Plan on another map."""
         self._hall = hall
 
     def keep_out(self, mask: GridMap) -> None:
@@ -209,7 +209,7 @@ class Robot:
         self._localisation.initialise()
 
     def force_estimate(self) -> None:
-        """Make the next scan yield an estimate even if the robot stands still."""
+        """Make the next scan yield an estimate even at standstill."""
         self._localisation.force()
 
     def scan(self) -> Estimate | None:
@@ -260,13 +260,13 @@ class Robot:
         self.set_navigators()
 
     def _set_dead(self, server: Server, *, dead: bool) -> None:
-        """Let a server die or start again; what it knew is gone."""
+        """Make a server die or start again; its state is lost."""
         self.servers.set_dead(server, dead=dead)
         if server is Server.LOCALISATION and dead:
             self._localisation.forget()
 
     def set_navigators(self) -> None:
-        """Let the action servers accept goals according to the lifecycle of bt_navigator."""
+        """Make the action servers accept goals according to the lifecycle of bt_navigator."""
         gone = self.faults.on(faults.Unconfigured) or not self.servers.there(Server.NAVIGATOR)
         active = self.servers.state(Server.NAVIGATOR) is LifecycleState.ACTIVE
         for navigator in self._navigators.values():
@@ -322,14 +322,14 @@ class Robot:
         return pose if frame_id == self._settings.map_frame else None
 
     def _look_for_transform(self, seconds: float) -> None:
-        """Let the controller give up a robot that has no place for a while."""
+        """Make the controller give up when the robot has had no position for a while."""
         lost = not self._localisation.known or not self.servers.works(Server.LOCALISATION)
         self._unlocalised_for = self._unlocalised_for + seconds if lost else 0.0
         if self._drive is not None and self._unlocalised_for >= TRANSFORM_TIMEOUT:
             self._drive.fail(ErrorCode.CONTROLLER_TF)
 
     def _end_alone(self, now: float) -> None:
-        """Let a controller without a navigator end its drive where its path ends."""
+        """End the drive of a controller without a navigator at the end of its path."""
         drive, driven = self._drive, self.servers.runs(Server.CONTROLLER)
         if drive is not None and not (driven and drive.progress(self.pose, now) is Progress.UNDERWAY):
             self._drive = None

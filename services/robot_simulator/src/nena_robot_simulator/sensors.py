@@ -90,7 +90,7 @@ class Localisation:
         self._known = False
 
     def force(self) -> None:
-        """Run the filter on the next scan even if the robot stands still (``request_nomotion_update``)."""
+        """Run the filter on the next scan even at standstill (``request_nomotion_update``)."""
         self._forced = True
 
     def scan(self, true: Pose) -> Estimate | None:

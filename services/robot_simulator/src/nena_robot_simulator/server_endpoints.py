@@ -1,4 +1,4 @@
-"""What each process of Nav2 has in the ROS graph beside its own work: lifecycle and parameters.
+"""The endpoints that each process of Nav2 has beside its own work: lifecycle and parameters.
 
 A process that dies takes all of its endpoints along; one that hangs keeps them and answers nothing.
 """
@@ -55,7 +55,7 @@ class ServerEndpoints:
         self._events: dict[Server, Any] = {}
 
     def show(self) -> None:
-        """Let each server join or leave the ROS graph, as it runs or has died."""
+        """Make each server join or leave the ROS graph, as it runs or has died."""
         for server in Server:
             there = self._robot.servers.there(server)
             if there and server not in self._open:
@@ -125,7 +125,7 @@ class ServerEndpoints:
 def _tell(
     values: Mapping[str, Value], request: GetParameters.Request, response: GetParameters.Response
 ) -> None:
-    """Return the parameters asked for; as with rclcpp none at all where one of them does not exist."""
+    """Return the requested parameters; as with rclcpp, none at all if one of them does not exist."""
     if all(name in values for name in request.names):
         response.values = [_parameter(values[name]) for name in request.names]
 

@@ -90,11 +90,11 @@ class Servers:
         return manager not in self._broken and all(map(self.works, MANAGED[manager]))
 
     def set_dead(self, server: Server, *, dead: bool) -> None:
-        """Let a process die, or start again."""
+        """Make a process die, or start again."""
         (self._dead.add if dead else self._dead.discard)(server)
 
     def set_hung(self, server: Server, *, hung: bool) -> None:
-        """Let a process hang, or go on."""
+        """Make a process hang, or continue."""
         (self._hung.add if hung else self._hung.discard)(server)
 
     def set_state(self, server: Server, state: LifecycleState) -> None:
@@ -116,7 +116,7 @@ class Servers:
         return True
 
     def advance(self, now: float) -> bool:
-        """Let the lifecycle managers look at their bonds; return whether a state has changed."""
+        """Run the lifecycle managers' bond checks; return whether a state has changed."""
         changed = False
         for manager, group in MANAGED.items():
             missing = self.runs(manager) and not all(map(self.runs, group))

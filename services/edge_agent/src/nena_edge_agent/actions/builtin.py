@@ -66,7 +66,7 @@ class Wait:
 
 
 class TimedOperation:
-    """Waits for the set time, then takes or hands over the load."""
+    """Waits for the set time, then picks up or drops the load."""
 
     def __init__(self, settings: OperationSettings) -> None:
         self._settings = settings
@@ -149,7 +149,7 @@ class MapTransforms:
     )
 
     def __init__(self, texts: Mapping[str, str]) -> None:
-        """Take the transforms by map id."""
+        """``texts`` describes the transform of each map ID."""
         self._result = "; ".join(f"{map_id}: {text}" for map_id, text in sorted(texts.items()))
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
@@ -164,7 +164,7 @@ ENVELOPE = "zoneSet"
 
 
 class ZoneSetDownload:
-    """Fetches a zone set: the standard's zoneSet object as JSON, alone or in a whole message."""
+    """Downloads a zone set: the standard's zoneSet object as JSON, alone or in a whole message."""
 
     declaration = ActionDeclaration(
         DOWNLOAD_ZONE_SET,
@@ -185,7 +185,7 @@ class ZoneSetDownload:
         self._settings = settings
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
-        """Begin to fetch; the core takes what was fetched, or fails the action."""
+        """Start the download; the core accepts the content, or fails the action."""
         return BackgroundAction(action.action_id, partial(self._work, action), report)
 
     async def _work(self, action: Action) -> ActionReport:
@@ -202,12 +202,9 @@ class ZoneSetDownload:
         return ActionReport(action.action_id, ActionStatus.FINISHED, zone_set=zone_set)
 
     def _read(self, content: bytes) -> ZoneSet:
-        """Read it as if it had come as a message, whatever the header says.
+        """Read it as a message, regardless of its header.
 
-        Raises:
-            ValueError: it is no JSON.
-            MalformedMessageError: it is no zone set.
-
+        Raises: ValueError: it is not JSON. MalformedMessageError: it is not a zone set.
         """
         found = _parsed(content)
         inner = found.get(ENVELOPE, found) if isinstance(found, dict) else found
@@ -275,7 +272,7 @@ class Unavailable:
 
 
 class Rehearsed:
-    """Takes ``seconds`` in place of what it would do."""
+    """Only takes ``seconds``, instead of the action's effect."""
 
     def __init__(self, declaration: ActionDeclaration, seconds: float, *, charging: bool | None) -> None:
         self.declaration = replace(
@@ -285,7 +282,7 @@ class Rehearsed:
         self._charging = charging
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
-        """Begin; one that lasts does so until it is given up."""
+        """Start; an open-ended one runs until it is cancelled."""
 
         def done() -> None:
             report(

@@ -1,4 +1,4 @@
-"""Docking by an offset: a drive from where the robot stands to a place beside it."""
+"""Docking by an offset: a short drive from the robot's pose to a place beside it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ FORWARD = "forward"
 
 
 class Docking:
-    """Drives by the offset of the settings, or as far ahead as the order says."""
+    """Drives by the offset of the settings, or as far ahead as the order's parameter says."""
 
     def __init__(self, settings: DockOperationSettings, drive: DrivePort) -> None:
         self._settings = settings
@@ -62,7 +62,7 @@ class Docking:
 
 
 class _Drive(BackgroundAction):
-    """One drive. Paused, the robot stands; resumed, it drives to the same pose."""
+    """One drive. When paused, the robot stops; when resumed, it drives to the same pose."""
 
     def __init__(
         self, action_id: str, settings: DockOperationSettings, drive: DrivePort, ahead: float, report: Report
@@ -76,14 +76,14 @@ class _Drive(BackgroundAction):
         super().__init__(action_id, self._work, report)
 
     def pause(self) -> None:
-        """Stop the robot; PAUSED is reported when it stands."""
+        """Stop the robot; PAUSED is reported at standstill."""
         if not self.ended:
             self._free.clear()
             if self._leg is not None:
                 self._leg.cancel()
 
     def resume(self) -> None:
-        """Let it drive on."""
+        """Continue the drive."""
         self._free.set()
 
     async def _work(self) -> ActionReport:

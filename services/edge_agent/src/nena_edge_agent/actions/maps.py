@@ -86,7 +86,7 @@ def map_actions(
 
 
 def _place(action: Action, map_id: str) -> Pose | None:
-    """Return where the robot is on the map that it enables, None: the action does not say."""
+    """Return the robot's pose on the map that it enables; None: the action has no such parameters."""
     found = [action.parameter(each.key) for each in _PLACE]
     if found == [None, None, None]:
         return None

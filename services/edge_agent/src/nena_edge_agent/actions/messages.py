@@ -40,7 +40,7 @@ def template_problems(template: JsonValue, names: Collection[str], path: str) ->
 
 
 def filled(template: JsonValue, values: Mapping[str, JsonValue]) -> JsonValue:
-    """Put ``values`` in; one that was not given (None) leaves its field out, in a longer text it is empty."""
+    """Insert ``values``; one that is None removes its field, and is empty within a longer text."""
     match template:
         case str():
             name = whole(template)
@@ -124,7 +124,7 @@ class Listing:
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """A message: its fields by name. ``make`` gives an empty one."""
+    """A message: its fields by name. ``make`` returns an empty one."""
 
     type_name: str
     fields: Mapping[str, Shape]
@@ -145,7 +145,7 @@ _FITTING: Final[Mapping[ScalarKind, frozenset[ValueDataType]]] = {
 def problems(
     template: JsonValue, shape: Shape, types: Mapping[str, ValueDataType], path: str
 ) -> Iterator[str]:
-    """Return what cannot be, whatever the values of the parameters, whose ``types`` are given by name."""
+    """Yield what cannot fit for any values of the parameters; ``types`` are the parameters' types by name."""
     match template, shape:
         case str(), Scalar() if name := whole(template):
             if types.get(name) not in _FITTING[shape.kind] and name in types:
@@ -167,11 +167,9 @@ def problems(
 
 
 def conformed(value: JsonValue, shape: Shape, path: str) -> Any:  # noqa: ANN401 - a value of any field
-    """Build ``value`` what a field takes.
+    """Convert ``value`` to the type of a field.
 
-    Raises:
-        FieldError: it is something else.
-
+    Raises: FieldError: it does not fit.
     """
     match shape:
         case Scalar():
@@ -183,7 +181,7 @@ def conformed(value: JsonValue, shape: Shape, path: str) -> Any:  # noqa: ANN401
 
 
 def message(values: Mapping[str, Any], record: Record) -> Any:  # noqa: ANN401 - rclpy carries no types
-    """Build a message of what :func:`conformed` has given."""
+    """Build a message from the result of :func:`conformed`."""
     made = record.make()
     for name, value in values.items():
         setattr(made, name, _sent(value, record.fields[name]))
@@ -280,7 +278,7 @@ EXAMPLES: Final = {
 
 
 class UnknownTypeError(Exception):
-    """There is no such message or service type here; the text says so, and what to do."""
+    """The message or service type is not installed here; the text says so, and what to do."""
 
 
 @lru_cache(maxsize=200)
@@ -328,7 +326,7 @@ def class_of(name: str) -> Any:  # noqa: ANN401 - rclpy carries no types
 
 
 def read(message: Any) -> dict[str, Any]:  # noqa: ANN401
-    """Return the fields of a message that has come, as plain data."""
+    """Return the fields of a received message as plain data."""
     return {name: _plain(getattr(message, name)) for name in message.get_fields_and_field_types()}
 
 
@@ -402,9 +400,9 @@ CLOSE = 1e-6
 
 
 def matches(value: Any, wanted: JsonValue) -> bool:  # noqa: ANN401 - a value of any field
-    """Return whether ``value`` is as ``wanted``: of tables the named fields, of an array any of its items.
+    """Return whether ``value`` matches ``wanted``: of tables the named fields, of an array any of its items.
 
-    Where the value is an array itself, it is compared as a whole.
+    If ``wanted`` is an array itself, it is compared as a whole.
     """
     if isinstance(wanted, dict):
         return isinstance(value, Mapping) and all(

@@ -43,7 +43,7 @@ def type_of(behaviour: Behaviour) -> str:
 
 
 def declaration_of(settings: Nav2OperationSettings) -> ActionDeclaration:
-    """Return what the action is and takes."""
+    """Return the declaration of the action."""
     return ActionDeclaration(
         settings.action_type,
         scopes=settings.scopes,

@@ -32,11 +32,11 @@ Fields = Mapping[str, Any]
 
 
 class RosError(Exception):
-    """ROS did not do what it was asked; the text says why."""
+    """A ROS request has failed; the text says why."""
 
 
 class ActionFailedError(RosError):
-    """A goal of a ROS action has not succeeded; ``result`` holds the fields of its result."""
+    """A goal of a ROS action has not succeeded; ``result`` has the fields of its result."""
 
     def __init__(self, message: str, result: Fields) -> None:
         super().__init__(message)
@@ -44,7 +44,7 @@ class ActionFailedError(RosError):
 
 
 class DriveError(Exception):
-    """A drive of an action did not get there; the text says why."""
+    """A drive of an action did not arrive; the text says why."""
 
 
 class TopicQos(StrEnum):
@@ -67,11 +67,9 @@ class Publisher(Protocol):
         ...
 
     def publish(self, fields: Mapping[str, JsonValue]) -> None:
-        """Send a message; fields that are not given have the type's defaults.
+        """Publish a message; missing fields have the type's defaults.
 
-        Raises:
-            RosError: there is no ROS session now, or the fields do not fit the type.
-
+        Raises: RosError: there is no ROS session now, or the fields do not fit the type.
         """
         ...
 
@@ -80,12 +78,10 @@ class ServiceClient(Protocol):
     """Calls one service."""
 
     async def call(self, fields: Mapping[str, JsonValue], *, seconds: float) -> Fields:
-        """Call it and give the response.
+        """Call the service and return the response.
 
-        Raises:
-            RosError: there is no ROS session, no node offers the service, or none answers within
-                ``seconds``, or the fields do not fit the type.
-
+        Raises: RosError: there is no ROS session, no node offers the service, or none answers within
+        ``seconds``, or the fields do not fit the type.
         """
         ...
 
@@ -96,17 +92,14 @@ class RosActionClient(Protocol):
     async def run(self, fields: Mapping[str, JsonValue]) -> Fields:
         """Send a goal, wait for its end, and return its result; when cancelled, cancel the goal first.
 
-        Raises:
-            ActionFailedError: the goal was aborted, or cancelled by somebody else.
-            RosError: there is no ROS session now, no node offers the action, or it refuses the goal, or the
-                fields do not fit the type.
-
+        Raises: ActionFailedError: the goal was aborted, or cancelled by another client. RosError: there is no
+        ROS session now, no node offers the action, or it refuses the goal, or the fields do not fit the type.
         """
         ...
 
 
 class RosPort(Protocol):
-    """ROS in the robot's namespace and domain. What is asked for stays, through every new ROS session."""
+    """ROS in the robot's namespace and domain. Endpoints persist through every new ROS session."""
 
     def publisher(self, topic: str, type_name: str) -> Publisher:
         """Return what publishes on ``topic``, reliably.
@@ -143,17 +136,15 @@ class RosPort(Protocol):
         ...
 
     def action(self, name: str, type_name: str) -> RosActionClient:
-        """Return what gives goals to the action ``name``, of a type such as nav2_msgs/action/Spin.
+        """Return a client of the action ``name``, of a type such as nav2_msgs/action/Spin.
 
-        Raises:
-            RosError: there is no such type here.
-
+        Raises: RosError: the type is not installed here.
         """
         ...
 
 
 class DrivePort(Protocol):
-    """Short drives of an action, while the order holds the robot where it is."""
+    """Short drives of an action, while the order keeps the robot at its node."""
 
     @property
     def pose(self) -> Pose | None:
@@ -181,9 +172,7 @@ class DrivePort(Protocol):
     async def initialize_position(self, pose: Pose) -> None:
         """Set the robot's pose in the localisation.
 
-        Raises:
-            DriveError: it does not take the position over.
-
+        Raises: DriveError: the localisation does not accept it.
         """
         ...
 
@@ -200,11 +189,11 @@ class RunningAction(Protocol):
     """One running action. Every method returns at once; the outcome is reported."""
 
     def pause(self) -> None:
-        """Hold; report PAUSED. Called only where the declaration allows it."""
+        """Pause the action; report PAUSED. Called only if the declaration allows it."""
         ...
 
     def resume(self) -> None:
-        """Go on; report RUNNING."""
+        """Resume the action; report RUNNING."""
         ...
 
     def cancel(self) -> None:
@@ -217,7 +206,7 @@ class ActionPlugin(Protocol):
 
     @property
     def declaration(self) -> ActionDeclaration:
-        """What the action is and takes: for the checks of orders and for the factsheet."""
+        """Return the action's declaration, for the checks of orders and for the factsheet."""
         ...
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:
@@ -253,7 +242,7 @@ Work = Callable[[], Coroutine[None, None, ActionReport]]
 
 
 class WorkFailedError(Exception):
-    """The action failed; the text says why. ``report``, if given, is its final report."""
+    """The action failed; the text says why. ``report``, if any, is its final report."""
 
     def __init__(self, message: str, report: ActionReport | None = None) -> None:
         super().__init__(message)
@@ -261,7 +250,7 @@ class WorkFailedError(Exception):
 
 
 class BackgroundAction:
-    """Runs ``work``, which gives the report of its end or raises :class:`WorkFailedError`."""
+    """Runs ``work``, which returns its final report or raises :class:`WorkFailedError`."""
 
     def __init__(self, action_id: str, work: Work, report: Report) -> None:
         self._action_id = action_id
@@ -272,7 +261,7 @@ class BackgroundAction:
 
     @property
     def ended(self) -> bool:
-        """Whether nothing more comes of it."""
+        """Return whether the action has ended."""
         return self._task.done()
 
     def pause(self) -> None:
@@ -322,7 +311,7 @@ class Countdown:
         self._report(ActionReport(self._action_id, ActionStatus.RUNNING))
 
     def pause(self) -> None:
-        """Hold the time."""
+        """Stop the time."""
         if self._timer is not None:
             self._left = max(0.0, self._timer.when() - asyncio.get_running_loop().time())
             self._stop()

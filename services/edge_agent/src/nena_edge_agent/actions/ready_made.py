@@ -1,4 +1,4 @@
-"""Makes the actions of the settings: those that take a time, and those that do something without any code."""
+"""Makes the actions of the settings: timed ones, and those that call ROS without any code."""
 
 from __future__ import annotations
 
@@ -40,9 +40,7 @@ def ready_made(
 ) -> Iterator[ActionPlugin]:
     """Build the actions of one robot.
 
-    Raises:
-        ConfigurationError: a message cannot be made of what the settings say, with the place in them.
-
+    Raises: ConfigurationError: a message cannot be built from the settings; the text names the setting.
     """
     for number, operation in enumerate(operations):
         yield _made(operation, f"operations.{number}", context, settings)
@@ -50,7 +48,7 @@ def ready_made(
 
 @dataclass(frozen=True, slots=True)
 class _Parts:
-    """What the settings of an action say that it does."""
+    """The parts of an action, as its settings define them."""
 
     command: CommandSettings | None = None
     call: CallSettings | None = None

@@ -26,7 +26,7 @@ GROUP = "nena.actions"
 
 
 class PluginBrokenError(Exception):
-    """A plug-in is installed and gives no actions; the text says why."""
+    """A plug-in is installed but provides no actions; the text says why."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,9 +67,7 @@ def installed(context: PluginContext, settings: ActionSettings) -> Installed:
 def make(name: str, context: PluginContext) -> tuple[ActionPlugin, ...]:
     """Build the actions of one plug-in.
 
-    Raises:
-        PluginBrokenError: it cannot be loaded, fails, does not work here, or gives no plug-ins.
-
+    Raises: PluginBrokenError: it cannot be loaded, fails, does not work here, or provides no plug-ins.
     """
     factory = _load(name)
     try:
@@ -90,7 +88,7 @@ def make(name: str, context: PluginContext) -> tuple[ActionPlugin, ...]:
 
 
 def _is_plugin(made: object) -> bool:
-    """Check whether what foreign code gives is what it should be."""
+    """Return whether an object from foreign code has the plug-in interface."""
     declared = isinstance(getattr(made, "declaration", None), ActionDeclaration)
     return declared and callable(getattr(made, "start", None))
 
@@ -128,7 +126,7 @@ def _load(name: str) -> PluginFactory:
 
 @lru_cache(maxsize=1)
 def _entry_points() -> dict[str, EntryPoint]:
-    """Look once: a fleet of robots asks for each of them."""
+    """Return the installed entry points; cached, because every robot of a fleet needs them."""
     return {each.name: each for each in sorted(entry_points(group=GROUP), key=lambda each: each.name)}
 
 
@@ -137,12 +135,10 @@ def _words(error: Exception) -> str:
 
 
 class ActionRegistry:
-    """The actions of one robot, by action type; ``problems`` says what is missing of its plug-ins.
+    """The actions of one robot, by action type; ``problems`` lists what is missing of its plug-ins.
 
-    Raises:
-        ConfigurationError: two of ``plugins``, or one and the core, do the same type. Of those that are
-            ``installed`` beside the agent such a one is left out.
-
+    Raises: ConfigurationError: two of ``plugins``, or one and the core, provide the same type. Such a plug-in
+    that is only ``installed`` beside the agent is left out.
     """
 
     def __init__(self, plugins: Iterable[ActionPlugin], installed: Installed = NOTHING) -> None:

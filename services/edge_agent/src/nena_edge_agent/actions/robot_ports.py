@@ -28,7 +28,10 @@ HALT_TIMEOUT = 10.0
 
 
 class ActionDrive:
-    """One robot's. Its goals have numbers below zero, which the protocol core takes for none of its own."""
+    """The drives of one robot's actions.
+
+    Their goals have negative numbers, which the protocol core ignores.
+    """
 
     def __init__(self) -> None:
         self._driver: Driver | None = None
@@ -39,7 +42,7 @@ class ActionDrive:
         self._stand: asyncio.Event = asyncio.Event()
 
     def attach(self, driver: Driver) -> None:
-        """Drive by ``driver`` from now on."""
+        """Use ``driver`` for drives."""
         self._driver = driver
 
     def hear(self, event: Event) -> None:
@@ -95,9 +98,7 @@ class ActionDrive:
     async def initialize_position(self, pose: Pose) -> None:
         """Set the robot's pose in the localisation.
 
-        Raises:
-            DriveError: it does not take the position over.
-
+        Raises: DriveError: the localisation does not accept it.
         """
         if self._driver is None or self._placed is not None:
             message = "another action sets the position" if self._driver else "the driver is not ready"
@@ -177,7 +178,7 @@ class RobotPorts:
         self._sensor = LoadSensor(sensed, ros) if sensed and ros else None
 
     def joined(self, make_driver: DriverMaker) -> DriverMaker:
-        """Return a maker of drivers that are looked at on the way to the core."""
+        """Return a maker of drivers whose events are also observed on their way to the core."""
 
         def make(put: Put, last_place: Pose | None) -> Driver:
             def heard(event: Event) -> None:

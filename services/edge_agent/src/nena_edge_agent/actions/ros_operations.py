@@ -64,7 +64,7 @@ class ActionValues:
     """The values of one type of action, by name."""
 
     def __init__(self, settings: OperationBase) -> None:
-        """Take the parameters of the settings, and those of a load that is taken."""
+        """Use the parameters of the settings, and those of a load that is picked up."""
         own = {each.key for each in settings.parameters}
         more = OF_LOADS if settings.load_change is LoadChange.TAKE else ()
         self._parameters = (*settings.parameters, *(each for each in more if each.key not in own))
@@ -81,13 +81,13 @@ class ActionValues:
 
     @property
     def types(self) -> Mapping[str, ValueDataType]:
-        """The types of those that are put into messages as they come."""
+        """Return the types of the parameters that are put into messages unchanged."""
         plain = {each.key: each.type for each in self._parameters if not each.values}
         return {**plain, ACTION_ID: ValueDataType.STRING}
 
     @property
     def mapped(self) -> Iterable[tuple[str, JsonValue]]:
-        """Every value that stands in messages in place of a choice, with its name."""
+        """Return each value that replaces a choice in messages, with its parameter's name."""
         return ((each.key, value) for each in self._parameters for value in each.values.values())
 
     def of(self, action: Action) -> dict[str, JsonValue]:
@@ -165,12 +165,9 @@ Progress = Callable[[str], None]
 
 
 class Answer:
-    """Listens to a topic, and ends the waiting of those whose answer has come.
+    """Listens to a topic, and completes the waiting actions whose answer has arrived.
 
-    Raises:
-        ConfigurationError: no message of the type will ever do.
-        RosError: there is no such type.
-
+    Raises: ConfigurationError: no message of the type can match. RosError: the type is not installed.
     """
 
     def __init__(
@@ -206,9 +203,9 @@ class Answer:
                 each.filled(values)
 
     def expect(self, values: Mapping[str, JsonValue], progress: Progress) -> asyncio.Future[str | None]:
-        """Return what the answer will end: with the result, or a WorkFailedError.
+        """Return a future that the answer completes: with the result, or a WorkFailedError.
 
-        Of what came before, the last message counts where the topic is latched, and else none.
+        Of earlier messages, the last one counts if the topic is latched, else none.
         """
         answered: asyncio.Future[str | None] = asyncio.get_running_loop().create_future()
         match = self._match.filled(values)
@@ -248,13 +245,11 @@ MESSAGE = "message"
 
 
 class Call:
-    """Calls what the settings say, with the values of an action, and judges the response.
+    """Calls a service by the settings, with the values of an action, and checks the response.
 
     ``shapes`` are those of the request and the response.
 
-    Raises:
-        ConfigurationError: no request of the type can be made of them, or no response will ever do.
-
+    Raises: ConfigurationError: no request of the type can be built, or no response can match.
     """
 
     def __init__(
@@ -286,13 +281,10 @@ class Call:
         self._expected.filled(values)
 
     async def do(self, values: Mapping[str, JsonValue]) -> str | None:
-        """Call it, and give the result.
+        """Call it, and return the result.
 
-        Raises:
-            WorkFailedError: the response reported failure.
-            RosError: there is none.
-            FieldError: a value does not fit its field.
-
+        Raises: WorkFailedError: the response reported failure. RosError: no response. FieldError: a value
+        does not fit its field.
         """
         response = await self._client.call(
             self._request.filled(values), seconds=self._settings.response_timeout
@@ -310,11 +302,9 @@ LOOK_EVERY = 0.05
 
 
 class Command:
-    """Publishes what the settings say, with the values of an action.
+    """Publishes a message by the settings, with the values of an action.
 
-    Raises:
-        ConfigurationError: no message of the type can be made of them.
-
+    Raises: ConfigurationError: no message of the type can be built.
     """
 
     def __init__(
@@ -397,7 +387,7 @@ Values = Mapping[str, JsonValue]
 
 @dataclass(frozen=True, slots=True)
 class Steps:
-    """What is done, in this order. ``lasting``: it then lasts until it is given up."""
+    """The steps of an action, in this order. ``lasting``: it then runs until it is cancelled."""
 
     command: Command | None = None
     call: Call | None = None
@@ -438,7 +428,7 @@ class RosOperation:
 
 
 class _Running(BackgroundAction):
-    """One run of the steps, which messages can hold where the command has such."""
+    """One run of the steps; messages can pause it if its command defines them."""
 
     def __init__(
         self, action_id: str, steps: Steps, values: Values, report: Report, *, charging: bool | None
@@ -452,7 +442,7 @@ class _Running(BackgroundAction):
         super().__init__(action_id, self._work, report)
 
     def pause(self) -> None:
-        """Send what holds it; what was not sent yet is held back."""
+        """Send the command's pause message; unsent commands are held back."""
         if self._steps.command and not self.ended:
             self._free.clear()
             if self._commanded:

@@ -1,6 +1,6 @@
 """ROS for action plug-ins, on the agent's own node: plain data by the names of types.
 
-What is asked for is kept, and made again on each node that a new session brings.
+Endpoints are kept, and created again on each node of a new session.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ THERE = (SessionState.INITIATING, SessionState.ACTIVE)
 
 class _Endpoint(Protocol):
     def open(self, session: RosSession, node: Any) -> None:  # noqa: ANN401 - rclpy carries no types
-        """Be on this node from now on."""
+        """Create the endpoint on this node."""
         ...
 
 
@@ -121,12 +121,10 @@ class PluginRos:
     ) -> None:
         """Call ``handle`` with each message, in the event loop.
 
-        All who listen to a topic hear a message at the same time: an answer to one action must not come
-        late to the next one.
+        All subscribers of a topic receive a message at the same time: an answer to one action must not reach
+        the next one late.
 
-        Raises:
-            RosError: there is no such type here.
-
+        Raises: RosError: the type is not installed here.
         """
         key = (topic, type_name, qos)
         if key not in self._subscriptions:
@@ -143,11 +141,9 @@ class PluginRos:
         return self._add(_Client(self, service, type_name))
 
     def action(self, name: str, type_name: str) -> RosActionClient:
-        """Return what gives goals to the action ``name``.
+        """Return a client of the action ``name``.
 
-        Raises:
-            RosError: there is no such type here.
-
+        Raises: RosError: the type is not installed here.
         """
         return self._add(_Action(self, name, type_name))
 

@@ -35,7 +35,7 @@ class SessionSwitch:
     """The session of one robot, as its actions have it; there is none before its driver is made."""
 
     def __init__(self, settings: RosSettings, store: SessionStore | None) -> None:
-        """Take where the address is kept; None: nowhere, as the robot keeps nothing."""
+        """``store`` is where the address is kept; None: the robot keeps nothing."""
         self.settings = settings
         self.store = store
         self._keeper: SessionManager | None = None
@@ -75,7 +75,7 @@ class SessionAction:
     switch: SessionSwitch
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
-        """Begin; the end comes when the session has got there, or cannot."""
+        """Start; the action ends when the session has reached the wanted state, or cannot."""
         return BackgroundAction(action.action_id, partial(self._work, action), report)
 
     async def _work(self, action: Action) -> ActionReport:
@@ -138,7 +138,7 @@ async def _configure(switch: SessionSwitch, action: Action) -> None:
 
 
 def _wanted(address: RosAddress, action: Action) -> RosAddress:
-    """Return the address that the action asks for; what it does not name stays."""
+    """Return the address that the action requests; missing parts stay unchanged."""
     namespace, domain_id = action.parameter(NAMESPACE.key), action.parameter(DOMAIN_ID.key)
     if namespace is None and domain_id is None:
         message = "namespace or domainId required"

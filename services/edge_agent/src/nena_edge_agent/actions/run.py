@@ -141,7 +141,7 @@ LONGEST_RESULT = 1000
 
 
 class Run:
-    """One running action. A mistake of its plug-in fails this action only, with a reason.
+    """One running action. An exception of its plug-in only fails this action, with a reason.
 
     Reports may come from any thread. Valid ones are passed to ``told`` in the event loop's thread, and none
     after the end of the action.

@@ -24,7 +24,7 @@ FieldValues = dict[str, JsonValue]
 
 
 class ParameterSettings(SettingsGroup):
-    """A parameter that orders give an action: for the factsheet, for the checks, and for messages."""
+    """A parameter of an action in orders: for the factsheet, the checks, and messages."""
 
     key: str = Field(
         pattern=r"^[A-Za-z_][A-Za-z0-9_]*$", max_length=100, description="Action type in orders."
@@ -184,7 +184,7 @@ class SignalOperationSettings(RosOperationSettings):
 
 
 class ChargeOperationSettings(RosOperationSettings):
-    """Begins or ends charging: by a message or a service where one is needed, until the battery says so."""
+    """Starts or stops charging: by a message or a service if needed, until the battery reports it."""
 
     kind: Literal["charge"]
     action_type: str = Field(
@@ -203,7 +203,7 @@ class ChargeOperationSettings(RosOperationSettings):
 
     @property
     def confirmation(self) -> AnswerSettings:
-        """What says that it is done."""
+        """Return the settings of the answer that confirms the end."""
         return self.answer or (BATTERY if self.charging else BATTERY_LEFT_ALONE)
 
 
@@ -238,7 +238,7 @@ class TurnSignalSettings(RosOperationSettings):
 
 
 class DockOperationSettings(OperationBase):
-    """Drives from where the robot stands to a place beside it, given in the robot's own frame."""
+    """Drives from the robot's pose to a place beside it, given in the robot's own frame."""
 
     kind: Literal["dock"]
     blocking_types: tuple[BlockingType, ...] = Field(
@@ -329,7 +329,7 @@ AnyOperation = Annotated[
 
 
 class LoadSensorSettings(SettingsGroup):
-    """A topic that says whether the robot carries something."""
+    """A topic that reports whether the robot carries something."""
 
     topic: RosName = Field(description="Topic, relative to the robot's namespace unless it begins with '/'.")
     type: TypeName = Field("std_msgs/msg/Bool", description="Message type.")
@@ -361,7 +361,7 @@ class ActionSettings(SettingsGroup):
 
     @property
     def timeouts(self) -> ActionTimeouts:
-        """How long a plug-in may take to answer."""
+        """Return how long a plug-in may take to answer."""
         return ActionTimeouts(begin=self.begin_timeout, obey=self.obey_timeout)
 
 

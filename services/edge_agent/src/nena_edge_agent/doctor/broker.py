@@ -1,4 +1,4 @@
-"""The links to the broker: it is reached, it lets the robot in, the robot may read and write its topics."""
+"""The links to the broker: it is reachable, it accepts the robot, the robot may read and write its topics."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ async def _reach(mqtt: MqttSettings) -> str:
 
 
 class _BrokerProbe:
-    """A link such as the agent's, with a client id of its own."""
+    """A link such as the agent's, with a separate client ID."""
 
     def __init__(self, settings: EdgeAgentSettings) -> None:
         robot = RobotKey(settings.manufacturer, settings.serial_number)
@@ -115,7 +115,7 @@ class _BrokerProbe:
 
     @property
     def refused(self) -> list[str]:
-        """The robot's topics that the broker does not let it subscribe to."""
+        """Return the robot's topics for which the broker refuses a subscription."""
         return [topic for topic in self._topics if topic in self._link.state.refused]
 
     async def plant_maps(self) -> frozenset[str]:
@@ -141,7 +141,7 @@ class _BrokerProbe:
 
 
 def client_id(settings: EdgeAgentSettings) -> str:
-    """Return the doctor's client id: the agent's with an end, for a broker that goes by the beginning."""
+    """Return the doctor's client ID: the agent's with a suffix, for brokers that check the prefix."""
     robot = RobotKey(settings.manufacturer, settings.serial_number)
     return f"{settings.mqtt.client_id or client_id_of(robot, settings.mqtt)}-doctor"
 
@@ -199,10 +199,10 @@ def _access(settings: EdgeAgentSettings, refused: list[str], not_written: str) -
 
 
 def _ask_to_write(settings: EdgeAgentSettings) -> str:
-    """Write one message and give the broker's refusal, in words; empty where there is none.
+    """Publish one message and return the broker's refusal, as text; empty if there is none.
 
-    MQTT 5, since older versions have no word for a refusal; a broker that does not speak it refuses nothing
-    here. The message is a visualization without a position: displays pass over it, nobody else reads it.
+    By MQTT 5, since older versions cannot report a refusal; a broker without MQTT 5 refuses nothing here. The
+    message is a visualization without a position: displays ignore it, and nothing else reads it.
     """
     robot = RobotKey(settings.manufacturer, settings.serial_number)
     topic = topics_for(settings.version, settings.interface_name).of(robot, Topic.VISUALIZATION)

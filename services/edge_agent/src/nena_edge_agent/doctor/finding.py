@@ -34,7 +34,7 @@ class LinkVerdict(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class LinkFinding:
-    """What is known of one link; ``remedy`` says what to do where it is not well."""
+    """The result for one link; ``remedy`` says what to do if it is not OK."""
 
     link: Link
     verdict: LinkVerdict
@@ -53,7 +53,7 @@ def missing(link: Link, text: str, remedy: str) -> LinkFinding:
 
 
 def unknown(links: Iterable[Link], text: str) -> list[LinkFinding]:
-    """Build the findings of links that were not looked at."""
+    """Build the findings of links that were not checked."""
     return [LinkFinding(link, LinkVerdict.UNKNOWN, text) for link in links]
 
 

@@ -24,7 +24,7 @@ class Grid:
     height: float
 
     def holds(self, x: float, y: float) -> bool:
-        """Whether a place, in m, is on it; the grid is taken as not turned."""
+        """Return whether a place, in m, is on the grid; the grid is assumed not to be rotated."""
         return 0 <= x - self.x <= self.width and 0 <= y - self.y <= self.height
 
 
@@ -63,7 +63,7 @@ _TIMEX_SIZE = 512
 
 
 def kernel_keeps_time() -> bool | None:
-    """Ask the kernel whether something (NTP, PTP) keeps the clock right; None where it cannot tell."""
+    """Return whether the kernel reports a synchronised clock (NTP, PTP); None if it is unknown."""
     try:
         answer: int = ctypes.CDLL(None).adjtimex(ctypes.create_string_buffer(_TIMEX_SIZE))
     except (OSError, AttributeError):
@@ -72,7 +72,7 @@ def kernel_keeps_time() -> bool | None:
 
 
 def judge_clock(*, kept: bool | None, ros_offset: float | None) -> LinkFinding:
-    """Judge by what the kernel says and by how far ROS's stamps are ahead, in seconds."""
+    """Judge by the kernel's answer and the offset of ROS's time stamps, in seconds."""
     if ros_offset is not None and abs(ros_offset) > MOST_OFF:
         return missing(
             Link.CLOCK,
@@ -95,7 +95,7 @@ NODES_SHOWN = 3
 
 
 def judge_robot(view: RosView, settings: RosSettings) -> list[LinkFinding]:
-    """Judge domain, namespace, localisation and Nav2; what builds on a missing link is not judged.
+    """Judge domain, namespace, localisation and Nav2; links behind a missing one are not judged.
 
     The localisation comes first: Nav2's planner does not become active without a pose.
     """
@@ -193,7 +193,7 @@ def _navigation(view: RosView, settings: RosSettings) -> LinkFinding:
 
 
 def _drives(view: RosView) -> str:
-    """Describe what Nav2's parameters say."""
+    """Describe Nav2's parameters."""
     told = []
     if view.tolerance is not None:
         told.append(f"goal tolerance {view.tolerance:g} m (no node may allow less)")

@@ -1,4 +1,4 @@
-"""The command: looks at every link in order, writes what it finds, and gives the exit status."""
+"""The command: checks every link in order, prints the findings, and returns the exit status."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ async def examine(settings: EdgeAgentSettings) -> list[LinkFinding]:
 
 
 def _as_kept(settings: EdgeAgentSettings) -> RosSettings:
-    """Return the ROS side where the agent would be: it may have been moved, and have been told to stay."""
+    """Return the ROS settings at the address that the agent uses: it may have been moved permanently."""
     robot = RobotKey(settings.manufacturer, settings.serial_number)
     journal = settings.journal.folder if settings.journal.enabled else None
     return session_switch(settings.ros, journal, robot).address.applied(settings.ros)

@@ -1,4 +1,4 @@
-"""Looks at the robot through a ROS node of its own, for some seconds."""
+"""Observes the robot through a separate ROS node, for some seconds."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def _domain_of_environment() -> int:
 
 
 class _Probe:
-    """The doctor's node. It listens where the agent's node does, and gives no goals."""
+    """The doctor's node. It subscribes to the same topics as the agent's node, and sends no goals."""
 
     def __init__(self, settings: RosSettings) -> None:
         self._settings = settings
@@ -89,7 +89,7 @@ class _Probe:
         return await _until(lambda: bool(self._nodes()), seconds)
 
     async def look(self) -> RosView:
-        """Wait until all is seen or the time is over, and give what was."""
+        """Wait until everything is seen or the time is over, and return what was seen."""
         await _until(self._complete, LOOK_FOR)
         if self._pose is None:
             await self._session.call(self._fresh_pose, Empty.Request(), seconds=self._settings.call_timeout)
@@ -196,7 +196,7 @@ def _offset(message: Any) -> float:  # noqa: ANN401
 
 
 async def _until(condition: Callable[[], bool], seconds: float) -> bool:
-    """Check ``condition`` until it holds, at most for ``seconds``; tell whether it does."""
+    """Check ``condition`` until it holds, at most for ``seconds``; return whether it does."""
     for _ in range(int(seconds / 0.05)):
         if condition():
             return True

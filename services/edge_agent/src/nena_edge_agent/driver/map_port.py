@@ -1,8 +1,8 @@
-"""The port of drivers whose robot has a map of its own: everything is in the frame of that map.
+"""The port of drivers whose robot has its own map: everything is in the frame of that map.
 
 The types differ from those of the plant's frame (:mod:`nena_edge_agent.driver.port`) although they hold the
-same numbers, so that neither can be taken for the other. Only :mod:`nena_edge_agent.driver.plant_frame` leads
-from one to the other.
+same numbers, so that they cannot be confused. Only :mod:`nena_edge_agent.driver.plant_frame` converts between
+them.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class MapDriver(Mover, Protocol):
     """What moves a robot on its own map; all else as in :class:`nena_edge_agent.driver.port.Driver`."""
 
     def reclaim(self, goals: MapOwnGoals) -> None:
-        """Take ``goals`` for this robot's own, should navigation still drive to them."""
+        """Treat ``goals`` as this robot's own if navigation still drives to them."""
         ...
 
     def go_to(self, goal: MapGoal) -> None:
@@ -72,7 +72,7 @@ class MapDriver(Mover, Protocol):
         ...
 
     def keep_out(self, areas: tuple[MapArea, ...]) -> None:
-        """Make navigation plan around ``areas`` from now on, and around no others."""
+        """Make navigation plan around ``areas``, and around no others."""
         ...
 
     def initialize_position(self, pose: MapPose) -> None:

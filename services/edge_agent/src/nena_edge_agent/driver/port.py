@@ -1,9 +1,9 @@
-"""The port between the protocol core and whatever drives the robot.
+"""The port between the protocol core and the driver of the robot.
 
 Commands go in as method calls that return at once; everything that happens comes out as events, through the
-callback that a driver is made with, in the event loop's thread. Poses are in the plant's frame: m, rad,
-anti-clockwise, with the id of the map. A driver whose robot has a map of its own works behind
-:mod:`nena_edge_agent.driver.map_port`, where the same things are in the frame of that map.
+callback given to the driver, in the event loop's thread. Poses are in the plant's frame: m, rad,
+anti-clockwise, with the map ID. A driver whose robot has its own map works behind
+:mod:`nena_edge_agent.driver.map_port`, in the frame of that map.
 """
 
 from __future__ import annotations
@@ -57,13 +57,14 @@ class Circle:
 
 @dataclass(frozen=True, slots=True)
 class GoalAt(Generic[P]):
-    """Where to drive next.
+    """The next goal.
 
-    ``generation`` rises with each goal that the core gives; events of a goal carry it, so that a late result
-    never finishes a newer goal. ``deviation_xy`` (m) and ``deviation_theta`` (rad, None: any heading will do)
-    say when the robot counts as there. ``maximum_speed`` is in m/s, None: the robot's own. ``ahead`` are the
-    places that come behind, up to the next stop: a driver that can drives on over them meanwhile, and goes on
-    so when it is given the next of them. ``behavior_tree`` names how navigation is to drive; "": as usual.
+    ``generation`` rises with each goal that the core sends; events of a goal carry it, so that a late result
+    never finishes a newer goal. ``deviation_xy`` (m) and ``deviation_theta`` (rad, None: any heading) define
+    when the robot has arrived. ``maximum_speed`` is in m/s, None: the robot's own. ``ahead`` are the
+    following places up to the next stop: a driver that supports it drives on over them, and continues without
+    a stop when it gets the next of them as its goal. ``behavior_tree`` names the behaviour tree for
+    navigation; "": the default.
     """
 
     generation: int
@@ -107,9 +108,9 @@ class Arrived:
 
 @dataclass(frozen=True, slots=True)
 class DriveFailed:
-    """The goal of ``generation`` will not be reached; the robot does not drive for it any more.
+    """The goal of ``generation`` will not be reached; the robot no longer drives to it.
 
-    ``hint`` is what to do about it, where navigation tells enough; ``code`` is its own, 0: none.
+    ``hint`` is what to do about it, if navigation reports enough; ``code`` is its error code, 0: none.
     """
 
     generation: int
@@ -121,14 +122,14 @@ class DriveFailed:
 
 @dataclass(frozen=True, slots=True)
 class Halted:
-    """The robot stands and no goal is left, as :meth:`Driver.halt` has asked."""
+    """The robot is at standstill without a goal, as requested by :meth:`Driver.halt`."""
 
 
 @dataclass(frozen=True, slots=True)
 class HaltFailed:
-    """The robot was asked to stop and still moves, or nothing shows that it stands; ``description``: which.
+    """The robot was stopped but still moves, or its standstill is not confirmed; ``description``: which.
 
-    The driver keeps trying; :class:`Halted` follows once the robot stands.
+    The driver keeps trying; :class:`Halted` follows at standstill.
     """
 
     description: str
@@ -136,22 +137,22 @@ class HaltFailed:
 
 @dataclass(frozen=True, slots=True)
 class VelocityReport:
-    """Velocity in the robot's own frame (m/s, rad/s); None: not known."""
+    """Velocity in the robot's own frame (m/s, rad/s); None: unknown."""
 
     vx: float | None
     omega: float | None
 
     @property
     def moves(self) -> bool:
-        """Whether the robot is known to move."""
+        """Return whether the robot is known to move."""
         return any(part is not None and abs(part) >= STANDING for part in (self.vx, self.omega))
 
 
 @dataclass(frozen=True, slots=True)
 class PoseReportAt(Generic[P]):
-    """Where the robot is; velocity in its own frame (m/s, rad/s), None where it is not known.
+    """Pose of the robot; velocity in its own frame (m/s, rad/s), None if unknown.
 
-    ``problem`` says in words why the place is not to be trusted, where it is not.
+    ``problem`` explains why the pose is not to be trusted; empty if it is.
     """
 
     pose: P
@@ -179,9 +180,9 @@ class BatteryReport:
 
 @dataclass(frozen=True, slots=True)
 class NavigationReport:
-    """Whether goals can be given now; ``reason`` says in words what is missing.
+    """Whether goals can be sent now; ``reason`` explains what is missing.
 
-    ``starting``: the driver has not looked for it long enough to say.
+    ``starting``: the driver has not searched for navigation long enough to decide.
     """
 
     available: bool
@@ -193,8 +194,8 @@ class NavigationReport:
 class OwnGoalsAt(Generic[P]):
     """Goals of an earlier run of the program that had not ended; the last one leads to ``pose``.
 
-    ``given`` is where a goal led to that was about to be given, or was and had not been listed yet; it would
-    be listed behind the goal ``behind`` ("": unknown).
+    ``given`` is the pose of a goal that was about to be sent, or was sent and not listed yet; it would be
+    listed after the goal ``behind`` ("": unknown).
     """
 
     goal_ids: tuple[str, ...]
@@ -211,7 +212,7 @@ class OwnGoals(OwnGoalsAt[Pose]):
 
 @dataclass(frozen=True, slots=True)
 class BlockedReport:
-    """Whether the robot stands although navigation drives, and has done so for ``seconds``."""
+    """Whether the robot has been at standstill for ``seconds`` although navigation is driving."""
 
     blocked: bool
     seconds: float
@@ -219,11 +220,11 @@ class BlockedReport:
 
 @dataclass(frozen=True, slots=True)
 class DriveLimits:
-    """How near to a goal navigation drives, and the robot's outline: m of the map ``map_id``.
+    """The accuracy of navigation at a goal, and the robot's outline: m on the map ``map_id``.
 
-    It counts a goal as reached within ``tolerance``. A goal that is to be passed at speed is replaced
-    ``hand_over`` m, and the way of a replanning period, before it. ``contour`` is the outline around the
-    robot's origin as navigation has it; empty: it does not tell.
+    A goal counts as reached within ``tolerance``. A goal that is passed at speed is replaced ``hand_over`` m,
+    and the distance of a replanning period, before it. ``contour`` is the outline around the robot's origin
+    as navigation has it; empty: unknown.
     """
 
     tolerance: float
@@ -248,7 +249,7 @@ class NoRouteReport:
 
 @dataclass(frozen=True, slots=True)
 class DriveProgress:
-    """What navigation says of the drive under way: metres of ``map_id`` that are left, recoveries so far.
+    """Navigation's progress of the current drive: metres of ``map_id`` left, recoveries so far.
 
     ``left`` None: it has no path.
     """
@@ -268,7 +269,7 @@ class CollisionReport:
 
 @dataclass(frozen=True, slots=True)
 class PositionInitialized:
-    """The pose asked for by :meth:`Driver.initialize_position` is taken over, or why it is not."""
+    """The pose of :meth:`Driver.initialize_position` was accepted, or why it was not."""
 
     succeeded: bool
     description: str
@@ -292,12 +293,12 @@ class GoalTable:
 
     @property
     def own(self) -> tuple[str, ...]:
-        """Ids of those that this robot's agent gave and that run."""
+        """Return the IDs of running goals sent by this robot's agent."""
         return tuple(goal.goal_id for goal in self.goals if not goal.external and not goal.ended)
 
     @property
     def external(self) -> tuple[GoalReport, ...]:
-        """Those that another client gave and that run."""
+        """Return the running goals sent by other clients."""
         return tuple(goal for goal in self.goals if goal.external and not goal.ended)
 
 
@@ -351,16 +352,14 @@ class Mover(Protocol):
     """What of a driver is the same in each frame."""
 
     async def start(self) -> None:
-        """Begin to work; events may come from now on.
+        """Start to work; events may come from now on.
 
-        Raises:
-            nena_shared.program.StartError: it cannot work here, with what to do about it.
-
+        Raises: nena_shared.program.StartError: it cannot work here; the text says what to do.
         """
         ...
 
     async def stop(self) -> None:
-        """End in order: cancel what is driven, give everything back. Bounded in time."""
+        """Shut down: cancel current goals and release all resources. Limited in time."""
         ...
 
     def halt(self) -> None:
@@ -368,9 +367,9 @@ class Mover(Protocol):
         ...
 
     def limit_speed(self, speed: float | None) -> None:
-        """Be no faster than ``speed`` m/s from now on, whatever a goal allows; None: no limit.
+        """Limit the speed to ``speed`` m/s for all goals; None: no limit.
 
-        Asked only of a driver that can do so.
+        Called only for drivers that support it.
         """
         ...
 
@@ -379,7 +378,7 @@ class Driver(Mover, Protocol):
     """What moves a robot."""
 
     def reclaim(self, goals: OwnGoals) -> None:
-        """Take ``goals`` for this robot's own, should navigation still drive to them; asked before the start.
+        """Treat ``goals`` as this robot's own if navigation still drives to them; called before the start.
 
         A goal to the same pose stays; others are replaced, or cancelled if none is wanted.
         """
@@ -390,9 +389,9 @@ class Driver(Mover, Protocol):
         ...
 
     def keep_out(self, areas: tuple[Area, ...]) -> None:
-        """Make navigation plan around ``areas`` from now on, and around no others.
+        """Make navigation plan around ``areas``, and around no others.
 
-        Asked only of a driver that can do so.
+        Called only for drivers that support it.
         """
         ...
 

@@ -30,7 +30,7 @@ class SimulatedAction:
         self._outcome = outcome
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002 - the interface
-        """Begin; which end it will take shows only then."""
+        """Start; its final status is decided only then."""
         value = action.parameter(DURATION.key)
         seconds = float(value) if isinstance(value, int | float) else 0.0
 
@@ -98,7 +98,7 @@ def _declare(
 class ChargingWatch:
     """Runs the actions of ``plugin``, and calls ``switch`` when charging begins or ends.
 
-    The core hears of it by the battery alone, so that a charger that is taken away ends it as well.
+    The core learns of it from the battery alone, so that removing the charger also ends it.
     """
 
     def __init__(self, plugin: ActionPlugin, switch: Callable[[bool], None]) -> None:

@@ -187,7 +187,7 @@ class CarryAway(_Command):
 
 
 class SetSpeed(_Command):
-    """The robot drives at ``speed`` m/s from now on, unless the order limits it further."""
+    """The robot drives at ``speed`` m/s, unless the order limits it further."""
 
     command: Literal["speed"]
     speed: Positive
@@ -347,7 +347,7 @@ LONGEST_PAYLOAD = 10_000
 
 
 class ControlApi:
-    """The MQTT side of simulation control, for all robots of the program, on a connection of its own.
+    """The MQTT API of simulation control, for all robots of the program, on a separate connection.
 
     Commands are received under ``<interface name>/loopback/<manufacturer>/<serial number>/control``, and
     answered under ``.../answer``. Commands for robots of another program are ignored.

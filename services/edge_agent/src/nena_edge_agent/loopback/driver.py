@@ -179,9 +179,9 @@ BATTERY_STEP = 1.0
 
 
 class LoopbackDriver:
-    """One simulated robot; it uses no CPU while it stands.
+    """One simulated robot; it uses no CPU at standstill.
 
-    Beside the port of all drivers it has a method for each thing that people and the world may do to it.
+    Beside the port of all drivers it has a method for each influence from outside.
     """
 
     def __init__(
@@ -218,7 +218,7 @@ class LoopbackDriver:
         self._emit(self._navigation)
 
     async def stop(self) -> None:
-        """Stand, and be silent."""
+        """Stop the robot and send no more events."""
         self.ended = True
         self._stand()
         self._stop_charge_timer()
@@ -264,10 +264,10 @@ class LoopbackDriver:
         """Ignore earlier goals: they end with the program."""
 
     def keep_out(self, areas: tuple[Area, ...]) -> None:
-        """Do nothing: it drives straight ahead, and is not asked."""
+        """Do nothing: it drives straight ahead, so this is never called."""
 
     def limit_speed(self, speed: float | None) -> None:
-        """Go on at another speed, at once."""
+        """Change the speed at once."""
         self._speed_limit = inf if speed is None else max(speed, SLOWEST)
         if self._goal:
             self.go_to(self._goal)
@@ -279,7 +279,7 @@ class LoopbackDriver:
         self._soon(self._placed)
 
     def stop_at_once(self) -> None:
-        """Stand on the spot, as an emergency stop or a violated protective field makes a robot do."""
+        """Stop at once, as at an emergency stop or a violated protective field."""
         slowing = isinstance(self._motion, Braking)
         self._stand()
         self._tell_pose(0.0, 0.0)
@@ -296,7 +296,7 @@ class LoopbackDriver:
             self.go_to(goal)
 
     def set_speed(self, speed: float) -> None:
-        """Drive at ``speed`` m/s from now on."""
+        """Set the speed, m/s."""
         self._speed = speed
         if self._goal:
             self.go_to(self._goal)

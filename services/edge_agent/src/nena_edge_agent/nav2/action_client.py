@@ -1,8 +1,8 @@
 """Nav2's action in the ROS graph, to one place or over several: its goals, results and feedback.
 
-Made of the hidden services and the topic that an action consists of: an id of our own can be sent and asked
-for, an answer has a time-out, and a goal of an earlier run is as good as one of this one. Statuses and
-cancelling are with the node, which has them by topics too.
+Built from the action's hidden services and topic: so goals can have IDs of our own, answers have timeouts,
+and the result of an earlier run's goal can be requested. Statuses and cancelling are in the node, which also
+needs them for topics.
 """
 
 from __future__ import annotations
@@ -42,14 +42,14 @@ class GoalResult:
 
 @dataclass(frozen=True, slots=True)
 class ActionListeners:
-    """Who is told what comes of an action, in the event loop."""
+    """The handlers of an action's events, called in the event loop."""
 
     result: Callable[[GoalResult], None]
     feedback: Callable[[FeedbackReading], None]
 
 
 def action_type(navigation: Navigation) -> Any | None:  # noqa: ANN401 - rclpy carries no types
-    """Return the type of the action that goals are given to, where the robot's ROS installation has it."""
+    """Return the type of the action for goals; None if the robot's ROS installation lacks it."""
     name = "NavigateThroughPoses" if navigation is Navigation.THROUGH_POSES else "NavigateToPose"
     try:
         return getattr(import_module("nav2_msgs.action"), name)
@@ -85,15 +85,15 @@ class ActionClient:
 
     @property
     def ready(self) -> bool:
-        """Whether a server is there that takes goals."""
+        """Return whether a server is present that accepts goals."""
         return bool(self._goals.service_is_ready() and self._results.service_is_ready())
 
     async def send(self, goal_id: str, way: Sequence[MapPose], tree: str = "") -> bool | None:
-        """Send a goal over the places of ``way``, of which NavigateToPose takes the first alone.
+        """Send a goal over the places of ``way``; NavigateToPose uses the first alone.
 
         ``tree`` is the name of a behaviour tree of the settings; "": Nav2's own.
 
-        Tells whether the server has accepted it, None: it did not answer in time.
+        Return whether the server has accepted it, None: it did not answer in time.
         """
         request = self._types.Impl.SendGoalService.Request()
         request.goal_id.uuid = list(bytes.fromhex(goal_id))
@@ -110,7 +110,7 @@ class ActionClient:
         return None if answer is None else bool(answer.accepted)
 
     def ask_result(self, goal_id: str) -> None:
-        """Ask for the result of a goal, which comes when it ends; one asked for before is let go."""
+        """Request the result of a goal, which arrives when it ends; an earlier request is dropped."""
         if self._asked is not None:
             self._results.remove_pending_request(self._asked)
         request = self._types.Impl.GetResultService.Request()

@@ -1,7 +1,7 @@
-"""Give goals to Nav2's action and follow them, with what an action reports beside the status array.
+"""Send goals to Nav2's action and follow them, with what an action reports beside the status array.
 
-A goal has an id of ours, it is accepted or refused, its result says why a drive failed, and its feedback how
-it goes. Where the action's server is missing, goals are given by topic if the settings allow it.
+A goal has an ID of ours; it is accepted or refused, its result has the reason of a failure, and its feedback
+the progress. If the action's server is missing, goals are sent by topic if the settings allow it.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class WayDriven:
         self._closest = math.inf
 
     def begin(self, goal: MapGoal) -> None:
-        """Note which places navigation is given."""
+        """Note the places that navigation gets."""
         self._places = (goal.pose, *goal.ahead)
         self.go_on()
 
@@ -106,7 +106,7 @@ class FeedbackReading:
 
 
 class FeedbackFilter:
-    """Lets pass what is news; times are monotonic seconds."""
+    """Passes on relevant changes of feedback; times are monotonic seconds."""
 
     def __init__(self) -> None:
         self._heard_at = -math.inf
@@ -117,15 +117,15 @@ class FeedbackFilter:
         self._progress: tuple[str, int] = ("", 0)
 
     def fresh(self, now: float) -> bool:
-        """Return whether feedback comes now."""
+        """Return whether feedback is arriving now."""
         return now - self._heard_at < FRESH
 
     def silent_for(self, goal_id: str | None, now: float) -> float:
-        """Return the seconds since the last feedback of a goal; 0 where none has come of it yet."""
+        """Return the seconds since the last feedback of a goal; 0 before the first."""
         return now - self._heard_at if goal_id is not None and goal_id == self._heard_of else 0.0
 
     def moved(self, reading: FeedbackReading, now: float) -> bool:
-        """Return whether the place is to be told on."""
+        """Return whether the position is to be reported."""
         self._heard_at, self._heard_of = now, reading.goal_id
         here = (reading.x, reading.y)
         turned = abs(math.remainder(reading.yaw - self._yaw, math.tau))
@@ -135,7 +135,10 @@ class FeedbackFilter:
         return True
 
     def progress(self, reading: FeedbackReading, map_id: str, now: float) -> DriveProgress | None:
-        """Return what is to be told of the way that is left; a recovery is told at once."""
+        """Return the remaining distance to be reported, None for nothing new.
+
+        A recovery is reported at once.
+        """
         drive = (reading.goal_id, reading.recoveries)
         if drive == self._progress and now - self._progress_at < PROGRESS_PERIOD:
             return None
@@ -170,7 +173,7 @@ class ActionTracker(GoalTracker):
 
     @property
     def goal_id(self) -> str | None:
-        """The goal that Nav2 drives to for us, once it has taken it."""
+        """Return the goal that Nav2 drives to for us, once it has accepted it."""
         return self._drive.goal_id if self._drive is not None else None
 
     @property
@@ -189,20 +192,20 @@ class ActionTracker(GoalTracker):
         return super().go_to(goal, now)
 
     def on_pose(self, pose: MapPose, now: float) -> list[Command]:
-        """Take a pose; a place that the robot leaves out on a way over several is driven to again."""
+        """Handle a pose; a place that the robot skips on a route over several is driven to again."""
         drive = self._drive
         if drive is not None and drive.reached_at is None and self._way.missed(drive.goal, pose):
             self._give_alone(drive)
         return super().on_pose(pose, now)
 
     def on_places(self, goal_id: str, left: int) -> None:
-        """Take how many places of its way navigation still means to drive to."""
+        """Handle the number of places that navigation has left to drive to."""
         drive = self._drive
         if drive is not None and drive.goal_id == goal_id:
             self._way.left(drive.goal, left)
 
     def on_other_statuses(self, entries: Sequence[GoalEntry], now: float) -> list[Command]:
-        """Take the status array of the action that this agent gives no goals to."""
+        """Handle the status array of the action that this agent does not use."""
         foreign = self._registry.set_others(entries, now)
         self._report_table()
         drive = self._drive
@@ -215,7 +218,7 @@ class ActionTracker(GoalTracker):
         return self._advance(now)
 
     def on_goal_answer(self, goal_id: str, now: float, *, accepted: bool | None) -> list[Command]:
-        """Take the answer to a goal that was sent; None: there was none, and the array will show it."""
+        """Handle the answer to a sent goal; None: there was none, and the status array will show it."""
         drive = self._drive
         if accepted:
             self._registry.accept(goal_id)
@@ -229,7 +232,7 @@ class ActionTracker(GoalTracker):
     def on_result(
         self, goal_id: str, status: GoalStatus, reason: tuple[int, str], now: float
     ) -> list[Command]:
-        """Take the result of a goal: its last status, the ``error_code`` and the ``error_msg``."""
+        """Handle the result of a goal: its last status, the ``error_code`` and the ``error_msg``."""
         self._registry.settle(goal_id, status)
         if status.terminal:
             self._reason = (goal_id, reason[0], meaning_of(*reason))
@@ -259,7 +262,7 @@ class ActionTracker(GoalTracker):
             drive.goal_id = listed[-1] if listed else None
 
     def _judge_arrival(self, now: float) -> None:
-        """Wait at the end of a way for the nodes on it to be told passed; one that was not is driven to."""
+        """Wait at the end of a route until its nodes are reported as passed; drive to one that was not."""
         drive, pose = self._drive, self._pose
         if drive is None or drive.reached_at is None or not drive.goal.ahead or pose is None:
             super()._judge_arrival(now)
@@ -271,7 +274,7 @@ class ActionTracker(GoalTracker):
             self._give_alone(drive)
 
     def _give_alone(self, drive: GoalDrive) -> None:
-        """Give a goal again without what comes behind it."""
+        """Send a goal again without the places behind it."""
         log.info("a skipped node is driven to separately", generation=drive.goal.generation)
         self._drive = GoalDrive(replace(drive.goal, ahead=()))
 
@@ -289,14 +292,14 @@ class ActionTracker(GoalTracker):
         return super()._advance(now)
 
     def _ask_result(self) -> None:
-        """Ask once what becomes of the goal that is driven, of an earlier run's too."""
+        """Request once the result of the current goal, also of an earlier run's."""
         goal_id = self.goal_id
         if goal_id is not None and goal_id != self._asked and self._prefix.matches(goal_id):
             self._asked = goal_id
             self._out.append(AskResult(goal_id))
 
     def _follow(self, drive: GoalDrive, goal_id: str, now: float, *, lost: bool) -> None:
-        """Let an end that needs a reason wait for it a little."""
+        """Delay an end that needs a reason, to wait for that reason."""
         aborted = self._registry.status(goal_id) is GoalStatus.ABORTED and self._prefix.matches(goal_id)
         if aborted and not lost and self._reason[0] != goal_id:
             self._aborted = self._aborted or (goal_id, now)
@@ -343,11 +346,9 @@ class ActionSide:
 
     @staticmethod
     def check(settings: RosSettings) -> None:
-        """Check whether the settings ask for what this machine does not have.
+        """Check that the installation has what the settings require.
 
-        Raises:
-            StartError: the action is wanted, and its types cannot be loaded.
-
+        Raises: StartError: the action is required, and its types cannot be loaded.
         """
         from nena_edge_agent.nav2.action_client import action_type  # noqa: PLC0415 - loads rclpy
 
@@ -359,7 +360,7 @@ class ActionSide:
             raise StartError(message)
 
     def new_client(self, settings: RosSettings) -> list[ActionClient]:
-        """Return what is to enter a new node: nothing where goals are given by topic alone."""
+        """Return the extensions for a new node: none if goals are sent by topic only."""
         from nena_edge_agent.nav2.action_client import ActionClient, ActionListeners, action_type  # noqa: PLC0415
 
         types = None
@@ -370,16 +371,16 @@ class ActionSide:
         return [self._client] if self._client else []
 
     def look(self) -> bool:
-        """Check whether a server takes goals; the next goal goes to it then."""
+        """Check whether a server accepts goals; if so, the next goal goes to it."""
         self._tracker.by_action = self._client is not None and self._client.ready
         return self._tracker.by_action
 
     def on_other_statuses(self, entries: list[GoalEntry]) -> None:
-        """Take the statuses of the action that only others give goals to."""
+        """Handle the statuses of the action that only others use."""
         self._apply(self._tracker.on_other_statuses(entries, self._clock.monotonic()))
 
     async def send(self, goal: MapGoal, goal_id: str) -> None:
-        """Send a goal and take the server's answer."""
+        """Send a goal and handle the server's answer."""
         log.info("goal sent", generation=goal.generation, goal=goal_id, x=goal.pose.x, y=goal.pose.y)
         accepted = (
             await self._client.send(goal_id, (goal.pose, *goal.ahead), goal.behavior_tree)

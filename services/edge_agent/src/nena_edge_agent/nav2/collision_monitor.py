@@ -19,7 +19,7 @@ STOP = 1
 
 
 class CollisionMonitor:
-    """Listens to a collision monitor, which tells its state on each change."""
+    """Listens to a collision monitor, which reports its state on each change."""
 
     def __init__(self, topic: str, tell: Callable[[CollisionReport], None]) -> None:
         self._topic = topic

@@ -24,7 +24,7 @@ class SendGoal:
 
 @dataclass(frozen=True, slots=True)
 class AskResult:
-    """Ask the action's server for the result of the goal, which it gives when the goal has ended."""
+    """Request the result of the goal, which the action's server sends when the goal has ended."""
 
     goal_id: str
 
@@ -43,7 +43,7 @@ class StopMotion:
 
 @dataclass(frozen=True, slots=True)
 class RequestPose:
-    """Make the localisation send a pose although the robot stands."""
+    """Make the localisation send a pose although the robot is at standstill."""
 
 
 @dataclass(frozen=True, slots=True)

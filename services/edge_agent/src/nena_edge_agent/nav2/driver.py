@@ -1,7 +1,7 @@
-"""The driver for Nav2 by its topics: rclpy and the common interfaces are all that it needs of ROS.
+"""The driver for Nav2 by its topics: of ROS it only needs rclpy and the common interfaces.
 
-Everything here runs in the event loop; what to do is decided by pure cores (goal tracker, initial position,
-presence), what comes and goes passes through the node.
+Everything here runs in the event loop; pure cores (goal tracker, initial position, presence) decide what to
+do, and the node sends and receives.
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ NO_OPTIONS = Nav2Options()
 
 
 class Nav2Driver:
-    """One robot with Nav2. Events are told from the loop itself, never from within a call of a method."""
+    """One robot with Nav2. Events are emitted from the loop itself, never from within a call of a method."""
 
     def __init__(
         self,
@@ -159,11 +159,9 @@ class Nav2Driver:
         self._stopped = False
 
     async def start(self) -> None:
-        """Join the ROS graph, if it is set so, and look for Nav2 from now on; it need not be there yet.
+        """Join the ROS graph, if the settings say so, and start to search for Nav2; it may appear later.
 
-        Raises:
-            StartError: rclpy is missing, or what the settings ask for beside it.
-
+        Raises: StartError: rclpy is missing, or what the settings require beside it.
         """
         self._loop = asyncio.get_running_loop()
         prepare_environment()
@@ -182,7 +180,7 @@ class Nav2Driver:
         self._tasks.start("watch Nav2", forever("watch Nav2", self._watch), vital=False)
 
     async def stop(self) -> None:
-        """Stop the robot where it still drives for us, then leave the ROS graph; tells nothing any more."""
+        """Stop the robot if it still drives for us, then leave the ROS graph; no more events follow."""
         self._emit = lambda _event: None
         if self._node is not None:
             await self._stand()
@@ -194,7 +192,7 @@ class Nav2Driver:
         await self.session.stop()
 
     def reclaim(self, goals: MapOwnGoals) -> None:
-        """Go on with a goal of an earlier run, where Nav2 still drives to it."""
+        """Continue with a goal of an earlier run, if Nav2 still drives to it."""
         if self._limiter is not None:
             self._limiter.reclaim()
         self._tracker.reclaim(goals)
@@ -223,7 +221,7 @@ class Nav2Driver:
             self._tell(DriveFailed(goal.generation, DriveFailure.NOT_TAKEN_UP, problem))
 
     def halt(self) -> None:
-        """Cancel what is driven; answered by ``Halted`` once the robot stands."""
+        """Cancel the current goal; ``Halted`` follows at standstill."""
         self._too_fast = ""
         self._halted.clear()
         self._apply(self._tracker.halt(self._clock.monotonic()))
@@ -257,15 +255,15 @@ class Nav2Driver:
         return self._tracker.may_drive
 
     def await_map(self, reason: str) -> None:
-        """Give no goal before Nav2 has the map that is being loaded; :meth:`_watch` finds it there."""
+        """Send no goal until Nav2 has the map being loaded; :meth:`_watch` detects it."""
         report = NavigationReport(available=False, reason=reason)
         self._apply(self._tracker.on_navigation(report, self._clock.monotonic()))
         self._tell_navigation(report)
 
     def use_map(self, map_id: str) -> None:
-        """Work on another map: where the robot is on it, an initial position has to tell.
+        """Use another map: an initial position must set the robot's pose on it.
 
-        A goal that waits lies on the map before. The order's is made again once navigation is back.
+        A waiting goal lies on the previous map. The order's goal is made again once navigation is back.
         """
         waiting = self._tracker.wanted
         if waiting is not None:
@@ -319,7 +317,7 @@ class Nav2Driver:
         self._node, self._looking_since = node, self._clock.monotonic()
 
     async def _close_node(self) -> None:
-        """Leave the graph with the robot at a stand."""
+        """Leave the graph after the robot has stopped."""
         if (self._tracker.busy or self._tracker.driving) and not self._stopped:
             await self._stand()
         node, self._node = self._node, None
@@ -346,7 +344,7 @@ class Nav2Driver:
         )
 
     def _watch_localiser(self, seen: presence.Presence) -> None:
-        """Forget the pose of a localisation that has gone or was started again, and ask for a new one."""
+        """Forget the pose of a localisation that has gone or was restarted, and request a new one."""
         inactive = seen.localiser is presence.Lifecycle.INACTIVE
         problem = self._localiser_watch.look(seen.localisers, inactive=inactive)
         if problem is not None:
@@ -393,7 +391,7 @@ class Nav2Driver:
             self._report_pose()
 
     def _with_limits(self, report: NavigationReport) -> NavigationReport:
-        """Wait for a controller that takes limits where the next goal has one."""
+        """Wait for a controller that accepts speed limits if the next goal has one."""
         if self._limiter is None:
             return report
         self._limiter.look()
@@ -419,9 +417,9 @@ class Nav2Driver:
         return NavigationReport(available=False, reason=problem)
 
     async def _read_limits(self, report: NavigationReport) -> None:
-        """Read how near Nav2 drives to a goal, each time that it has become available.
+        """Read Nav2's goal tolerance and limits each time that it becomes available.
 
-        A controller that is still busy with its start may not name its speed yet, and is asked again.
+        A controller that is still starting may not report its speed yet, and is asked again.
         """
         was_available = self._navigation is not None and self._navigation.available
         if not was_available:
@@ -507,7 +505,7 @@ class Nav2Driver:
         self._apply(confirmed)
 
     def _on_feedback(self, reading: FeedbackReading) -> None:
-        """Take the place and the way that is left, which feedback tells more often than the localisation."""
+        """Handle feedback: position, more often than the localisation, and remaining distance."""
         now = self._clock.monotonic()
         if reading.goal_id != self._tracker.goal_id:
             return
@@ -526,12 +524,12 @@ class Nav2Driver:
             self._tell(progress)
 
     def _listen(self, seconds: float) -> None:
-        """Check after ``seconds`` whether feedback still comes."""
+        """Check after ``seconds`` whether feedback still arrives."""
         due = self._loop.time() + seconds
         self._listening = self._loop.call_at(due, self._check_feedback, due)
 
     def _check_feedback(self, due: float) -> None:
-        """Stop the robot if the navigator has fallen silent; a loop that was held up itself listens again."""
+        """Stop the robot if the navigator has become silent; after a delay of the loop itself, wait again."""
         self._listening = None
         now = self._clock.monotonic()
         if not self._tracker.driving or self._stopped:

@@ -9,7 +9,7 @@ SEVERAL = 100
 
 
 class Meaning(NamedTuple):
-    """Why a goal has failed, and a hint for the person who has to mend it; "": none better than the usual."""
+    """Why a goal has failed, and a hint for fixing it; "": no better one than the default."""
 
     reason: str
     hint: str = ""
@@ -63,7 +63,7 @@ _UNKNOWN = "unknown error code of Nav2"
 
 
 def meaning_of(code: int, message: str = "") -> Meaning | None:
-    """Return what an ``error_code`` means, with Nav2's own ``error_msg``; None: it gives no reason."""
+    """Return the meaning of an ``error_code``, with Nav2's own ``error_msg``; None: there is no reason."""
     if not code and not message:
         return None
     known = _MEANINGS.get(code)

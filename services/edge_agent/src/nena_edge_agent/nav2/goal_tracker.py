@@ -1,8 +1,8 @@
-"""Give goals to Nav2 by topic and follow them: which are ours, what became of them, what to do next.
+"""Send goals to Nav2 by topic and follow them: which are ours, their status, what to do next.
 
 Events and the time (monotonic seconds) go in, commands come out. A goal waits (for Nav2, or for the end of a
-cancelled goal), is given until the status array confirms it, is followed by its id, and counts as reached
-when a pose agrees. A halt that the navigator does not obey is carried out at the controller itself.
+cancelled goal), is sent until the status array confirms it, is followed by its ID, and counts as reached when
+a pose agrees. If the navigator ignores a halt, the controller itself is stopped.
 """
 
 from __future__ import annotations
@@ -64,12 +64,12 @@ class GoalDrive:
 
     @property
     def tries(self) -> int:
-        """How often it was given since Nav2 is there."""
+        """Return how often it was sent since Nav2 is available."""
         return self.times_given - self.counted_from
 
     @property
     def may_be_undriven(self) -> bool:
-        """Whether success may come from elsewhere than from arriving."""
+        """Return whether it may succeed without the robot arriving."""
         return self.preempts or self.interrupted
 
     def on_pose(self, pose: MapPose, before: MapPose, now: float) -> None:
@@ -79,7 +79,7 @@ class GoalDrive:
             self.late_at = min(now, self.reached_at + LATE_AT_MOST)
 
     def poses_are_late(self, now: float) -> bool:
-        """Return whether none has come since the arrival, though the last one shows the robot driving."""
+        """Return whether no pose has come since the arrival, though the last one shows the robot moving."""
         if self.reached_at is None or self.late_at != -inf:
             return False
         return self._shown_driving and now - self.reached_at < LATE_AT_MOST
@@ -112,7 +112,7 @@ RECLAIM_SERVER_WAIT = 5.0
 
 @dataclass(slots=True)
 class _Halt:
-    """A stop that is to be answered: asked for at ``asked_at``, tried in earnest since ``since``.
+    """A stop to be confirmed: requested at ``asked_at``, enforced since ``since``.
 
     ``quiet_at``: when no goal of ours was left. ``failed``: ``HaltFailed`` has been reported.
     """
@@ -172,7 +172,7 @@ class GoalTracker:
 
     @property
     def may_drive(self) -> bool:
-        """Whether Nav2 drives for us, or may yet take up a goal that was given."""
+        """Return whether Nav2 drives for us, or may still start a goal that was sent."""
         drive = self._drive
         given = drive is not None and drive.reached_at is None and drive.tries > 0
         return given or bool(self._registry.live)
@@ -185,7 +185,7 @@ class GoalTracker:
         return dist(place, (drive.goal.pose.x, drive.goal.pose.y)) <= PLAN_TOLERANCE
 
     def reclaim(self, goals: MapOwnGoals) -> None:
-        """Take the goals of an earlier run for ours; to be called before anything else."""
+        """Treat the goals of an earlier run as ours; call it before anything else."""
         self._registry.reclaim(goals.goal_ids, goals.behind if goals.given else None)
         self._reclaimed = goals
 
@@ -195,7 +195,7 @@ class GoalTracker:
         return self._advance(now)
 
     def drop(self, now: float) -> list[Command]:
-        """Cancel what is driven, without an answer: it was to be replaced by a goal that cannot be given."""
+        """Cancel the current goal without an answer: the goal that was to replace it cannot be sent."""
         self._drive = self._reclaimed = None
         return self._advance(now)
 
@@ -209,7 +209,7 @@ class GoalTracker:
         return self._advance(now)
 
     def on_statuses(self, entries: Sequence[GoalEntry], now: float) -> list[Command]:
-        """Take a status array: all goals that the server remembers."""
+        """Handle a status array: all goals that the server remembers."""
         news = self._registry.update(entries, now)
         self._runaway = False  # the navigator speaks, and what it drives to can be cancelled
         self._report_table()
@@ -221,12 +221,12 @@ class GoalTracker:
         return self._advance(now)
 
     def _bind(self, drive: GoalDrive, claimed: tuple[str, ...]) -> None:
-        """Follow the new id that is ours: of a goal given twice, the server drives the one accepted last."""
+        """Follow the new ID that is ours: of a goal sent twice, the server drives the last accepted one."""
         if claimed:
             drive.goal_id, drive.reached_at = claimed[-1], None
 
     def on_cancel_answer(self, goal_id: str, code: int | None, now: float) -> list[Command]:
-        """Take the code of a cancel call, None where none came; the goal's status shows what it does."""
+        """Handle the code of a cancel call, None for no answer; the goal's status shows its effect."""
         if code == UNKNOWN_GOAL_ID:
             self._registry.forget(goal_id)
         elif code is None:
@@ -248,22 +248,22 @@ class GoalTracker:
         return self._advance(now)
 
     def on_pose(self, pose: MapPose, now: float) -> list[Command]:
-        """Take a pose that the localisation has sent."""
+        """Handle a pose of the localisation."""
         if self._drive and self._pose:
             self._drive.on_pose(pose, self._pose, now)
         self._pose, self._pose_at = pose, now
         return self._advance(now)
 
     def forget_pose(self) -> None:
-        """Forget where the robot is: the localisation does not know it any more."""
+        """Forget the robot's pose: the localisation has lost it."""
         self._pose = None
 
     def on_velocity(self, speed: float, omega: float, now: float) -> None:
-        """Take a velocity of the odometry: m/s and rad/s."""
+        """Handle a velocity of the odometry, m/s and rad/s."""
         self._standstill.on_velocity(speed, omega, now)
 
     def on_servers(self, servers: frozenset[str], now: float) -> list[Command]:
-        """Take the endpoint ids of those who publish the status array."""
+        """Handle the endpoint IDs of the status array's publishers."""
         drove = bool(self._registry.live)
         gone = self._registry.set_servers(servers, now)
         self._report_table()
@@ -286,7 +286,7 @@ class GoalTracker:
         return self._advance(now)
 
     def on_navigation(self, report: NavigationReport, now: float) -> list[Command]:
-        """Note whether goals can be given."""
+        """Note whether goals can be sent."""
         lost = self._navigation.available and not report.available
         if lost and self._registry.live:
             self._run_away(now)
@@ -311,7 +311,7 @@ class GoalTracker:
         return commands
 
     def _follow(self, drive: GoalDrive, goal_id: str, now: float, *, lost: bool) -> None:
-        """Let the status of the goal's id take effect; 0 to 3 mean that it is still driven."""
+        """Apply the status of the goal; 0 to 3 mean that it is still active."""
         status = self._registry.status(goal_id)
         if lost:
             text = f"Nav2 no longer lists the goal {goal_id}: it was restarted"
@@ -337,7 +337,7 @@ class GoalTracker:
             self._fail(drive, DriveFailure.ABORTED, text)
 
     def _answer_halt(self, now: float) -> None:
-        """Answer a halt once the robot is seen to stand; fail it where it goes on, or nothing shows that."""
+        """Confirm a halt once the robot is at standstill; fail it if it moves on or nothing confirms it."""
         halt, registry = self._halt, self._registry
         if halt is None:
             return
@@ -362,9 +362,10 @@ class GoalTracker:
             self._report(HaltFailed(self._why_not_halted(now)))
 
     def _stands(self, halt: _Halt, now: float) -> bool:
-        """Whether the robot stands and nothing of ours will have it drive on.
+        """Return whether the robot is at standstill and no goal of ours will move it.
 
-        Without odometry: a robot that drove nothing, or after a while one whose servers have agreed to stop.
+        Without odometry: a robot that was not driving, or after a while one whose servers have confirmed the
+        stop.
         """
         settled = halt.quiet_at is not None
         if settled and self._registry.others_run:
@@ -393,7 +394,7 @@ class GoalTracker:
         self._runaway, self._stop_answered, self._stop_again_at = True, False, now
 
     def _stop_motion(self, now: float) -> None:
-        """Stop the controller itself where the navigator is gone or does not stop the robot."""
+        """Stop the controller directly if the navigator is gone or does not stop the robot."""
         stands = self._standstill.stands(now)
         if self._runaway and self._stop_again_at > now:  # it has been asked to stop at least once
             self._runaway = not stands and (self._standstill.known(now) or not self._stop_answered)
@@ -411,7 +412,7 @@ class GoalTracker:
             self._out.append(StopMotion())
 
     def _judge_arrival(self, now: float) -> None:
-        """Let success count only where the pose agrees; one that may be old is asked for again."""
+        """Accept success only if the pose agrees; one that may be old is requested again."""
         drive = self._drive
         if drive is None or drive.reached_at is None:
             return
@@ -429,11 +430,11 @@ class GoalTracker:
             self._fail(drive, DriveFailure.OUTSIDE_TOLERANCE, self._disagreement(drive.goal))
 
     def _give_again(self, drive: GoalDrive) -> None:
-        """Give a goal again that succeeded although the robot is elsewhere.
+        """Send a goal again that succeeded although the robot is elsewhere.
 
-        Nav2 plans again once a second (through poses: each 3 s), which a new goal does not hasten: until then
-        the controller follows the old path, and when that ends first, the new goal gets its result undriven.
-        The goal given now has nothing to pre-empt, so this happens once for each goal.
+        Nav2 plans again once a second (through poses: each 3 s), and a new goal does not hasten that: until
+        then the controller follows the old path, and if that ends first, the new goal gets its result without
+        being driven. The goal sent now has nothing to pre-empt, so this happens once for each goal.
         """
         log.info("goal succeeded elsewhere; sending it again", generation=drive.goal.generation)
         self._drive = GoalDrive(drive.goal)
@@ -458,7 +459,7 @@ class GoalTracker:
         )
 
     def _give(self, now: float) -> None:
-        """Publish the goal, or publish it again, or give it up."""
+        """Publish the goal, or publish it again, or give up."""
         drive = self._drive
         if drive is None or drive.goal_id is not None or self._halt is not None:
             return
@@ -481,7 +482,7 @@ class GoalTracker:
         self._out.append(PublishGoal(drive.goal))
 
     def _goes_on(self, drive: GoalDrive, now: float) -> bool:
-        """Take up the goal of an earlier run, if it leads to the same place and runs or has got there."""
+        """Continue the goal of an earlier run, if it has the same pose and is active or succeeded."""
         goals, self._reclaimed = self._reclaimed, None
         goal_id, place = self._earlier(goals) if goals else (None, None)
         if goal_id is None or place is None or not _same_place(place, drive.goal):
@@ -513,7 +514,7 @@ class GoalTracker:
             self._reclaimed = None
 
     def _may_give(self, now: float) -> bool:
-        """Whether a goal given now has a chance: one given while another is cancelled would end with it."""
+        """Return whether a goal can be sent: while another is cancelled, a new one would end with it."""
         clear = not self._registry.canceling and not any(
             goal_id in self._cancels for goal_id in self._registry.live
         )
@@ -542,7 +543,7 @@ class GoalTracker:
                 self._out.append(CancelGoal(goal_id))
 
     def _refresh_pose(self, now: float) -> None:
-        """Ask for a pose once the robot has come to rest at its goal: the last one is from the way there."""
+        """Request a pose once the robot has stopped at its goal: the last one is from the way there."""
         arrived_at, stands = self._arrived_at, self._standstill
         if arrived_at is None:
             return

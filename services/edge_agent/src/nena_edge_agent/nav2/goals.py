@@ -1,7 +1,7 @@
 """The goals in Nav2's status array, and which of them are this agent's.
 
-A goal given by topic carries no id of ours, so its owner is worked out: each goal given may claim one new id.
-A goal given by the action has an id with the agent's prefix. A restarted server makes all ids void.
+A goal sent by topic has no ID of ours, so its owner is inferred: each goal sent may claim one new ID. A goal
+sent by the action has an ID with the agent's prefix. A server's restart invalidates all IDs.
 """
 
 from __future__ import annotations
@@ -72,8 +72,8 @@ class Goal:
 class GoalRegistry:
     """Keeps the goals of the last array. Times are monotonic seconds.
 
-    A given goal is awaited for ``confirmation_time``, and can claim an id for twice as long. A server that
-    has been there for ``settle_time`` without an array has no goals of before.
+    A sent goal is awaited for ``confirmation_time``, and can claim an ID for twice as long. A server that has
+    been present for ``settle_time`` without an array has no earlier goals.
     """
 
     def __init__(self, *, confirmation_time: float, settle_time: float) -> None:
@@ -106,7 +106,7 @@ class GoalRegistry:
 
     @property
     def others_run(self) -> bool:
-        """Whether a goal that another client gave has not ended."""
+        """Return whether a goal of another client is active."""
         return any(not goal.ours and not goal.status.terminal for goal in self._goals.values())
 
     @property
@@ -122,16 +122,16 @@ class GoalRegistry:
 
     @property
     def canceling(self) -> bool:
-        """Whether any goal is being cancelled; a goal given now would end with it."""
+        """Return whether any goal is being cancelled; a goal sent now would end with it."""
         return any(goal.status is GoalStatus.CANCELING for goal in self._goals.values())
 
     @property
     def orphaned(self) -> bool:
-        """Whether the server went while it drove for us, and has not been heard since."""
+        """Return whether the server disappeared while driving for us, and has not reported since."""
         return bool(self._orphans)
 
     def may_still_drive(self, now: float) -> bool:
-        """Whether a server is there again that has yet to show whether it still drives for us."""
+        """Return whether a server is back that has yet to show whether it still drives for us."""
         return self.orphaned and bool(self._servers) and not self.settled(now)
 
     def status(self, goal_id: str) -> GoalStatus | None:
@@ -147,15 +147,17 @@ class GoalRegistry:
         return next((other for other in running if not self._goals[other].ours), None)
 
     def settled(self, now: float) -> bool:
-        """Whether the goals of before are known, so that a new id can be told from them."""
+        """Return whether the earlier goals are known, so that a new ID can be distinguished from them."""
         since = self._servers_since
         return self._array_seen or (since is not None and now - since >= self._settle_time)
 
     def set_servers(self, servers: frozenset[str], now: float) -> bool:
-        """Take the ids of the publishers of the array; True when one of before has gone: all ids are void.
+        """Set the IDs of the array's publishers.
 
-        A server that turns up beside another one is that one, restarted: DDS shows a publisher that has
-        crashed for another 20 s.
+        Return True if an earlier one has gone: all goal IDs are void.
+
+        A server that appears beside another one is that one, restarted: DDS lists a crashed publisher for
+        another 20 s.
         """
         servers = self._without_crashed(servers)
         gone = self._servers - servers
@@ -172,38 +174,39 @@ class GoalRegistry:
         return bool(gone)
 
     def _without_crashed(self, servers: frozenset[str]) -> frozenset[str]:
-        """Leave out the servers that others have come for; one that outlives those was never away."""
+        """Remove the servers that others have replaced; one that outlives its successors was never away."""
         if servers - self._servers - self._replaced:
             self._replaced |= self._servers
         self._replaced &= servers
         return servers - self._replaced or servers
 
     def reclaim(self, goal_ids: Sequence[str], given_behind: str | None = None) -> None:
-        """Take these for ours once they are listed: an earlier run of the program gave them.
+        """Treat these as ours once they are listed: an earlier run of the program sent them.
 
-        So is the one that the first array lists behind ``given_behind`` ("": the last one), None: no other.
+        The same holds for the goal that the first array lists after ``given_behind`` ("": the last one);
+        None: no other.
         """
         self._orphans = frozenset(goal_ids)
         self._given_behind = given_behind
 
     def given(self, now: float) -> None:
-        """Note that a goal is given at ``now``."""
+        """Note that a goal is sent at ``now``."""
         self._expire(now)
         self._claims += 1
         self._awaited = True
         self._given_at = now
 
     def awaiting(self, now: float) -> bool:
-        """Whether the goal given last is still waited for."""
+        """Return whether the last sent goal is still awaited."""
         return self._awaited and now - self._given_at < self._confirmation_time
 
     def forget(self, goal_id: str) -> None:
-        """Take the server's word that it does not know the goal."""
+        """Remove a goal that the server does not know."""
         if goal_id in self._goals:
             self._goals[goal_id].status = GoalStatus.ABORTED
 
     def update(self, entries: Sequence[GoalEntry], now: float) -> News:
-        """Take an array; one that came late says nothing."""
+        """Handle an array; ignore one that came late."""
         self._expire(now)
         if self._is_late(entries):
             return News((), frozenset())
@@ -226,7 +229,7 @@ class GoalRegistry:
         return News(claimed, lost)
 
     def _is_late(self, entries: Sequence[GoalEntry]) -> bool:
-        """Return whether a newer array has come: it had a goal that this one does not know yet."""
+        """Return whether a newer array has already come: it had a goal that this one does not have."""
         newest = next(reversed(self._goals), None)
         listed = {entry.goal_id for entry in entries}
         return newest is not None and newest not in listed and listed <= self._goals.keys()
@@ -244,7 +247,7 @@ class GoalRegistry:
         return claimed
 
     def _find_given_before(self, listed: list[str]) -> None:
-        """Check whether navigation has a goal that an earlier run gave, and could not see listed any more."""
+        """Find a goal that an earlier run sent, and could not see listed any more."""
         behind, self._given_behind = self._given_behind, None
         if behind is None or (behind and behind not in listed):
             return
@@ -259,7 +262,7 @@ class GoalRegistry:
 
 
 def _merged(old: Goal | None, entry: GoalEntry, *, ours: bool) -> Goal:
-    """Return the goal after ``entry``; an end stays an end, and an unknown status says nothing."""
+    """Return the goal updated by ``entry``; an end is final, and an unknown status is ignored."""
     if old is None:
         return Goal(ours, entry.status)
     if old.status.terminal or entry.status is GoalStatus.UNKNOWN:
@@ -290,9 +293,9 @@ class GoalIdPrefix:
 
 
 class PrefixedGoalRegistry(GoalRegistry):
-    """Nothing has to be worked out: an id with the agent's prefix is ours, and no other one.
+    """Nothing is inferred: an ID with the agent's prefix is ours, and no other one.
 
-    Goals given by topic, before or in between, are told as ever.
+    Goals sent by topic, before or in between, are handled as usual.
     """
 
     def __init__(self, prefix: GoalIdPrefix, *, confirmation_time: float, settle_time: float) -> None:
@@ -309,14 +312,14 @@ class PrefixedGoalRegistry(GoalRegistry):
 
     @property
     def yields(self) -> bool:
-        """Whether somebody may give a goal again that Nav2 did not take."""
+        """Return whether another client may resend a goal that Nav2 rejected."""
         return self._yield_until is not None
 
     def set_others(self, entries: Sequence[GoalEntry], now: float) -> str | None:
-        """Take the goals of the action that others alone use; return a new one that comes in our way.
+        """Handle the goals of the action that only others use; return a new one that interferes with ours.
 
         Nav2 drives for one action at a time, and aborts a goal of the other one within milliseconds. Such a
-        goal counts as running for :data:`YIELD_TIME`, in which it can be given again.
+        goal counts as active for :data:`YIELD_TIME`, in which it can be sent again.
         """
         foreign = {each.goal_id: each.status for each in entries if not self._prefix.matches(each.goal_id)}
         known, self._others_known = self._others_known, foreign
@@ -344,7 +347,7 @@ class PrefixedGoalRegistry(GoalRegistry):
         return fresh[-1] if fresh and self.live else None
 
     def end_yielding(self, now: float) -> bool:
-        """Go on once the time is over in which another client's goal could be given again; return whether."""
+        """Stop yielding once the time for another client's retry is over; return whether it stopped."""
         if self._yield_until is None or now < self._yield_until:
             return False
         self._yield_until, self._others = None, ()
@@ -356,12 +359,12 @@ class PrefixedGoalRegistry(GoalRegistry):
         self._awaited, self._given_at = True, now
 
     def accept(self, goal_id: str) -> None:
-        """Take the server's word that it drives for a goal of ours; its array may come later."""
+        """Note that the server has accepted a goal of ours; its array may come later."""
         self._awaited = False
         self._goals.setdefault(goal_id, Goal(ours=True, status=GoalStatus.ACCEPTED))
 
     def settle(self, goal_id: str, status: GoalStatus) -> None:
-        """Take the end of a goal from its result, which may come before the array."""
+        """Note the end of a goal by its result, which may come before the array."""
         goal = self._goals.get(goal_id)
         if goal is not None and not goal.status.terminal and status.terminal:
             goal.status = status

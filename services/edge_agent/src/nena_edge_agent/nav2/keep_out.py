@@ -101,7 +101,7 @@ class KeepOutMask:
         self._info: Any = None
 
     def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401 - rclpy carries no types
-        """Publish on a new node from now on."""
+        """Publish on a new node."""
         from nav_msgs.msg import OccupancyGrid  # noqa: PLC0415 - the loopback needs no ROS
 
         from nena_edge_agent.nav2.node import LATCHED, NO_EVENTS  # noqa: PLC0415
@@ -119,10 +119,10 @@ class KeepOutMask:
             self._publish(self._mask)
 
     async def show(self, areas: Iterable[MapArea], map_id: str) -> None:
-        """Keep out of the areas of one map, and of nothing else.
+        """Publish the areas of one map as the only ones to keep out of.
 
-        A thread draws them: a large mask takes a tenth of a second. One that others replace meanwhile is
-        not shown.
+        A thread draws them: a large mask takes a tenth of a second. One that is replaced meanwhile is not
+        published.
         """
         polygons = [each.points for each in areas if each.map_id == map_id]
         if not polygons and self._mask is None and not self._wanted:

@@ -24,7 +24,7 @@ CLOCK_JUMP = 10_000_000_000
 
 
 class Localisation:
-    """Keeps what is known of the robot's place; poses come more than once and out of order."""
+    """Keeps the robot's pose; poses may be repeated and out of order."""
 
     def __init__(self, settings: RosSettings, map_id: str) -> None:
         self._settings = settings
@@ -37,13 +37,13 @@ class Localisation:
 
     @property
     def known(self) -> bool:
-        """Whether a pose has come."""
+        """Return whether a pose has come."""
         return self._reading is not None
 
     def on_reading(self, reading: PoseReading, *, old: bool = False) -> MapPose | None:
-        """Take a pose; return where the robot is by it, where it is new, and in the frame of the settings.
+        """Handle a pose; return the position if it is new and in the frame of the settings.
 
-        ``old``: a nearer place comes all the time, and stays.
+        ``old``: more recent positions arrive continuously from elsewhere, so the pose does not replace them.
         """
         if reading.frame.removeprefix("/") != self._settings.frame:
             self._tell_frame(reading.frame)
@@ -55,9 +55,9 @@ class Localisation:
         return self._nearer or self._pose(reading)
 
     def on_nearer(self, x: float, y: float, yaw: float, frame: str) -> MapPose | None:
-        """Take a place (m, rad) that is newer than that of the pose; how sure it is, the pose still says.
+        """Handle a position (m, rad) newer than the pose, whose covariance stays valid; return it.
 
-        None, and not taken, where it is in another frame or no pose has come.
+        Return None, and ignore it, if it is in another frame or no pose has come.
         """
         if self._reading is None or frame.removeprefix("/") != self._settings.frame:
             return None
@@ -70,7 +70,7 @@ class Localisation:
         return VelocityReport(*(self._velocity or (None, None)))
 
     def on_velocity(self, velocity: tuple[float, float], now: float) -> bool:
-        """Take m/s forward and rad/s; return whether the robot has just begun or ceased to move."""
+        """Handle a velocity, m/s forward and rad/s; return whether the robot has just started or stopped."""
         before, self._velocity, self._velocity_at = self._velocity, velocity, now
         return before is None or _moves(before) is not _moves(velocity)
 
@@ -112,7 +112,10 @@ class LocaliserWatch:
         self._missed = self._inactive = False
 
     def look(self, publishers: frozenset[str], *, inactive: bool) -> str | None:
-        """Take the endpoint ids of those who publish the pose; return why it is to be forgotten."""
+        """Handle the endpoint IDs of the pose's publishers.
+
+        Return why the pose is to be forgotten, if it is.
+        """
         before, was_missed, was_inactive = self._publishers, self._missed, self._inactive
         self._missed, self._inactive = bool(before) and not publishers, inactive
         if self._missed and not was_missed:
@@ -159,7 +162,7 @@ class _Attempt:
 
 
 class InitialPosition:
-    """One initial position at a time; a newer one replaces an older one, and one answer stands for both."""
+    """One initial position at a time; a newer one replaces an older one, and one answer applies to both."""
 
     def __init__(self, settings: LocalisationSettings) -> None:
         self._settings = settings
@@ -172,13 +175,13 @@ class InitialPosition:
         return self._attempt is not None
 
     def ask(self, pose: MapPose, now: float) -> list[PublishInitialPose | Report]:
-        """Begin; poses that came before do not count, however near they are."""
+        """Start; earlier poses do not count, however near they are."""
         self._latest = None
         self._attempt = _Attempt(pose, 1, now + self._settings.initial_wait)
         return [PublishInitialPose(pose)]
 
     def on_pose(self, pose: MapPose) -> list[PublishInitialPose | Report]:
-        """Take a pose of the localisation, newer by its stamp than every one before."""
+        """Handle a pose of the localisation, newer by its stamp than all before."""
         attempt = self._attempt
         self._latest = pose
         if attempt is None or not near(
@@ -192,7 +195,7 @@ class InitialPosition:
         return [Report(PositionInitialized(succeeded=True, description=""))]
 
     def tick(self, now: float) -> list[PublishInitialPose | Report]:
-        """Give the pose again where no answer came, or give up."""
+        """Publish the pose again if no answer came, or give up."""
         attempt = self._attempt
         if attempt is None or now < attempt.again_at:
             return []
@@ -223,7 +226,7 @@ SILENT_WAY = 1.0
 
 
 class PoseWatch:
-    """Asks and judges; ``timeout`` and ``wait`` are in seconds, times are monotonic seconds."""
+    """Requests and checks poses; ``timeout`` and ``wait`` are in seconds, times are monotonic seconds."""
 
     def __init__(self, *, timeout: float, wait: float) -> None:
         self._timeout = timeout
@@ -240,18 +243,18 @@ class PoseWatch:
         self._pose_at, self._promised_at, self._way, self.lost = now, None, 0.0, False
 
     def on_velocity(self, speed: float, omega: float, now: float) -> None:
-        """Take a velocity of the odometry: m/s and rad/s."""
+        """Handle a velocity of the odometry, m/s and rad/s."""
         seconds, self._heard_at = now - self._heard_at, now
         if seconds <= LONGEST_GAP and math.isfinite(speed + omega):
             self._way += max(abs(speed), abs(omega)) * seconds
 
     def on_answer(self, now: float) -> None:
-        """Note that the localisation has taken the request for a pose."""
+        """Note that the localisation has accepted the request for a pose."""
         if self._promised_at is None:
             self._promised_at = now
 
     def look(self, *, driving: bool, unsure: bool, now: float) -> bool:
-        """Return whether a pose is to be asked for; ``unsure``: the newest one is not to be trusted."""
+        """Return whether to request a pose; ``unsure``: the newest one is not to be trusted."""
         if self._pose_at is None:
             return False
         if not driving and not unsure and not self.lost:

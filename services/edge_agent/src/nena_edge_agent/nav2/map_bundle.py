@@ -84,7 +84,7 @@ _UNREADABLE: Final = (
 
 
 class BadBundleError(Exception):
-    """The content is no map of Nav2; the text says why."""
+    """The content is not a Nav2 map; the text says why."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,9 +99,7 @@ class MapBundle:
     def of(cls, content: bytes) -> MapBundle:
         """Read an archive.
 
-        Raises:
-            BadBundleError: it is none, or holds no map.
-
+        Raises: BadBundleError: it is no archive, or contains no map.
         """
         try:
             return cls._read(_opened(content))

@@ -91,10 +91,13 @@ CELLS_LIMIT = 64 * 1024 * 1024
 
 
 class MapWatch:
-    """A extension of the robot's nodes; ``tell`` gets each map that looks or lies otherwise than the last."""
+    """An extension of the robot's nodes.
+
+    ``tell`` gets each map whose content or position differs from the last.
+    """
 
     def __init__(self, topic: str, map_id: Callable[[], str], frame: PlantFrame) -> None:
-        """``map_id`` tells which map the robot has, ``frame`` how the plant lies on it."""
+        """``map_id`` returns the robot's map ID, ``frame`` is the plant's position on it."""
         self._topic = topic
         self._map_id = map_id
         self._frame = frame

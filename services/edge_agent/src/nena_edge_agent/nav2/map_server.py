@@ -27,7 +27,7 @@ PROBLEMS = {
 
 
 class MapNotLoadedError(Exception):
-    """map_server does not have the map; the text says why."""
+    """map_server did not load the map; the text says why."""
 
 
 class MapUser(Protocol):
@@ -35,15 +35,15 @@ class MapUser(Protocol):
 
     @property
     def drives(self) -> bool:
-        """Whether the robot drives on it now, or has a goal that it may take up."""
+        """Return whether the robot drives on it now, or has a goal that it may start."""
         ...
 
     def await_map(self, reason: str) -> None:
-        """Take no goal up until Nav2 has the map that is being loaded."""
+        """Start no goal until Nav2 has the map being loaded."""
         ...
 
     def use_map(self, map_id: str) -> None:
-        """Work on another map from now on."""
+        """Use another map."""
         ...
 
 
@@ -70,7 +70,7 @@ class MapServer:
         """Held while map_server is told to load a map: it takes one at a time."""
 
     def attach(self, user: MapUser) -> None:
-        """Notify a driver of each change from now on."""
+        """Notify a driver of each change."""
         self._user = user
 
     def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401 - rclpy carries no types
@@ -97,7 +97,7 @@ class MapServer:
             self._problem = f"map_server has not loaded the map '{map_id}'"
 
     def remember(self, mark: Path) -> None:
-        """Note the file that is there while the robot's place on the enabled map is not known."""
+        """Set the file that exists while the robot's pose on the enabled map is unknown."""
         self._mark = mark
 
     @property
@@ -106,7 +106,7 @@ class MapServer:
         return self._mark is not None and self._mark.exists()
 
     def placed(self) -> None:
-        """Note that the robot's place on the map is known."""
+        """Note that the robot's pose on the map is known."""
         if self._mark is None:
             return
         try:

@@ -1,7 +1,7 @@
-"""Builds every message that goes out.
+"""Builds all outgoing messages.
 
-A ROS message takes any object into a number's field and sends its memory as garbage, so each number passes
-through :func:`_number` here and nowhere else.
+ROS accepts any object in a number's field and sends its memory as garbage, so each number passes through
+:func:`_number` here and nowhere else.
 """
 
 from __future__ import annotations
@@ -44,11 +44,9 @@ def goal_message(pose: MapPose, frame: str) -> Any:  # noqa: ANN401 - rclpy carr
 
 
 def initial_pose_message(pose: MapPose, frame: str, *, xy_variance: float, theta_variance: float) -> Any:  # noqa: ANN401
-    """Build the geometry_msgs/PoseWithCovarianceStamped that tells the localisation where the robot is.
+    """Build the geometry_msgs/PoseWithCovarianceStamped that sets the robot's pose in the localisation.
 
-    Raises:
-        NotFiniteError: a number is NaN or infinite.
-
+    Raises: NotFiniteError: a number is NaN or infinite.
     """
     message = PoseWithCovarianceStamped()
     message.header.frame_id = frame

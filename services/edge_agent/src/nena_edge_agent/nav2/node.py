@@ -1,7 +1,7 @@
 """The agent's node: Nav2, the localisation and the robot's base as topics and services.
 
-All names are relative unless the settings say otherwise, so that the namespace counts. Readings come out as
-plain data in the event loop; what is sent, is sent from there.
+All names are relative unless the settings say otherwise, so that the namespace applies. Readings come out as
+plain data in the event loop, and messages are sent from there.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ STATUS_ARRAYS = 10
 
 @dataclass(frozen=True, slots=True)
 class Listeners:
-    """Who is told what comes in, in the event loop."""
+    """The handlers of incoming messages, called in the event loop."""
 
     statuses: Callable[[list[GoalEntry]], None]
     other_statuses: Callable[[list[GoalEntry]], None]
@@ -75,11 +75,9 @@ class Nav2Node:
         )
 
     async def start(self, on_failure: Callable[[str], None]) -> None:
-        """Join the ROS graph; ``on_failure`` is told when the node falls out of it unasked.
+        """Join the ROS graph; ``on_failure`` is called if the node leaves it unexpectedly.
 
-        Raises:
-            SessionError: ROS refuses.
-
+        Raises: SessionError: ROS refuses.
         """
         await self._session.start(self._furnish, on_failure=on_failure)
 
@@ -88,7 +86,7 @@ class Nav2Node:
         await self._session.stop()
 
     def publish_goal(self, pose: MapPose) -> None:
-        """Publish a goal; whether it is taken shows in the status array."""
+        """Publish a goal; the status array shows whether it is accepted."""
         self._goals.publish(messages.goal_message(pose, self._settings.frame))
 
     def publish_initial_pose(self, pose: MapPose) -> None:
@@ -103,7 +101,7 @@ class Nav2Node:
         self._initial_poses.publish(message)
 
     async def cancel(self, goal_id: str) -> int | None:
-        """Cancel one goal and give the code of the answer; None where there was none."""
+        """Cancel one goal and return the code of the answer; None: no answer."""
         answer = await self._call(self._cancel, messages.cancel_request(goal_id))
         return None if answer is None else int(answer.return_code)
 
@@ -114,11 +112,11 @@ class Nav2Node:
         return answers[0] is not None
 
     async def request_pose(self) -> bool:
-        """Make the localisation send a pose although the robot stands; return whether it has agreed."""
+        """Make the localisation send a pose at standstill; return whether it has agreed."""
         return await self._call(self._fresh_pose, Empty.Request()) is not None
 
     async def presence(self) -> Presence:
-        """Check whether Nav2 is there; takes at most the time-out of a call."""
+        """Return whether Nav2 is present; takes at most the timeout of a call."""
         there, localiser = self._lifecycle.service_is_ready(), self._localiser.service_is_ready()
         active, state = await asyncio.gather(
             self._call(self._lifecycle, Trigger.Request()), self._call(self._localiser, GetState.Request())
@@ -138,7 +136,7 @@ class Nav2Node:
         )
 
     def _publishers(self, topic: str) -> frozenset[str]:
-        """Return the endpoint ids of those who publish a topic."""
+        """Return the endpoint IDs of a topic's publishers."""
         found = self._node.get_publishers_info_by_topic(topic)
         return frozenset(bytes(publisher.endpoint_gid).hex() for publisher in found)
 
@@ -164,7 +162,10 @@ class Nav2Node:
             extension.enter(self._session, node)
 
     def _hear_localiser_that_does_not_latch(self) -> None:
-        """Listen in a second way once there is one; from the start on, each pose of AMCL would come twice."""
+        """Add a volatile subscription when needed.
+
+        With both from the start, each pose of AMCL would come twice.
+        """
         publishers = self._node.get_publishers_info_by_topic(self._settings.names.pose)
         latches = (each.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for each in publishers)
         if not self._hears_all_localisers and not all(latches):

@@ -33,10 +33,10 @@ def interface(name: str) -> Any | None:  # noqa: ANN401 - rclpy carries no types
 
 @dataclass(frozen=True, slots=True)
 class Nav2Offers:
-    """What the robot can do by Nav2.
+    """The robot's features by Nav2.
 
-    ``limits_speed``: it obeys limits of its speed; ``keeps_out``: it plans around areas that are closed;
-    ``behavior_trees``: names of those that orders may ask for.
+    ``limits_speed``: it obeys speed limits; ``keeps_out``: it plans around closed areas; ``behavior_trees``:
+    names that orders may request.
     """
 
     limits_speed: bool = False

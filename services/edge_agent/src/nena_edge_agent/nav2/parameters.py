@@ -1,4 +1,4 @@
-"""What Nav2's parameters say of how it drives and of the robot, read from its servers while it runs."""
+"""Nav2's parameters for driving and the robot, read from its running servers."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def contour_of(footprint: str, radius: float | None) -> Contour:
 
 
 class ParameterReader:
-    """Asks Nav2's servers for their parameters; enters a node before all else."""
+    """Reads parameters from Nav2's servers; enters a node before all other extensions."""
 
     def __init__(self, settings: RosSettings) -> None:
         self._settings = settings
@@ -70,7 +70,7 @@ class ParameterReader:
         self._costmap = node.create_client(GetParameters, f"{names.costmap}/get_parameters")
 
     async def read(self) -> Nav2Parameters:
-        """Ask for all of them; takes at most two time-outs of a call."""
+        """Read all of them; takes at most two timeouts of a call."""
         checker, follower, planner = await asyncio.gather(
             self._first(self._controller, "goal_checker_plugins", "general_goal_checker"),
             self._first(self._controller, "controller_plugins", "FollowPath"),
@@ -105,7 +105,7 @@ class ParameterReader:
         return float(value) if isinstance(value, int | float) else None
 
     async def _ask(self, client: Any, name: str) -> Value:  # noqa: ANN401
-        """Ask for one parameter: of several, a server with one that it does not know tells none."""
+        """Read one parameter; with several names, a server that lacks one of them returns none."""
         request = GetParameters.Request(names=[name])
         answer = await self._session.call(client, request, seconds=self._settings.call_timeout)
         found = None if answer is None or not answer.values else answer.values[0]

@@ -1,4 +1,4 @@
-"""Whether Nav2 is there and can take goals, and if not, what is missing in words."""
+"""Whether Nav2 is present and accepts goals, and if not, what is missing."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ POSE_FIRST = (
 
 
 class Lifecycle(Enum):
-    """What Nav2's lifecycle manager says of itself."""
+    """The state that Nav2's lifecycle manager reports."""
 
     ABSENT = auto()
     """There is no such service: nothing is known, and Nav2 counts as active."""
@@ -49,9 +49,9 @@ UNTOLD = frozenset({Lifecycle.ABSENT, Lifecycle.ACTIVE})
 class Presence:
     """What the ROS graph shows of Nav2.
 
-    ``servers`` are the endpoint ids of the status array's publishers, ``localisers`` those of the pose's;
-    ``localiser`` is what the localisation's own lifecycle says. ``action``: the action's server is there, and
-    this machine can speak to it.
+    ``servers`` are the endpoint IDs of the status array's publishers, ``localisers`` those of the pose's;
+    ``localiser`` is the localisation's own lifecycle state. ``action``: the action's server is present, and
+    this machine has its types.
     """
 
     servers: frozenset[str]
@@ -70,7 +70,7 @@ class LifecycleWatch:
         self._known = Lifecycle.ABSENT
 
     def judge(self, *, there: bool, active: bool | None) -> Lifecycle:
-        """Note whether the service is there, and what it answered (None: nothing)."""
+        """Note whether the service is present, and its answer (None: no answer)."""
         if not there:
             self._misses, self._known = 0, Lifecycle.ABSENT
         elif active is None and self._known in (Lifecycle.ABSENT, Lifecycle.STARTING):
@@ -86,7 +86,7 @@ class LifecycleWatch:
 def judge(
     presence: Presence, settings: RosSettings, *, pose_known: bool, seconds: float = math.inf
 ) -> NavigationReport:
-    """Return whether goals can be given now; ``seconds`` is for how long Nav2 has been looked for."""
+    """Return whether goals can be sent now; ``seconds`` is how long Nav2 has been searched for."""
     missing = _missing(presence, settings, pose_known=pose_known)
     there = presence.servers and _takes_goals(presence, settings) and pose_known
     if missing and not there and seconds < DISCOVERY and presence.lifecycle in UNTOLD:
@@ -96,7 +96,7 @@ def judge(
 
 
 def _takes_goals(presence: Presence, settings: RosSettings) -> bool:
-    """Return whether somebody takes goals in a way that the settings allow."""
+    """Return whether any server accepts goals in a way that the settings allow."""
     by_topic = presence.goal_listeners > 0 and not settings.by_action_only
     return by_topic or (presence.action and settings.navigation is not Navigation.TOPICS)
 
@@ -114,7 +114,7 @@ def _missing(presence: Presence, settings: RosSettings, *, pose_known: bool) -> 
 
 
 def _inactive(presence: Presence, settings: RosSettings, *, pose_known: bool) -> str | None:
-    """Return what is missing of a Nav2 that is there."""
+    """Return what is missing of a Nav2 that is present."""
     names, where = settings.names, _where(settings)
     problem = LIFECYCLE_PROBLEMS.get(presence.lifecycle)
     if problem and not pose_known:

@@ -1,4 +1,4 @@
-"""What the robot's base reports: standstill and movement by its odometry, and its battery."""
+"""Reports of the robot's base: standstill and movement by its odometry, and its battery."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Standstill:
         """When the robot last became slower."""
 
     def on_velocity(self, speed: float, omega: float, now: float) -> None:
-        """Take a velocity in m/s and rad/s."""
+        """Handle a velocity in m/s and rad/s."""
         self._heard_at = now
         self.speed, self.omega = speed, omega
         fastest = max(abs(speed), abs(omega))
@@ -52,11 +52,11 @@ class Standstill:
             self._since = None
 
     def known(self, now: float) -> bool:
-        """Whether odometry is there, and fresh."""
+        """Return whether fresh odometry is available."""
         return self._heard_at is not None and now - self._heard_at <= STALE
 
     def stands(self, now: float) -> bool:
-        """Whether fresh odometry says that the robot has been standing for a while."""
+        """Return whether fresh odometry shows that the robot has been at standstill for a while."""
         return self.known(now) and self._since is not None and now - self._since >= HOLD
 
 
@@ -91,7 +91,7 @@ class MovementWatch:
         self._pose_spot: MapPose | None = None
 
     def on_velocity(self, speed: float, omega: float, now: float) -> None:
-        """Take a velocity in m/s and rad/s."""
+        """Handle a velocity in m/s and rad/s."""
         seconds, self._heard_at = now - self._heard_at, now
         if seconds > LONGEST_GAP or not math.isfinite(speed + omega):
             return
@@ -108,7 +108,7 @@ class MovementWatch:
             self._stir(now)
 
     def on_pose(self, pose: MapPose, now: float) -> None:
-        """Take a pose of the localisation."""
+        """Handle a pose of the localisation."""
         stirred = self._anchor is None or not near(pose, self._anchor, xy=REACH, theta=REACH)
         self._anchor = pose if stirred else self._anchor
         if self._pose_spot is None or not near(pose, self._pose_spot, xy=AWAY, theta=None):
@@ -117,7 +117,7 @@ class MovementWatch:
             self._stir(now)
 
     def on_recoveries(self, count: int) -> None:
-        """Take how many recoveries navigation has counted in the drive under way."""
+        """Handle the number of recoveries that navigation has counted in the current drive."""
         if count > self._recoveries:
             self._recovering = True
             self._spot = (self._x, self._y)
@@ -125,7 +125,7 @@ class MovementWatch:
         self._recoveries = count
 
     def blocked(self, *, driving: bool, now: float) -> bool:
-        """Return whether the robot has stood for too long, with a goal under way all the time."""
+        """Return whether the robot has been at standstill for too long, with an active goal all the time."""
         if not driving or self._moved_at is None:
             self._get_on(now)
         return self._moved_at is not None and now - self._moved_at >= self._timeout
@@ -151,7 +151,7 @@ SUSPICIOUS_FRACTION = 1.5
 
 @dataclass(frozen=True, slots=True)
 class BatteryReading:
-    """What a message says: ``percentage`` in the driver's scale, V, A; NaN where it was not measured."""
+    """The content of a battery message: ``percentage`` in the driver's scale, V, A; NaN if not measured."""
 
     percentage: float
     voltage: float
@@ -160,7 +160,7 @@ class BatteryReading:
 
 
 class Battery:
-    """Turns readings into reports; a scale that looks wrong is told once and never guessed."""
+    """Converts readings to reports; a scale that looks wrong is reported once and never guessed."""
 
     def __init__(self, scale: BatteryScale) -> None:
         self._scale = scale

@@ -26,10 +26,10 @@ T = TypeVar("T")
 
 
 class RosMailbox(Generic[T]):
-    """Takes plain data in one thread and hands it to ``deliver`` in another, in order.
+    """Accepts plain data in one thread and passes it to ``deliver`` in another, in order.
 
-    ``post`` has a function called in the other thread. When more than ``limit`` items wait, the oldest is
-    dropped: every topic that is read tells a state, of which the newest counts.
+    ``post`` runs a function in the other thread. When more than ``limit`` items wait, the oldest is dropped:
+    every topic read here reports a state, of which the newest counts.
     """
 
     def __init__(
@@ -96,13 +96,11 @@ class RosSession:
         on_failure: Callable[[str], None] = lambda _reason: None,
         seconds: float = 10.0,
     ) -> None:
-        """Build the node, have ``populate`` furnish it (in the ROS thread), and run its callbacks.
+        """Create the node, run ``populate`` on it (in the ROS thread), and run its callbacks.
 
-        ``on_failure`` is told, in the loop, when the thread ends unasked.
+        ``on_failure`` is called, in the loop, when the thread ends unexpectedly.
 
-        Raises:
-            SessionError: ROS refuses, or takes longer than ``seconds``.
-
+        Raises: SessionError: ROS refuses, or takes longer than ``seconds``.
         """
         self.state = SessionState.INITIATING
         self._thread = threading.Thread(
@@ -147,13 +145,13 @@ class RosSession:
         limit: int = 1,
         due: Callable[[], bool] | None = None,
     ) -> Any:  # noqa: ANN401
-        """Read each message of a topic in the ROS thread and handle what comes out in the loop.
+        """Read each message of a topic in the ROS thread and handle the result in the loop.
 
         Returns the subscription.
 
-        At most ``limit`` readings wait for the loop, the oldest is dropped. A message that cannot be read is
-        told once until the next good one, and costs that message only. Of a topic with more messages than are
-        of use, ``due`` says whether the next one is wanted: others are not even made into a message.
+        At most ``limit`` readings wait for the loop; the oldest is dropped. A message that cannot be read is
+        skipped; the first one after a good one is logged. For a topic with more messages than needed, ``due``
+        returns whether the next one is wanted: others are not even deserialised.
         """
         mailbox = RosMailbox(limit, handle, self.post)
         well = True
@@ -174,7 +172,7 @@ class RosSession:
         return node.create_subscription(kind, topic, on_message, qos, event_callbacks=events, raw=raw)
 
     async def call(self, client: Any, request: Any, *, seconds: float) -> Any:  # noqa: ANN401
-        """Call a service and give its answer; None when it is not there or silent for ``seconds``."""
+        """Call a service and return its answer; None if it is missing or silent for ``seconds``."""
         if self.state is not SessionState.ACTIVE or not client.service_is_ready():
             return None
         answered = asyncio.Event()
@@ -250,6 +248,6 @@ class RosSession:
 def _events(qos: QoSProfile) -> SubscriptionEventCallbacks:
     """Log publishers that a subscription cannot receive; a best-effort one receives all of them.
 
-    Each thing that may be told makes each wake-up of the thread cost more.
+    Each additional event type makes each wake-up of the thread more expensive.
     """
     return SubscriptionEventCallbacks(use_default_callbacks=qos.reliability == ReliabilityPolicy.RELIABLE)

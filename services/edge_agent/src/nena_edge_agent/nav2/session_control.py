@@ -66,10 +66,10 @@ class SessionError(Exception):
 
 
 class NodeExtension(Protocol):
-    """Comes to every node that the agent makes; its session says whether that is still there."""
+    """An extension of every node that the agent creates; the session shows whether the node still exists."""
 
     def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401 - rclpy carries no types
-        """Furnish a new node, in the ROS thread, before its callbacks run."""
+        """Set up a new node, in the ROS thread, before its callbacks run."""
         ...
 
 
@@ -80,10 +80,10 @@ LONGEST_RETRY = 60.0
 
 
 class SessionManager:
-    """One step at a time: who asks for the next one waits for the end of the one before.
+    """Starts, stops and moves the ROS session; each call waits for the previous one to finish.
 
-    ``begin`` joins the graph at an address, or raises :class:`SessionError`; ``end`` leaves it, and is asked
-    only after ``begin`` has succeeded. Each change is told by ``tell``.
+    ``begin`` joins the graph at an address, or raises :class:`SessionError`; ``end`` leaves it, and is called
+    only after ``begin`` has succeeded. ``tell`` is called after each change.
     """
 
     def __init__(
@@ -112,7 +112,7 @@ class SessionManager:
 
     @property
     def wanted(self) -> bool:
-        """Whether the session is there or is to be restarted automatically."""
+        """Return whether the session is active or is restarted automatically."""
         return self.state is not SessionState.NOT_ACTIVE
 
     def tell_off(self) -> None:
@@ -136,11 +136,9 @@ class SessionManager:
             await self._close()
 
     async def move(self, address: RosAddress) -> None:
-        """Be somewhere else in the graph from now on; a session that is wanted begins again there.
+        """Move to another address in the ROS graph; a wanted session is restarted there.
 
-        Raises:
-            SessionError: as for :meth:`start`; the address stays the new one.
-
+        Raises: SessionError: as for :meth:`start`; the new address is kept.
         """
         async with self.step:
             wanted = self.wanted
@@ -202,7 +200,7 @@ class SessionManager:
 
 
 class _Record(BaseModel):
-    """What was given, and what it was given in place of."""
+    """The stored address, and the one of the settings that it replaces."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -236,11 +234,9 @@ class SessionStore:
         return record.address
 
     def write(self, address: RosAddress, settings: RosSettings) -> None:
-        """Keep ``address`` in place of that of ``settings``; it survives a power cut when this returns.
+        """Store ``address`` in place of that of ``settings``; on return it survives a power cut.
 
-        Raises:
-            OSError: it could not be written; what was kept before stands.
-
+        Raises: OSError: it could not be written; the stored one is kept.
         """
         record = _Record(address=address, instead_of=RosAddress.of(settings))
         self._file.parent.mkdir(parents=True, exist_ok=True)

@@ -65,7 +65,7 @@ GOAL_TOLERANCE = 0.25
 
 
 class Navigation(StrEnum):
-    """How goals are given to Nav2."""
+    """How goals are sent to Nav2."""
 
     AUTO = "auto"
     """By its action where this machine has the types and the robot the server, else by topics."""
@@ -76,7 +76,7 @@ class Navigation(StrEnum):
 
 
 class PoseSource(StrEnum):
-    """What tells where the robot is."""
+    """Where the robot's pose comes from."""
 
     AUTO = "auto"
     """The topic, and the transforms while nothing publishes on it."""
@@ -162,7 +162,7 @@ class RosNames(SettingsGroup):
 
 
 class GoalSettings(SettingsGroup):
-    """How goals are given and followed."""
+    """How goals are sent and followed."""
 
     confirmation_time: Seconds = Field(
         3.5,
@@ -213,7 +213,7 @@ class GoalSettings(SettingsGroup):
 
 
 class LocalisationSettings(SettingsGroup):
-    """The initial position, and when the robot counts as knowing where it is."""
+    """The initial position, and when the robot counts as localised."""
 
     initial_xy_variance: Positive = Field(0.25, description="Variance of an initial position, m².")
     initial_theta_variance: Positive = Field(0.068, description="Variance of an initial heading, rad².")
@@ -318,24 +318,24 @@ class RosSettings(SettingsGroup):
 
     @property
     def action(self) -> str:
-        """The action that goals are given to, and whose statuses tell of those given by topic."""
+        """Return the action that goals are sent to, and whose statuses also show those sent by topic."""
         through = self.navigation is Navigation.THROUGH_POSES
         return self.names.through_poses if through else self.names.action
 
     @property
     def other_action(self) -> str:
-        """The action that only others give goals to."""
+        """Return the action that only others use."""
         through = self.navigation is Navigation.THROUGH_POSES
         return self.names.action if through else self.names.through_poses
 
     @property
     def by_action_only(self) -> bool:
-        """Whether goals are never given by the topic."""
+        """Return whether goals are never sent by topic."""
         return self.navigation in (Navigation.ACTION, Navigation.THROUGH_POSES)
 
 
 class BadAddressError(Exception):
-    """There is no such place in a ROS graph; the text says what is wrong."""
+    """The address is not valid in a ROS graph; the text says why."""
 
 
 @checked(frozen=True, config=ConfigDict(strict=True))
@@ -351,11 +351,9 @@ class RosAddress:
         return cls(settings.namespace, settings.domain_id)
 
     def changed(self, *, namespace: str | None = None, domain_id: int | None = None) -> RosAddress:
-        """Return an address with what is given in place of its own.
+        """Return the address with the given parts replaced.
 
-        Raises:
-            BadAddressError: ROS knows no such namespace or domain.
-
+        Raises: BadAddressError: ROS does not allow such a namespace or domain.
         """
         try:
             return RosAddress(

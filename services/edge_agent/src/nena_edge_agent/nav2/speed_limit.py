@@ -1,4 +1,4 @@
-"""Limits of the robot's speed, which Nav2's controller takes by a topic (nav2_msgs/SpeedLimit)."""
+"""Speed limits, which Nav2's controller receives on a topic (nav2_msgs/SpeedLimit)."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ REPEATED_AFTER = 0.3
 class SpeedLimiter:
     """Sends the lower one of two limits to the controller: that of the goal, and that of the place.
 
-    Nav2 takes a limit above its own speed for its speed, so that such a limit is not sent. The topic is not
-    latched: a controller that appears is told. A limit that holds is repeated, as MPPI drops it whenever it
-    resets itself: after idling, in its fallback, and at the end of a goal. After a restart of the agent
-    nothing is sent as long as Nav2 may still drive to a goal of the earlier run, which has a limit that only
-    the next goal names.
+    Nav2 treats a limit above its own speed as its speed, so such a limit is not sent. The topic is not
+    latched: a controller that appears gets the limit. A current limit is repeated, because MPPI drops it
+    whenever it resets itself: after idling, in its fallback, and at the end of a goal. After a restart of the
+    agent nothing is sent as long as Nav2 may still drive to a goal of the earlier run, whose limit is only
+    known with the next goal.
     """
 
     def __init__(self, topic: str, own_speed: float) -> None:
@@ -49,7 +49,7 @@ class SpeedLimiter:
         self._kind: Any = None
 
     def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401 - rclpy carries no types
-        """Publish on a new node from now on."""
+        """Publish on a new node."""
         from nena_edge_agent.nav2.node import NO_EVENTS, RELIABLE  # noqa: PLC0415 - needs rclpy
 
         kind = interface(SPEED_LIMIT)
@@ -70,7 +70,7 @@ class SpeedLimiter:
 
     @property
     def limit(self) -> float:
-        """The limit that holds, m/s; 0: none."""
+        """Return the current limit, m/s; 0: none."""
         limits = [each for each in (self._of_goal, self._of_place) if each is not None]
         lowest = min(limits, default=self._own_speed)
         return NO_LIMIT if lowest >= self._own_speed else max(lowest, SLOWEST)
@@ -90,17 +90,17 @@ class SpeedLimiter:
         )
 
     def for_goal(self, limit: float | None) -> None:
-        """Take the limit of the goal that is given now, m/s; None: it has none."""
+        """Set the limit of the current goal, m/s; None: no limit."""
         self._of_goal, self._reclaimed = limit, False
         self._repeat()
 
     def for_place(self, limit: float | None) -> None:
-        """Take the limit of where the robot is or will be soon, m/s; None: there is none."""
+        """Set the limit of the robot's present or next place, m/s; None: no limit."""
         self._of_place = limit
         self._send()
 
     def look(self) -> None:
-        """Send the limit to a controller that has appeared since the last look, and repeat one that holds."""
+        """Send the limit to a controller that has appeared since the last check, and repeat a current one."""
         if self._session is None or not self._active:
             return
         found = self._node.get_subscriptions_info_by_topic(self._topic)
@@ -111,7 +111,7 @@ class SpeedLimiter:
         self._repeat()
 
     def drives(self, now: float) -> None:
-        """Repeat a limit that holds while the robot drives; ``now`` is the monotonic time in s."""
+        """Repeat a current limit while the robot drives; ``now`` is the monotonic time in s."""
         if now - self._repeated_at >= REPEATED_AFTER:
             self._repeated_at = now
             self._repeat()
@@ -122,7 +122,7 @@ class SpeedLimiter:
 
     @property
     def listened(self) -> bool:
-        """Whether a controller takes limits."""
+        """Return whether a controller accepts limits."""
         return self._active and self._publisher.get_subscription_count() > 0
 
     def _repeat(self) -> None:

@@ -62,7 +62,7 @@ class Chain:
         """Why there was no pose at the last look."""
 
     def put(self, transforms: tuple[Transform, ...], now: float) -> bool:
-        """Take transforms; return whether one of them may move the robot."""
+        """Store transforms; return whether one of them may move the robot."""
         for each in transforms:
             self._known[each.child] = (each, now)
         if len(self._known) > MOST_FRAMES and math.isfinite(now):
@@ -104,8 +104,7 @@ def transforms_of(message: Any) -> tuple[Transform, ...]:  # noqa: ANN401 - rclp
 class TransformWatch:
     """Reports poses from the transforms while no localisation publishes its own.
 
-    ``tell`` gets each pose that is news. A transform that stays out for ``ros.transform_timeout`` makes the
-    pose unknown.
+    ``tell`` gets each new pose. A transform missing for ``ros.transform_timeout`` makes the pose unknown.
     """
 
     def __init__(self, settings: RosSettings, tell: Callable[[PoseReading], None]) -> None:
@@ -120,17 +119,15 @@ class TransformWatch:
         self._told_at = -math.inf
 
     def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401
-        """Be on a new node; it is listened to once there is need."""
+        """Use a new node; subscribe once that is needed."""
         self._session, self._node = session, node
         self._looks, self._subscriptions = 0, []
         self._chain, self._told = self._new_chain(), None
 
     def check(self) -> None:
-        """Check whether the settings ask for what this machine does not have.
+        """Check that the installation has what the settings require.
 
-        Raises:
-            StartError: poses by transforms are wanted, and their type cannot be loaded.
-
+        Raises: StartError: poses by transforms are required, and their type cannot be loaded.
         """
         if self._settings.pose_source is PoseSource.TF and interface(TRANSFORMS) is None:
             message = (
@@ -140,7 +137,7 @@ class TransformWatch:
 
     @property
     def problem(self) -> str:
-        """Why the pose is not known, where it is by transforms; empty: it is, or comes otherwise."""
+        """Return why the pose by transforms is unknown; empty if it is known, or comes from elsewhere."""
         if not self._subscriptions or self._told is None:
             return ""
         self._chain.pose(time.monotonic())

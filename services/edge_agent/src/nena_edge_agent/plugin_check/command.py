@@ -127,7 +127,7 @@ class DryDrive:
         self.pose = pose
 
     async def initialize_position(self, pose: Pose) -> None:
-        """Take the position over."""
+        """Accept the position."""
         self.pose = pose
 
 

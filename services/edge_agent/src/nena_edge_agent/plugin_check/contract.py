@@ -375,7 +375,7 @@ async def _judged(check: Check, subject: Subject) -> Finding:
 
 
 async def _cleaned_up(tasks: set[asyncio.Task[Any]], threads: set[threading.Thread]) -> Finding:
-    """Look for tasks and threads that outlive their actions."""
+    """Find tasks and threads that outlive their actions."""
     name, left = "No leaks", ""
     for _ in range(100):
         more = [each.get_name() for each in asyncio.all_tasks() - tasks]

@@ -92,7 +92,7 @@ class ActionStates:
         return True
 
     def restart(self, action_id: str) -> None:
-        """Return an action to its start: the plug-ins of this run do not know it."""
+        """Reset an action to its start: the plug-ins of this run do not know it."""
         self._records[action_id].status = ActionStatus.INITIALIZING
         self._touch(action_id)
 

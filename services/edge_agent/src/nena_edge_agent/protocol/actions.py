@@ -263,7 +263,7 @@ def _starts_after_pause(robot: RobotState, record: ActionRecord) -> bool:
 
 
 def _load_problem(robot: RobotState, record: ActionRecord) -> str | None:
-    """Check the load once more: an action before this one may have failed."""
+    """Check the load again: an action before this one may have failed."""
     declaration = _declaration(robot, record)
     return declaration.load_problem(loaded=bool(robot.loads)) if declaration else None
 

@@ -49,25 +49,24 @@ class ExternalGoals(StrEnum):
 class Capabilities:
     """A robot's set-up; distances in m, angles in rad, speeds in m/s.
 
-    ``maximum_speed`` is the robot's own; ``limits_speed``: its driver can limit it further.
-    ``keeps_out``: it plans its ways around closed areas.
+    ``maximum_speed`` is the robot's own; ``limits_speed``: its driver can limit it further. ``keeps_out``: it
+    plans around closed areas.
 
     ``drives_ahead``: its driver drives over several poses of one goal without a stop.
 
-    Navigation takes a new goal up in time where it comes ``hand_over_distance`` m and the way of
+    Navigation accepts a new goal in time if it comes ``hand_over_distance`` m plus the distance of
     ``hand_over_time`` s before the end of the old one.
 
-    ``braking_distance`` is the way in m in which the robot becomes slower, from its full speed; ``footprint``
-    is its contour.
+    ``braking_distance`` is the braking distance in m from full speed; ``footprint`` is its contour.
 
-    ``link_loss`` holds once the link to the broker has been lost for ``link_loss_timeout`` seconds.
+    ``link_loss`` applies once the link to the broker has been lost for ``link_loss_timeout`` seconds.
 
-    A drive that has failed is tried again ``drive_retries`` times, each time after ``retry_wait`` seconds.
+    A failed drive is retried ``drive_retries`` times, each time after ``retry_wait`` seconds.
 
     ``frame`` names the frame of all coordinates, by how the plant lies on the robot's maps.
 
-    ``tolerated_parameters`` are optional fields of the order that are ignored instead of refused, by
-    their path, e.g. ``edges.trajectory``.
+    ``tolerated_parameters`` are optional fields of the order that are ignored instead of refused, by their
+    path, e.g. ``edges.trajectory``.
     """
 
     map_id: str

@@ -159,7 +159,7 @@ def _blocked(robot: RobotState) -> ErrorEntry | None:
 
 
 def _collision(robot: RobotState) -> ErrorEntry | None:
-    """Report that the robot stands on its way because a safeguard beside navigation stops it."""
+    """Report that the robot stands on its route because a safeguard beside navigation stops it."""
     stop, node = robot.reports.collision, robot.progress.next_node
     if stop is None or node is None or robot.goal.target is None:
         return None

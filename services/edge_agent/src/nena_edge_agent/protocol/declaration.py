@@ -30,7 +30,7 @@ class LoadChange(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A parameter that an action takes; ``choices``, if there are any, are all values that it may have."""
+    """A parameter of an action; ``choices``, if any, are its allowed values."""
 
     key: str
     data_type: ValueDataType
@@ -78,12 +78,12 @@ class Parameter:
 class ActionDeclaration:
     """One action type (section 7.10, mobileRobotActions).
 
-    ``open_ended``: it has no goal of its own, like a lamp, and has succeeded when its edge ends.
-    ``restartable``: it may start again after a restart of the agent interrupted it. ``result``: what its
-    result says, for people. ``load``: what it does to the load, which it needs for that. ``check``: whether
-    its parameters make sense. ``unavailable``: why this robot never does it, empty if
-    it does. ``timeout``: seconds that it runs at most, pauses not counted, None: as long as it takes.
-    ``needs_idle``: it is refused while an order is active.
+    ``open_ended``: it has no end of its own, like a lamp, and has succeeded when its edge ends.
+    ``restartable``: it may start again after a restart of the agent interrupted it. ``result``: description
+    of its result. ``load``: its effect on the load, which must be possible. ``check``: returns whether its
+    parameters make sense. ``unavailable``: why this robot never executes it, empty if it does. ``timeout``:
+    maximum duration, seconds, without pauses; None: unlimited. ``needs_idle``: it is refused while an order
+    is active.
     """
 
     action_type: str
@@ -234,7 +234,7 @@ PREDEFINED: dict[str, ActionDeclaration] = {
 def supported_actions(
     declarations: Mapping[str, ActionDeclaration], rules: Rules
 ) -> dict[str, ActionDeclaration]:
-    """Leave out the predefined actions that a version of the standard does not have."""
+    """Remove the predefined actions that a version of the standard does not have (section 6.2.3)."""
     unknown: set[str] = set()
     if ActionStatus.RETRIABLE not in rules.action_statuses:
         unknown |= {RETRY, SKIP_RETRY}

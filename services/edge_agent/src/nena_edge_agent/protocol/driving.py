@@ -67,7 +67,7 @@ def halt(robot: RobotState) -> None:
 
 
 def stop(robot: RobotState) -> None:
-    """Stop the robot as asked: also from a goal of an earlier run that has not been taken up yet."""
+    """Stop the robot as requested: also from a goal of an earlier run that was not adopted yet."""
     if robot.goal.left_over and not robot.goal.halting:
         robot.goal.target = None
         request_halt(robot)
@@ -75,7 +75,7 @@ def stop(robot: RobotState) -> None:
 
 
 def request_halt(robot: RobotState) -> None:
-    """Stop the robot whatever it does: after a restart that is not known."""
+    """Stop the robot regardless of its activity: after a restart that is unknown."""
     robot.goal.halting_since = robot.now
     robot.effects.append(Halt())
 
@@ -127,7 +127,7 @@ def halted(robot: RobotState) -> None:
 
 
 def halt_failed(robot: RobotState, description: str) -> None:
-    """Note that the robot's standstill is not confirmed; it is asked to stop again and again."""
+    """Note that the robot's standstill is not confirmed; the stop is repeated until it is."""
     robot.goal.halt_problem = description
     if robot.goal.halting_since is None:
         robot.goal.halting_since = robot.now
@@ -246,7 +246,10 @@ def _enter_edge(robot: RobotState) -> None:
 
 
 def _drive_to_next_node(robot: RobotState) -> bool:
-    """Send the next goal; return whether the node is traversed at once, as it is where the robot stands."""
+    """Send the next goal.
+
+    Return whether the node is traversed at once, because the robot is already there.
+    """
     node, pose = robot.progress.next_node, robot.reports.localized_pose
     if node is None or node.node_position is None or pose is None:
         return False  # excluded by the acceptance of the order and by the callers

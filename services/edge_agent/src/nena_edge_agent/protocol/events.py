@@ -1,4 +1,4 @@
-"""What goes into the protocol core and what comes out: events and effects."""
+"""Inputs and outputs of the protocol core: events and effects."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from nena_shared.vda5050.zone_set import ZoneSet, ZoneSetTransfer
 
 @dataclass(frozen=True, slots=True)
 class Started:
-    """The driver works: continue with what the journal holds. ``utc`` is the time of day, if known."""
+    """The driver works: continue with the journal's content. ``utc`` is the time of day, if known."""
 
     utc: datetime | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class OrderReceived:
-    """A well-formed order or order update for this robot, which came at ``utc``, if that is known.
+    """A well-formed order or order update for this robot, received at ``utc``, if known.
 
     ``dated``: its timestamp could be read.
     """
@@ -50,7 +50,7 @@ class ZoneSetReceived:
 
 @dataclass(frozen=True, slots=True)
 class ResponsesReceived:
-    """Well-formed answers to the robot's requests, which came at ``utc`` (section 6.9)."""
+    """Well-formed answers to the robot's requests, received at ``utc`` (section 6.9)."""
 
     message: Responses
     utc: datetime
@@ -78,9 +78,9 @@ class MessageRefused:
 class ActionReport:
     """The report of a plug-in about one of its actions.
 
-    ``loads`` and ``charging`` are what the robot carries, and whether it charges, from now on; None: as
-    before. ``maps`` are the maps that the robot holds from now on, ``zone_set`` is one that the action has
-    brought. ``error`` is shown in the state until the next instant action.
+    ``loads`` and ``charging`` are what the robot carries now, and whether it charges; None: unchanged.
+    ``maps`` are the maps that the robot has now, ``zone_set`` is one that the action has downloaded.
+    ``error`` is shown in the state until the next instant action.
     """
 
     action_id: str
@@ -119,7 +119,7 @@ class PauseButton:
 class ErrorSwitched:
     """A person or a device reports an error, or (``active`` False) withdraws it.
 
-    While an error of the level CRITICAL or FATAL is active the robot stops, and with FATAL it takes no
+    While an error of the level CRITICAL or FATAL is active the robot stops, and with FATAL it accepts no
     orders. Type and references identify the error.
     """
 
@@ -150,7 +150,7 @@ class PluginsReport:
 
 @dataclass(frozen=True, slots=True)
 class JournalReport:
-    """Whether the last record went to disk; ``problem`` is empty when it did."""
+    """Whether the last record was written to disk; ``problem`` is empty if it was."""
 
     problem: str
 

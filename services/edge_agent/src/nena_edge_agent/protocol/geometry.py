@@ -75,7 +75,7 @@ def contains(polygon: Polygon, point: Point) -> bool:
 
 
 def is_simple(polygon: Polygon) -> bool:
-    """Return whether no two sides meet but neighbours at their corner, and the polygon holds some ground."""
+    """Return whether no two sides touch except neighbours at their corner, and the polygon has an area."""
     sides = list(_sides(polygon))
     last = len(sides) - 1
     apart = ((i, j) for i, j in combinations(range(len(sides)), 2) if j - i > 1 and (i, j) != (0, last))

@@ -1,6 +1,6 @@
 """Instant actions, which fleet control sends beside the order (sections 6.2.1, 6.2.3 and 7.4).
 
-Each action is judged for itself, and none runs twice.
+Each action is judged separately, and none runs twice.
 """
 
 from __future__ import annotations
@@ -158,10 +158,10 @@ def _remember(robot: RobotState, action: Action) -> None:
 
 
 def apply_hold(robot: RobotState) -> None:
-    """Hold the robot and its actions, or let them continue, if that has changed.
+    """Pause the robot and its actions, or resume them, if that has changed.
 
     Fleet control, the pause button, an emergency stop, a field violation, the mode INTERVENED and an error
-    that stops the robot hold it in the same way: it continues when the last of them is over.
+    that stops the robot pause it in the same way: it continues when the last of them is over.
     """
     if robot.held == robot.hold_applied:
         return
@@ -211,7 +211,7 @@ def _initialize_position(robot: RobotState, action: Action) -> None:
 
 
 def position_initialized(robot: RobotState, answer: PositionInitialized) -> None:
-    """Finish with the localisation's answer, and note the node that came with the position."""
+    """End it with the localisation's answer, and set the node given with the position."""
     request, robot.position_request = robot.position_request, None
     if request is None:
         return
@@ -230,7 +230,7 @@ def position_interrupted(robot: RobotState) -> None:
 
 
 def advance_position(robot: RobotState) -> None:
-    """Fail when the localisation takes too long."""
+    """Fail if the localisation takes too long."""
     request = robot.position_request
     if request and robot.now - request.requested_at >= POSITION_TIMEOUT:
         robot.position_request = None
@@ -254,9 +254,10 @@ def _position_problem(robot: RobotState, action: Action) -> str | None:
 
 
 def _waits_for_navigation(robot: RobotState) -> bool:
-    """Return whether the robot stands with a goal that navigation cannot take, maybe for want of a position.
+    """Return whether the robot is at standstill with a goal that navigation cannot accept yet.
 
-    Nav2 does not come up without one. A robot that was told to stop must be seen to stand.
+    It may lack a position, without which Nav2 does not become active. If the robot was told to stop, its
+    standstill must be confirmed.
     """
     velocity = robot.reports.velocity
     if robot.reports.navigation.available or velocity.moves:
@@ -278,7 +279,10 @@ def _text(action: Action, key: str) -> str:
 
 
 def _trigger(robot: RobotState, action: Action) -> None:
-    """Release all actions that wait for fleet control; the standard does not say which, if there are more."""
+    """Release all actions that wait for fleet control.
+
+    The standard does not say which, if there are several.
+    """
     if actions.release(robot, FLEET_CONTROL):
         robot.instant_actions.change(action.action_id, ActionStatus.FINISHED)
     else:

@@ -30,14 +30,14 @@ from nena_shared.vda5050.state import OperatingMode
 class Situation:
     """What the decision about an order depends on.
 
-    ``off`` says why the robot's ROS session keeps it from taking orders, empty if it does not.
-    ``fatal``: a reported error keeps the robot from taking orders. ``cancelled``: the held order
-    was cancelled, or is being ended; ``cleared``: it was ended before its end, perhaps far from its base.
-    ``pose`` is None unless it can be trusted, ``no_route`` are the areas that navigation has no route to.
-    ``maps`` are the areas that the robot has a map of, ``closed`` the zones that it must not drive in.
-    ``stands_on`` is the node that the robot has reached and not left, or empty. ``loaded``: whether it will
-    carry something at the end of its base. ``history`` has the orders that have ended.
-    ``dated``: the timestamp of the order at hand could be read.
+    ``off`` is why the robot's ROS session keeps it from accepting orders, empty if it does not. ``fatal``: a
+    reported error keeps the robot from accepting orders. ``cancelled``: the held order was cancelled, or is
+    being ended; ``cleared``: it was ended before its end, perhaps far from its base. ``pose`` is None unless
+    it can be trusted, ``no_route`` are the areas that navigation has no route to. ``maps`` are the areas that
+    the robot has a map of, ``closed`` the zones that it must not drive in. ``stands_on`` is the node that the
+    robot has reached and not left, or empty. ``loaded``: whether it will carry something at the end of its
+    base. ``history`` has the orders that have ended. ``dated``: the timestamp of the order at hand could be
+    read.
     """
 
     operating_mode: OperatingMode
@@ -68,7 +68,7 @@ STRAY = 1.0
 
 
 def general_fault(order: Order, situation: Situation, capabilities: Capabilities) -> ErrorEntry | None:
-    """Check what is asked of every order, whether it is new or an update: 2 to 5 (section 6.1.4)."""
+    """Run the checks of every order, whether it is new or an update: 2 to 5 (section 6.1.4)."""
     return (
         _mode_fault(order, situation)
         or _size_fault(order, capabilities)
@@ -284,7 +284,7 @@ def _scoped_actions(order: Order, *, skip: int = 0) -> Iterator[tuple[ActionScop
 def refusal(
     kind: ErrorType, order: Order, description: str, *, hint: str, **references: str | None
 ) -> ErrorEntry:
-    """Make the error of a refused order; what is not known of the references is left out (6.6.5.4)."""
+    """Make the error of a refused order; unknown references are left out (section 6.6.5.4)."""
     return error(
         kind,
         description,
@@ -385,7 +385,7 @@ def _absence_fault(
 def _changed_fault(
     first: Node, order: Order, situation: Situation, capabilities: Capabilities
 ) -> ErrorEntry | None:
-    """Check that the stitching node is repeated as it was, where the version asks for that."""
+    """Check that the stitching node is repeated unchanged, if the version requires it."""
     held = situation.content if capabilities.rules.stitching_node_repeated else None
     if held is None or held.decision_node == fingerprint(first):
         return None
@@ -472,7 +472,7 @@ def _new_order_fault(order: Order, situation: Situation, capabilities: Capabilit
 
 
 def _replay_fault(order: Order, situation: Situation) -> ErrorEntry | None:
-    """Check that the message is not an old one that is sent again: what it asks for was done already."""
+    """Check that the message is not an old one sent again, whose content was already executed."""
     problem = situation.history.replay(order, dated=situation.dated)
     if problem is None:
         return None

@@ -1,4 +1,4 @@
-"""The held order: what is left of it, what it said, and which orders have ended (sections 6.1.2, 6.6.2)."""
+"""The held order: what is left of it, its content, and which orders have ended (sections 6.1.2, 6.6.2)."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class BasePath:
         self._base = [node for node in nodes if node.released]
 
     def length_from(self, sequence_id: int) -> float:
-        """Return the length in m from a node of the base to its end; 0 where it is not known."""
+        """Return the length in m from a node of the base to its end; 0 if it is not known."""
         index = self._index_of(sequence_id)
         return self._left[index] if index is not None and index < len(self._left) else 0.0
 
@@ -173,7 +173,7 @@ class OrderHistory:
             del self._ended[next(iter(self._ended))]
 
     def accept(self, order: Order, utc: datetime | None) -> None:
-        """Remember the header of an accepted order or update; ``utc`` is the robot's time, if it is known.
+        """Remember the header of an accepted order or update; ``utc`` is the robot's time, if known.
 
         A timestamp in the future is not remembered: once the sender's clock is corrected, every new order
         would look old.
@@ -208,9 +208,9 @@ class OrderHistory:
     def replay(self, order: Order, *, dated: bool) -> str | None:
         """Return why a new ``order`` is a replay of an old message, None if it is not.
 
-        Within an epoch headerIds rise. Without epochs, a sender whose counter starts again sends newer
-        timestamps, and one whose clock is set back goes on counting: only a message that is older by both is
-        a replay. One that is not ``dated``, whose timestamp could not be read, is judged by its headerId,
+        Within an epoch headerIds rise. Without epochs, a sender whose counter restarts sends newer
+        timestamps, and one whose clock is set back continues to count: only a message that is older by both
+        is a replay. One that is not ``dated``, whose timestamp could not be read, is judged by its headerId,
         unless the last sender had epochs.
         """
         if _digest(order.order_id) in self._ended:
@@ -248,13 +248,13 @@ class Ahead(NamedTuple):
 
 
 class OrderProgress:
-    """Nodes and edges that are still to be driven, and the node reached last.
+    """Nodes and edges that are still to be driven, and the last reached node.
 
-    ``nodes`` never holds the node where the robot stands. ``edges`` begins with the edge that the robot is on
+    ``nodes`` never contains the node where the robot is. ``edges`` begins with the edge that the robot is on
     (``edge_entered``) or will enter next. ``decision_point`` is the last released node, as nodeId and
     sequenceId: there the base ends and an update begins. ``content`` identifies the last message.
-    ``on_last_node``: the robot has not left it.
-    ``cleared``: the order was ended before its end, by a cancel (``cancelled``) or a change of the mode.
+    ``on_last_node``: the robot has not left it. ``cleared``: the order was ended before its end, by a cancel
+    (``cancelled``) or a change of the mode.
     """
 
     def __init__(self) -> None:
@@ -331,9 +331,9 @@ class OrderProgress:
         return node, edge
 
     def clear(self, *, cancelled: bool) -> None:
-        """End the order before its end; ids and the last node stay.
+        """End the order early; IDs and the last node stay.
 
-        One that was ``cancelled`` takes no update; else one may follow where the base ended.
+        One that was ``cancelled`` accepts no update; else one may follow where the base ended.
         """
         self.nodes.clear()
         self.edges.clear()

@@ -187,10 +187,10 @@ def _begin_clearing(robot: RobotState) -> None:
 
 
 def advance_clearing(robot: RobotState) -> None:
-    """Finish, all in one state, when the robot has stopped and no action runs (section 6.1.3).
+    """Finish in one state when the robot has stopped and no action runs (section 6.1.3).
 
     The order ends where the robot is: a freely navigating robot need not drive on to a node. A person who
-    takes over need not wait for the robot to stop: it may be moved by hand already.
+    takes over need not wait for the robot to stop: it may already be moved by hand.
     """
     by_hand = robot.next_mode.clears_order
     if not robot.clearing or not robot.actions.all_ended or (robot.goal.moving and not by_hand):
@@ -208,7 +208,7 @@ def advance_clearing(robot: RobotState) -> None:
 
 
 def switch_mode(robot: RobotState, event: OperatingModeSwitched) -> None:
-    """Begin to change the mode; from now on the new mode decides what fleet control may send."""
+    """Start to change the mode; the new mode decides at once what fleet control may send."""
     if event.mode is robot.next_mode:
         return
     robot.wanted_mode = event.mode

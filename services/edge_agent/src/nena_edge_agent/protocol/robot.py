@@ -122,7 +122,7 @@ class RobotCore:
 
     @property
     def last_position(self) -> Pose | None:
-        """The position of the last node, None if it is not known."""
+        """Return the position of the last node, None if it is not known."""
         node = self._robot.progress.last_node
         position = node.node_position if node else None
         return Pose(position.x, position.y, position.theta or 0.0, position.map_id) if position else None
@@ -197,7 +197,7 @@ class RobotCore:
 
 
 def _started(robot: RobotState, event: Started) -> None:
-    """Continue what was under way: what the robot did meanwhile is not known."""
+    """Continue the interrupted work: what the robot did meanwhile is unknown."""
     robot.utc = (event.utc, robot.now) if event.utc else None
     robot.link.lost_since = robot.now
     instant_actions.position_interrupted(robot)
@@ -329,7 +329,7 @@ def _progress_reported(robot: RobotState, event: DriveProgress) -> None:
 
 
 def _limits_reported(robot: RobotState, event: DriveLimits) -> None:
-    """Note how near navigation drives to a goal; the factsheet says so."""
+    """Note navigation's goal tolerance, and send a factsheet that reports it."""
     if event != robot.reports.limits:
         robot.reports.limits = event
         robot.effects.append(SendFactsheet())

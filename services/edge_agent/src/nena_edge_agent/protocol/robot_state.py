@@ -79,16 +79,16 @@ class Reports:
 
 @dataclass(slots=True)
 class CurrentGoal:
-    """The goal that the driver has.
+    """The driver's goal.
 
-    ``target`` is the sequenceId of the node that it drives to, None: it has no goal. ``halting_since`` is the
-    time in s at which it was asked to stop, until it answers; ``halt_problem`` is why standstill cannot be
-    confirmed, where the driver has reported that. ``failed_at`` is the sequenceId of a node that
-    was not reached; it is not tried again until the order changes. ``failures`` are the failed drives to the
-    next node, to be tried again at ``retry_at`` in s; ``problem`` is the reason of the last failure.
-    ``pose`` is that of the last goal, ``ahead`` are the following poses that the driver has.
-    ``own`` are our goals that navigation has or may have, ``listed_ids`` those that it listed last.
-    ``unsettled``: the result of ``own`` has not been reported yet.
+    ``target`` is the sequenceId of the node that it drives to, None: no goal. ``halting_since`` is the time
+    in s at which it was told to stop, until it answers; ``halt_problem`` is why standstill cannot be
+    confirmed, if the driver has reported that. ``failed_at`` is the sequenceId of a node that was not
+    reached; it is not retried until the order changes. ``failures`` are the failed drives to the next node,
+    to be retried at ``retry_at`` in s; ``problem`` is the reason of the last failure. ``pose`` is that of the
+    last goal, ``ahead`` are the following poses that the driver has. ``own`` are our goals that navigation
+    has or may have, ``listed_ids`` those that it listed last. ``unsettled``: the result of ``own`` has not
+    been reported yet.
     """
 
     generation: int = 0
@@ -150,7 +150,7 @@ class CurrentGoal:
 
     @property
     def left_over(self) -> bool:
-        """Whether navigation may drive to a goal whose result is not known, also one of an earlier run."""
+        """Return whether navigation may drive to a goal, also of an earlier run, whose result is unknown."""
         return self.own is not None and self.unsettled
 
     @property
@@ -210,16 +210,16 @@ class PositionRequest:
 
 @dataclass(slots=True)
 class RobotState:
-    """The state of one robot, and the effects of the event at hand.
+    """The state of one robot, and the effects of the current event.
 
-    ``now`` is the monotonic time in s of the event at hand. ``paused`` is fleet control's own pause,
-    ``hold_applied``: driving and actions are held, for whatever reason. ``clearing``: the order is being
+    ``now`` is the monotonic time in s of the current event. ``paused`` is fleet control's own pause,
+    ``hold_applied``: driving and actions are paused, for whatever reason. ``clearing``: the order is being
     ended early. ``wanted_mode`` is the mode that a person has selected and the state does not report yet.
-    ``utc`` is a time of day with the monotonic time in s at which it was read, None: not known.
-    ``speed_limit`` in m/s is what the zones allow, ``areas`` are those that navigation plans around, of the
-    zone sets as they were at ``areas_revision``. ``maps`` are those on the robot. ``header_ids`` are those
-    from which the next run of the program counts on. ``interrupted`` are actions that a restart has ended
-    during a pause; they start again after it. ``zones_checked``: zones mattered at the last event.
+    ``utc`` is a time of day with the monotonic time in s at which it was read, None: unknown. ``speed_limit``
+    in m/s is what the zones allow, ``areas`` are those that navigation plans around, of the zone sets as they
+    were at ``areas_revision``. ``maps`` are those on the robot. ``header_ids`` are those from which the next
+    run of the program continues to count. ``interrupted`` are actions that a restart has ended during a
+    pause; they start again after it. ``zones_checked``: zones mattered at the last event.
     """
 
     capabilities: Capabilities
@@ -271,7 +271,7 @@ class RobotState:
 
     @property
     def utc_now(self) -> datetime | None:
-        """The time of day of the event at hand, None if it is not known."""
+        """Return the time of day of the current event, None if it is not known."""
         return self.utc[0] + timedelta(seconds=self.now - self.utc[1]) if self.utc else None
 
     @property

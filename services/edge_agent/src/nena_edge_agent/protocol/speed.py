@@ -1,4 +1,4 @@
-"""Limits of the robot's speed where it is and ahead of it: SPEED_LIMIT zones and edges (section 6.4).
+"""Speed limits at the robot and ahead of it: SPEED_LIMIT zones and edges (section 6.4).
 
 The limit of the edge that the robot drives on comes with its goal.
 """
@@ -15,7 +15,7 @@ from nena_edge_agent.protocol.robot_state import RobotState
 
 
 def advance(robot: RobotState) -> None:
-    """Apply the lowest limit, early enough to slow down before it holds."""
+    """Apply the lowest limit, early enough to slow down before it applies."""
     if not robot.capabilities.limits_speed or robot.reports.localized_pose is None:
         return
     limit = min((*zones.speed_limits(robot), *_limits_of_edges(robot)), default=None)

@@ -36,7 +36,7 @@ DURABLE_FIELDS = (
 
 
 def make_state(header: dict[str, Any], robot: RobotState) -> State:
-    """Make the state message; ``header`` holds its five header fields by their neutral names."""
+    """Make the state message (section 7.8); ``header`` has its five header fields by their neutral names."""
     progress = robot.progress
     ahead = progress.ahead
     return State(
@@ -74,9 +74,9 @@ def make_state(header: dict[str, Any], robot: RobotState) -> State:
 
 
 def _drives(robot: RobotState) -> bool:
-    """Return whether the robot drives, or may: after a restart that is not known until odometry comes.
+    """Return whether the robot drives, or may: after a restart that is unknown until odometry comes.
 
-    A robot whose goal waits for navigation stands, once its odometry shows that.
+    A robot whose goal waits for navigation is at standstill, once its odometry shows that.
     """
     velocity = robot.reports.velocity
     not_known = robot.goal.left_over and velocity.vx is None
@@ -123,7 +123,7 @@ def position(reports: Reports) -> MobileRobotPosition | None:
 
 
 def velocity(reports: Reports) -> Velocity | None:
-    """Return the robot's velocity, None where it is not known."""
+    """Return the robot's velocity, None if it is not known."""
     if reports.velocity.vx is None:
         return None
     return Velocity(vx=reports.velocity.vx, vy=0.0, omega=reports.velocity.omega)
@@ -147,7 +147,7 @@ def _power_supply(battery: BatteryReport | None, *, charging: bool) -> PowerSupp
 
 
 def _information(table: GoalTable) -> tuple[Information, ...]:
-    """Return an information entry for each goal of navigation, and who sent it."""
+    """Return an information entry for each goal of navigation, with its sender."""
     return tuple(
         Information(
             info_type="externalGoal" if goal.external else "goal",

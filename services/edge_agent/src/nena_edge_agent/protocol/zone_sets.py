@@ -1,4 +1,4 @@
-"""Zone sets that the robot holds, and its requests to enter zones (sections 6.4 and 6.9)."""
+"""Zone sets on the robot, and its requests to enter zones (sections 6.4 and 6.9)."""
 
 from __future__ import annotations
 
@@ -109,9 +109,7 @@ class ZoneSets:
     def enable(self, zone_set_id: str) -> None:
         """Enable a set in place of the enabled one of its map.
 
-        Raises:
-            ZoneSetRefusedError: the robot does not hold it.
-
+        Raises: ZoneSetRefusedError: the robot does not have it.
         """
         zone_set = self._find(zone_set_id)
         self._enabled[zone_set.map_id] = zone_set_id
@@ -120,9 +118,7 @@ class ZoneSets:
     def delete(self, zone_set_id: str) -> None:
         """Delete a set.
 
-        Raises:
-            ZoneSetRefusedError: the robot does not hold it, or it is enabled.
-
+        Raises: ZoneSetRefusedError: the robot does not have it, or it is enabled.
         """
         if self._is_enabled(self._find(zone_set_id)):
             message = f"zone set '{zone_set_id}' is enabled; enable another one of its map first"
