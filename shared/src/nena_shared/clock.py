@@ -13,7 +13,7 @@ class Clock(Protocol):
     """Source of time for cores and shells."""
 
     def monotonic(self) -> float:
-        """Seconds since some fixed moment; never goes back."""
+        """Return seconds since an arbitrary fixed time; never goes back."""
         ...
 
     def now(self) -> datetime:
@@ -25,7 +25,7 @@ class SystemClock:
     """The machine's clock."""
 
     def monotonic(self) -> float:
-        """Seconds since some fixed moment; never goes back."""
+        """Return seconds since an arbitrary fixed time; never goes back."""
         return time.monotonic()
 
     def now(self) -> datetime:
@@ -35,7 +35,7 @@ class SystemClock:
 
 @dataclass
 class ManualClock:
-    """A clock that stands still until it is moved: for tests, replay and simulation."""
+    """A clock that only moves when it is set: for tests, replay and simulation."""
 
     seconds: float = 0.0
     start: datetime = field(default=datetime(2026, 1, 1, tzinfo=UTC))
@@ -57,11 +57,10 @@ class ManualClock:
 
 
 def in_utc(value: datetime) -> datetime:
-    """Return the same moment in UTC; a time without a zone is taken as UTC.
+    """Return the same time in UTC; a time without a zone is assumed to be UTC.
 
     Raises:
-        ValueError: in UTC the moment would be before the year 1 or after the year 9999.
-
+        ValueError: in UTC the time would be before the year 1 or after the year 9999.
     """
     try:
         return value.replace(tzinfo=UTC) if value.tzinfo is None else value.astimezone(UTC)

@@ -18,10 +18,10 @@ def remember(engine: Any, connection: Any) -> None:  # noqa: ANN401 - SQLAlchemy
 
 
 def hang_up(engine: Any) -> None:  # noqa: ANN401 - the same
-    """End the connections of an engine, from whichever thread, for the end of the program.
+    """Close the connections of an engine from any thread, at the end of the program.
 
-    A server that hangs, as on a disk that stalls, leaves a thread that asks it waiting for ever, and the
-    program with it.
+    A server that hangs, as on a stalled disk, would block a thread that waits for its answer for ever, and
+    the program with it.
     """
     for connection in tuple(_lines.get(engine, ())):
         closed_meanwhile = suppress(OSError, engine.dialect.loaded_dbapi.Error)

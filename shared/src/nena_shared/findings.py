@@ -19,11 +19,10 @@ def in_words(findings: Sequence[Any], *, whole: str, root: str = "", most: int |
     """Return a line for each of pydantic's findings.
 
     Args:
-        findings: as ``ValidationError.errors()`` gives them.
-        whole: what stands for the path where it is all that does not fit.
+        findings: as returned by ``ValidationError.errors()``.
+        whole: replaces the path for a finding about the whole value.
         root: the first part of paths that is left out.
         most: maximum number of findings; one more line counts the rest.
-
     """
     lines = [f"{path_of(each['loc'], root) or whole}: {words_of(each)}" for each in findings[:most]]
     more = len(findings) - len(lines)

@@ -36,7 +36,7 @@ class Histogram:
 
     @contextmanager
     def timed(self) -> Iterator[None]:
-        """Count how long the block takes."""
+        """Measure the duration of the block."""
         begun = time.perf_counter()
         try:
             yield

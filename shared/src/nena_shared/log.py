@@ -1,4 +1,4 @@
-"""Structured logging: key and value, for people or as JSON lines, to standard error."""
+"""Structured logging to standard error: keys and values, for people or as JSON lines."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def _rendering(settings: LogSettings, *, colours: bool) -> tuple[Processor, ...]
 
 
 def _formatter_for_libraries(rendering: tuple[Processor, ...]) -> logging.Formatter:
-    """Return lines of libraries, which log in the standard library's way, the form of our own."""
+    """Return a formatter that gives log lines of libraries, by the standard library, the form of our own."""
     return structlog.stdlib.ProcessorFormatter(
         foreign_pre_chain=[_name_module, *COMMON],
         processors=[structlog.stdlib.ProcessorFormatter.remove_processors_meta, _remember, *rendering],
@@ -92,14 +92,14 @@ def _formatter_for_libraries(rendering: tuple[Processor, ...]) -> logging.Format
 
 
 def _remember(_logger: WrappedLogger, _method: str, event: EventDict) -> EventDict:
-    """Keep the line for a log report, before a renderer takes it apart."""
+    """Keep the line for a log report, before it is rendered."""
     rest = " ".join(f"{key}={value}" for key, value in event.items() if key not in _FIRST)
     _recent.append(" ".join((*(str(event.get(key, "")) for key in _FIRST), rest)).strip())
     return event
 
 
 def _without_controls(_logger: WrappedLogger, _method: str, event: EventDict) -> EventDict:
-    """Keep what robots and hosts say from steering the terminal of who reads it."""
+    """Remove control characters from texts of robots and hosts: they could affect a terminal."""
     for key, value in event.items():
         if isinstance(value, str):
             event[key] = value.translate(CONTROLS)

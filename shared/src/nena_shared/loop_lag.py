@@ -1,4 +1,4 @@
-"""How long the event loop keeps work waiting: what holds it holds every request and every robot."""
+"""Event loop lag: what blocks the loop delays every request and every robot."""
 
 from __future__ import annotations
 

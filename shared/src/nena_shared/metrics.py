@@ -1,7 +1,7 @@
-"""Metrics of a program as a table: each stands once, with its help, its labels, and how it is read.
+"""Metrics of a program as a table: each is defined once, with its help, its labels, and how it is read.
 
-Values are read at a scrape from the state wherever they are there; only durations are counted where they
-happen, in a :class:`Histogram`.
+Values are read from the state at a scrape if they are there; only durations are counted where they happen, in
+a :class:`Histogram`.
 """
 
 from __future__ import annotations

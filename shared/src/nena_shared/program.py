@@ -26,7 +26,7 @@ HEARTBEAT_FILE = "NENA_HEARTBEAT_FILE"
 
 @dataclass(frozen=True, slots=True)
 class Supervision:
-    """Who wants signs of life, and how often (``period`` in seconds)."""
+    """The supervisor that expects heartbeats, and how often (``period`` in seconds)."""
 
     notify_socket: str | None
     file: Path | None
@@ -54,7 +54,7 @@ class Supervision:
             sender.sendto(text.encode(), "\0" + address[1:] if address.startswith("@") else address)
 
     def beat(self) -> None:
-        """Send one sign of life; raises as :meth:`tell`."""
+        """Send one heartbeat; raises as :meth:`tell`."""
         self.tell("WATCHDOG=1")
         if self.file:
             self.file.touch()
@@ -77,7 +77,7 @@ async def signs_of_life(
 
 
 async def _give_signs(supervision: Supervision, stop: asyncio.Event) -> None:
-    """Go on until cancelled, also while the program ends: that may take its time."""
+    """Send heartbeats until cancelled, also while the program shuts down, which may take long."""
     news, well = "READY=1", True
     while True:
         try:
@@ -119,9 +119,9 @@ def run(
     description: str,
     argv: Sequence[str] | None = None,
 ) -> int:
-    """Read the settings, serve until SIGINT or SIGTERM, and give the exit status.
+    """Read the settings, serve until SIGINT or SIGTERM, and return the exit status.
 
-    ``serve`` gets the settings and an event that is set when the program is to end.
+    ``serve`` gets the settings and an event that is set when the program has to end.
     """
     try:
         chosen = load(

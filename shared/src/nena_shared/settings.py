@@ -228,7 +228,7 @@ def _read_file(path: Path) -> dict[str, Any]:
 
 
 class TomlError(ValueError):
-    """A text is not valid TOML; says why."""
+    """A text is not valid TOML; the message says why."""
 
 
 def parse_toml(text: bytes) -> dict[str, Any]:

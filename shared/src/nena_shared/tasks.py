@@ -36,7 +36,7 @@ class Supervisor:
         self._failed: asyncio.Future[TaskFailedError] | None = None
 
     async def __aenter__(self) -> Self:
-        """Begin; tasks may be started from now on."""
+        """Begin; tasks may be started now."""
         self._failed = asyncio.get_running_loop().create_future()
         return self
 
@@ -87,10 +87,11 @@ class Supervisor:
 
 
 async def end(*tasks: asyncio.Task[Any], again_after: float = AGAIN_AFTER) -> None:
-    """Cancel tasks and wait until all have ended, whatever they end with.
+    """Cancel tasks and wait until all have ended, regardless of their results.
 
-    ``asyncio.wait_for`` of Python 3.11 forgets a cancellation that comes with what it has waited for. Who has
-    not ended in ``again_after`` seconds, in which an orderly end has to be had, is therefore cancelled again.
+    ``asyncio.wait_for`` of Python 3.11 loses a cancellation that comes together with the awaited result. A
+    task that has not ended after ``again_after`` seconds, the time for an orderly end, is therefore cancelled
+    again.
     """
     left = set(tasks)
     while left:
@@ -107,7 +108,7 @@ def _name(task: asyncio.Task[Any]) -> str:
 
 
 def end_if_cancelled() -> None:
-    """Let the running task end if its cancellation was forgotten on the way here, see :func:`end`."""
+    """End the current task if its cancellation was lost on the way here, see :func:`end`."""
     task = asyncio.current_task()
     if task is not None and task.cancelling():
         raise asyncio.CancelledError
@@ -124,7 +125,7 @@ async def forever(name: str, work: Callable[[], Awaitable[None]], *, pause: floa
 
 
 def stop_on_signals(stop: asyncio.Event) -> None:
-    """Let SIGINT and SIGTERM set ``stop``, so that a program ends in order."""
+    """Set ``stop`` on SIGINT and SIGTERM, so that the program shuts down in order."""
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, stop.set)

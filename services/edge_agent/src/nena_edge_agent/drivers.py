@@ -36,7 +36,8 @@ def driver_maker(
     ``control`` gets a loopback robot, ``switch`` the ROS session of another one, on whose nodes
     ``extensions`` have topics and services of their own; ``map_server`` has its maps.
 
-    Raises: StartError: ROS 2 for Python is required and missing.
+    Raises:
+        StartError: ROS 2 for Python is required and missing.
     """
     if settings.driver == "nav2":
         return _nav2(settings, clock, switch, extensions, map_server)

@@ -34,7 +34,8 @@ CHECKSUM = 9
 def sole_user(folder: Path, robot: RobotKey) -> Iterator[None]:
     """Lock the journal of ``robot`` in this folder against other programs until the block ends.
 
-    Raises: StartError: another program holds the lock, or the folder cannot be used.
+    Raises:
+        StartError: another program holds the lock, or the folder cannot be used.
     """
     path = _at_home(folder) / f"{_file_name(robot)}.lock"
     with ExitStack() as stack:
@@ -114,7 +115,8 @@ class Journal:
 
         Both block for the time of the disk: call them outside of the event loop's thread.
 
-        Raises: OSError: it could not be written; the old record is kept.
+        Raises:
+            OSError: it could not be written; the old record is kept.
         """
         record = memory.model_dump_json(exclude_defaults=True).encode()
         self._begun = number = self._next()
@@ -125,7 +127,8 @@ class Journal:
     def sync(self) -> None:
         """Wait until the disk has the last record.
 
-        Raises: OSError: the disk has failed; whether it has the record is unknown.
+        Raises:
+            OSError: the disk has failed; whether it has the record is unknown.
         """
         with self._file.open("rb") as file:
             os.fdatasync(file.fileno())
@@ -326,9 +329,11 @@ class Recorder:
     ) -> None:
         """Prepare to record what differs from ``version``.
 
-        Args: journal: the journal; None: nothing is recorded. version: of the journal's content. tell: called
-        after each record with the problem of the disk, "" for none. wake: called when a disk that hung has
-        answered: the newest record can be written then.
+        Args:
+            journal: the journal; None: nothing is recorded.
+            version: of the journal's content.
+            tell: called after each record with the problem of the disk, "" for none.
+            wake: called when a disk that hung has answered: the newest record can be written then.
         """
         self._journal = journal
         self._durable: Version | None = version

@@ -44,7 +44,8 @@ class MapStore(Protocol):
     async def install(self, map_id: str, map_version: str, content: bytes) -> None:
         """Store a new map, DISABLED; other maps stay unchanged.
 
-        Raises: MapRefusedError: it is not accepted.
+        Raises:
+            MapRefusedError: it is not accepted.
         """
         ...
 
@@ -75,7 +76,8 @@ UNFINISHED = ".new"
 class FolderMapStore:
     """Stores maps unchanged; a robot that needs more than that has its own store.
 
-    Raises: StartError: the folder cannot be used.
+    Raises:
+        StartError: the folder cannot be used.
     """
 
     def __init__(self, folder: Path, first: Map, *, maximum: int) -> None:
@@ -94,7 +96,8 @@ class FolderMapStore:
     async def install(self, map_id: str, map_version: str, content: bytes) -> None:
         """Store a new map, DISABLED.
 
-        Raises: MapRefusedError: it already exists, or there is no room.
+        Raises:
+            MapRefusedError: it already exists, or there is no room.
         """
         if find(self.maps, map_id, map_version):
             raise DuplicateMapError(map_id, map_version)

@@ -232,7 +232,8 @@ class MetricsServer:
     async def run(self) -> None:
         """Serve until cancelled.
 
-        Raises: StartError: the port is in use, or the address does not belong to this machine.
+        Raises:
+            StartError: the port is in use, or the address does not belong to this machine.
         """
         host, port = self._settings.host, self._settings.port
         try:

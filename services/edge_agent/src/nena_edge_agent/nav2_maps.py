@@ -46,7 +46,8 @@ class Nav2MapStore(FolderMapStore):
     async def install(self, map_id: str, map_version: str, content: bytes) -> None:
         """Store a new map, DISABLED.
 
-        Raises: MapRefusedError: it is not a Nav2 map, it already exists, or there is no room.
+        Raises:
+            MapRefusedError: it is not a Nav2 map, it already exists, or there is no room.
         """
         try:
             await asyncio.to_thread(MapBundle.of, content)
@@ -57,7 +58,8 @@ class Nav2MapStore(FolderMapStore):
     async def enable(self, map_id: str, map_version: str) -> None:
         """Make map_server use this map, and no other one.
 
-        Raises: MapRefusedError: it is not stored, or map_server does not accept it.
+        Raises:
+            MapRefusedError: it is not stored, or map_server does not accept it.
         """
         self._expect(map_id, map_version)
         if self._is_foreign(map_id, map_version):

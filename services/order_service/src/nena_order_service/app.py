@@ -38,7 +38,8 @@ async def has_begun(
     When ``waits`` returns that the store cannot be written, ``show`` is called to make the reason visible;
     the start continues once the store can be written again.
 
-    Raises: TaskFailedError: an essential part has failed meanwhile.
+    Raises:
+        TaskFailedError: an essential part has failed meanwhile.
     """
     beginning = asyncio.create_task(begin, name="begin")
     ending = asyncio.create_task(supervisor.wait(stop), name="wait for the end")
@@ -67,9 +68,10 @@ DRAIN_TIMEOUT = 3.0
 async def serve(settings: OrderServiceSettings, stop: asyncio.Event) -> None:
     """Run the order service until ``stop`` is set; on a shared store it begins as standby.
 
-    Raises: ConfigurationError: the plant model cannot be used. StartError: the store cannot be used, or the
-    port is in use. TaskFailedError: an essential part has failed, or another order service has taken over the
-    store.
+    Raises:
+        ConfigurationError: the plant model cannot be used.
+        StartError: the store cannot be used, or the port is in use.
+        TaskFailedError: an essential part has failed, or another order service has taken over the store.
     """
     plant = load_plant(settings.plant)
     run = _serve_shared if is_shared(settings.store.location()) else _serve_alone

@@ -167,7 +167,7 @@ class FleetSubscriber:
     def _is_next(self, key: RobotKey, kind: MessageKind, header_id: int) -> bool:
         """Return whether a message whose timestamp cannot be read is new by its headerId.
 
-        The time of arrival stands for the timestamp, by which an old message looks new.
+        The time of arrival replaces the timestamp, which makes an old message look new.
         """
         if len(self._undated) >= UNDATED_REMEMBERED:
             self._undated.clear()

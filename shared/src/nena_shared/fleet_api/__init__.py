@@ -1,5 +1,5 @@
-"""What the order service says to hosts and to the status aggregator, over REST and MQTT alike.
+"""The order service's API for hosts and the status aggregator, the same over REST and MQTT.
 
-The words are those of openTCS's web API, so that its users feel at home; NeNa adds priorities, coordinates
-and an idempotency key.
+The terms are those of openTCS's web API, so that its users find them familiar; NeNa adds priorities,
+coordinates and an idempotency key.
 """

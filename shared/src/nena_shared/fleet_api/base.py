@@ -13,7 +13,7 @@ from nena_shared.clock import in_utc, iso
 
 
 class Role(IntEnum):
-    """What somebody may do; each role may do what those before it may."""
+    """Permissions of a user; each role includes those before it."""
 
     VIEWER = 1
     """Read everything."""
@@ -24,7 +24,7 @@ class Role(IntEnum):
 
 
 class CamelCase(BaseModel):
-    """A JSON object whose names are in camel case on the wire; immutable."""
+    """A JSON object with camelCase names on the wire; immutable."""
 
     model_config = ConfigDict(
         frozen=True,
@@ -36,7 +36,7 @@ class CamelCase(BaseModel):
 
 
 class Resource(CamelCase):
-    """A JSON object that NeNa sends; readers pass over fields that they do not know."""
+    """A JSON object that NeNa sends; readers ignore unknown fields."""
 
     model_config = ConfigDict(extra="ignore")
 

@@ -1,7 +1,7 @@
 """The epoch in retained statuses: which of several order services that share a store published them.
 
 Each takeover by a standby begins a new epoch. What an order service of an older epoch published, or still
-publishes, says nothing of the present.
+publishes, is outdated.
 """
 
 from __future__ import annotations

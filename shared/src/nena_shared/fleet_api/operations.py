@@ -1,7 +1,7 @@
-"""What hosts may ask the order service for: each operation stands here once.
+"""The operations of the order service for hosts, each defined once.
 
 REST routes, MQTT commands, the OpenAPI and AsyncAPI documents, roles, and the client of the ``nena`` command
-are made from this table. A new operation takes an entry here and a method of
+are made from this table. A new operation needs an entry here and a method of
 ``nena_order_service.api.operations.HostOperations``; see ``docs/architecture.md``.
 """
 
@@ -111,7 +111,7 @@ _ZONE_SET_CHANGE: Final = (Refusal.UNKNOWN_ZONE_SET, Refusal.NOT_SAVED)
 
 @dataclass(frozen=True, slots=True)
 class Operation(Generic[A]):
-    """One thing that hosts may ask for."""
+    """One request that hosts can make."""
 
     name: str
     """Of the operation in OpenAPI and AsyncAPI, and of the MQTT command."""

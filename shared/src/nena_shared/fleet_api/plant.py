@@ -28,7 +28,7 @@ class PlantModelChange(Resource):
 
 
 class PathStatus(Resource):
-    """One path as it stands."""
+    """State of one path."""
 
     name: str
     source_point: str
@@ -56,7 +56,7 @@ StoredZoneSet = Annotated[ZoneSet, AfterValidator(_addressed)]
 
 
 class ZoneSetPhase(StrEnum):
-    """How a zone set stands at one robot."""
+    """State of a zone set at one robot."""
 
     ENABLED = "ENABLED"
     DISABLED = "DISABLED"

@@ -71,7 +71,7 @@ class AssignmentQuery(Resource):
 
 
 def _zone_set_from_json(value: object) -> ZoneSet:
-    """Read it as it comes over MQTT: the standard's objects take JSON's types alone."""
+    """Read a zone set as it arrives over MQTT: the standard's objects accept JSON's types only."""
     return value if isinstance(value, ZoneSet) else ZoneSet.model_validate_json(to_json(value))
 
 
@@ -116,7 +116,7 @@ class PathLockRequest(Request):
 
 
 class WithdrawalRequest(Request):
-    """Asks for the end of a transport order."""
+    """Request to withdraw a transport order."""
 
     reason: Annotated[str, Field(min_length=1, max_length=500)] = "withdrawn by a host"
     immediate: bool = True
@@ -131,7 +131,7 @@ BY_LIMIT = 100
 
 
 class HoldRequest(Request):
-    """Lets a transport order wait until it is resumed."""
+    """Request to hold a transport order until it is resumed."""
 
     by: Annotated[str, Field(min_length=1, max_length=BY_LIMIT)] | None = None
     """Who asks: a person or a program, by name; None: the user whose token comes with the request."""
@@ -141,7 +141,7 @@ class HoldRequest(Request):
 
 
 class ResumeRequest(Request):
-    """Lets a held transport order go on."""
+    """Request to resume a held transport order."""
 
     by: Annotated[str, Field(min_length=1, max_length=BY_LIMIT)] | None = None
     """Who asks: a person or a program, by name; None: the user whose token comes with the request."""
@@ -155,7 +155,7 @@ class IntegrationLevelRequest(Request):
 
 
 class OrderTypesRequest(Request):
-    """The types of orders that a vehicle accepts from now on."""
+    """The order types that a vehicle accepts."""
 
     acceptable_order_types: Annotated[tuple[AcceptableOrderType, ...], Field(max_length=100)]
     """``*`` is any type; none at all: it accepts no orders."""
@@ -170,7 +170,7 @@ class OrderTypesRequest(Request):
 
 
 class ReroutingRequest(Request):
-    """Asks for another way for the order that a vehicle works on."""
+    """Request to reroute a vehicle's current order."""
 
     type: ReroutingType = ReroutingType.REGULAR
     """REGULAR: from the end of the robot's base; FORCED: from where it stands."""
@@ -202,7 +202,7 @@ class DispatchRequest(Request):
 
 
 class Parameter(Request):
-    """One value that an action is given."""
+    """One value of an action's parameter."""
 
     key: Annotated[str, Field(min_length=1, max_length=200)]
     value: ParameterValue
@@ -221,8 +221,8 @@ class InitialPose(Request):
 class InstantActionRequest(Request):
     """An instant action for a robot.
 
-    ``pause`` and ``resume`` stand for startPause and stopPause; ``initializePosition`` needs a pose; any
-    other type is sent as it is, with its parameters.
+    ``pause`` and ``resume`` become startPause and stopPause; ``initializePosition`` needs a pose; any other
+    type is sent unchanged, with its parameters.
     """
 
     action_type: Annotated[str, Field(min_length=1, max_length=200)]
@@ -252,7 +252,7 @@ class InstantActionAnswer(Resource):
 
 
 class FleetSummary(Resource):
-    """How much there is to do, and who can do it."""
+    """Numbers of open orders and of vehicles by their state."""
 
     transport_orders: dict[TransportOrderState, int]
     """Orders that have not ended, by state."""

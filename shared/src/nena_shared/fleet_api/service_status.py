@@ -1,4 +1,4 @@
-"""The order service's sign of life over MQTT; the broker itself reports its death by a last will."""
+"""The order service's heartbeat over MQTT; the broker reports its end by a last will."""
 
 from __future__ import annotations
 

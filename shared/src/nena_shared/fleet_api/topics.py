@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class FleetTopics:
-    """Topics below one prefix, e.g. ``nena/v1``; a fleet of its own has a prefix of its own."""
+    """Topics below one prefix, e.g. ``nena/v1``; each fleet has its own prefix."""
 
     prefix: str = "nena/v1"
 
     @property
     def creation_requests(self) -> str:
-        """Filter of the topics on which hosts ask for transport orders."""
+        """Return the filter of the topics for requests to create transport orders."""
         return f"{self.prefix}/hosts/+/transportOrders/create"
 
     def creation_request(self, host: str) -> str:
@@ -26,7 +26,7 @@ class FleetTopics:
 
     @property
     def commands(self) -> str:
-        """Filter of the topics on which hosts ask for anything else."""
+        """Return the filter of the topics for all other commands."""
         return self.command("+", "+")
 
     def command(self, host: str, name: str) -> str:

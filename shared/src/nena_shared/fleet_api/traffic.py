@@ -1,4 +1,4 @@
-"""The plan of traffic control as hosts see it: who drives where, when, and who waits for whom and why."""
+"""The plan of traffic control for hosts: where each vehicle drives at which time, and why it waits."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class WaitCause(StrEnum):
 
 
 class TrafficWait(Resource):
-    """For whom a vehicle waits, where and why."""
+    """Which vehicles a vehicle waits for, where and why."""
 
     vehicles: tuple[str, ...] = ()
     """Empty: it does not wait for another vehicle."""
@@ -33,7 +33,7 @@ class TrafficWait(Resource):
 
 
 class PlannedPoint(Resource):
-    """A point that a vehicle is to come to."""
+    """A point on the planned route of a vehicle."""
 
     point: str
     path: str | None = None
@@ -45,7 +45,7 @@ class PlannedPoint(Resource):
 
 
 class VehiclePlan(Resource):
-    """What one vehicle stands on, holds, is to drive and waits for."""
+    """What one vehicle occupies, holds, is to drive and waits for."""
 
     vehicle: str
     transport_order: str | None = None

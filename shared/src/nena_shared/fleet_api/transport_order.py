@@ -29,7 +29,7 @@ class FailureMeasure(StrEnum):
 
     @property
     def last(self) -> bool:
-        """Whether nothing can come after it."""
+        """Return whether no other measure can follow it."""
         return self in (FailureMeasure.HOLD, FailureMeasure.FAIL)
 
 
@@ -37,7 +37,7 @@ ONCE = (FailureMeasure.SKIP, FailureMeasure.HOLD, FailureMeasure.FAIL)
 
 
 class FailureStep(Request):
-    """A measure, how often it is taken, and how many seconds after the failure."""
+    """A measure, the number of times to take it, and its delay after the failure in seconds."""
 
     do: FailureMeasure
     times: Annotated[int, Field(ge=1, le=100)] = 1
@@ -91,7 +91,7 @@ class TransportOrderState(StrEnum):
 
     @property
     def final(self) -> bool:
-        """Whether nothing more comes of the order."""
+        """Return whether the order has ended."""
         return self in (
             TransportOrderState.FINISHED,
             TransportOrderState.FAILED,
@@ -111,7 +111,7 @@ class DependencyFailure(StrEnum):
 
 
 class DriveOrderState(StrEnum):
-    """Where one destination of a transport order stands."""
+    """State of one destination of a transport order."""
 
     PRISTINE = "PRISTINE"
     TRAVELLING = "TRAVELLING"
@@ -155,7 +155,7 @@ class Destination(Request):
 
 
 class TransportOrderRequest(Request):
-    """Asks for a transport order; the same body over REST and over MQTT."""
+    """Request for a transport order; the same body over REST and over MQTT."""
 
     name: OrderName | None = None
     """None: the order service makes one."""
@@ -190,7 +190,7 @@ class TransportOrderRequest(Request):
 
 
 class DriveOrderStatus(Resource):
-    """Where one destination stands."""
+    """State of one destination."""
 
     destination: Destination
     state: DriveOrderState
@@ -215,7 +215,7 @@ class HistoryEntry(Resource):
 
 
 class TransportOrderStatus(Resource):
-    """A transport order as it stands."""
+    """State of a transport order."""
 
     name: str
     version: int
@@ -258,7 +258,7 @@ class TransportOrderStatus(Resource):
 
 
 class Problem(Resource):
-    """What went wrong with a request (RFC 9457), over REST and over MQTT."""
+    """Why a request failed (RFC 9457), the same over REST and over MQTT."""
 
     type: str = "about:blank"
     title: str
@@ -281,7 +281,7 @@ class CreationAnswer(Resource):
 
 
 class OrderSequenceRequest(Request):
-    """Asks for an order sequence, empty at first; orders name it as their ``wrappingSequence``."""
+    """Request for an order sequence, initially empty; orders name it as their ``wrappingSequence``."""
 
     name: OrderName | None = None
     """None: the order service makes one."""
@@ -298,7 +298,7 @@ class OrderSequenceRequest(Request):
 
 
 class OrderSequenceStatus(Resource):
-    """An order sequence as it stands."""
+    """State of an order sequence."""
 
     name: str
     version: int

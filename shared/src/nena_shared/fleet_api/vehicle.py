@@ -86,7 +86,7 @@ class RobotMap(Resource):
 
 
 class VehicleStatus(Resource):
-    """One vehicle as it stands."""
+    """State of one vehicle."""
 
     name: str
     manufacturer: str

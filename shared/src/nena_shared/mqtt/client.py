@@ -3,8 +3,8 @@
 paho makes the connection, subscribes and keeps it alive, through its documented interface for external event
 loops. Alone it costs half as much again per message (decision 0002 has the figures): it calls the socket four
 times for each packet that it reads and once for each that it writes, and makes objects with locks of each
-message. So paho reads and writes a :class:`_Stream` in place of the socket. Plain messages and their
-acknowledgements are taken out there before paho sees them, and messages to the broker are added there.
+message. So paho reads and writes a :class:`_Stream` in place of the socket, which handles plain messages and
+their acknowledgements itself, before paho sees them, and adds messages to the broker.
 """
 
 from __future__ import annotations
@@ -73,10 +73,10 @@ class MqttError(Exception):
 
 
 class _Stream:
-    """Stands for the socket that paho uses: it reads and writes in large pieces.
+    """Replaces the socket for paho: it reads and writes in large pieces.
 
-    paho may only read whole packets that were offered to it. What it writes waits until :meth:`flush`, so
-    it never has to wait for the socket.
+    paho may only read whole packets that were offered to it. What it writes waits until :meth:`flush`, so it
+    never has to wait for the socket.
     """
 
     def __init__(self, sock: socket.socket) -> None:
@@ -90,12 +90,12 @@ class _Stream:
 
     @property
     def waiting(self) -> int:
-        """Bytes that the socket has not taken yet."""
+        """Return the number of bytes that the socket has not accepted yet."""
         return len(self._outgoing)
 
     @property
     def has_more(self) -> bool:
-        """Whether there is something to read although the socket may say nothing."""
+        """Return whether there is data to read that the socket does not report."""
         decrypted = self.sock.pending() if isinstance(self.sock, ssl.SSLSocket) else 0
         return self.reader.ready or bool(decrypted)
 
@@ -105,11 +105,10 @@ class _Stream:
         self.queued += len(data)
 
     def flush(self) -> None:
-        """Write what the socket takes now.
+        """Write as much as the socket accepts now.
 
         Raises:
             OSError: the connection is broken.
-
         """
         for _ in range(WRITE_AT_ONCE):
             if not self._outgoing:
@@ -158,7 +157,7 @@ class _Stream:
 
 
 class _StreamMaker:
-    """Takes the place of an SSL context at paho, which has it wrap the socket, here also without TLS."""
+    """Replaces paho's SSL context, which wraps the socket; used without TLS as well."""
 
     check_hostname = True
     """paho need not check names; an SSL context does."""
@@ -179,9 +178,9 @@ class _StreamMaker:
 class Client:
     """One connection: an asynchronous context manager that connects and disconnects.
 
-    Messages wait until :meth:`receive`. The socket is closed whatever happens, also when the broker does not
-    answer CONNECT or does not read DISCONNECT. Left open, such connections pile up at a broker that hangs;
-    when it goes on, each takes over the client ID of the one before, and the wills of all are published.
+    Messages wait until :meth:`receive`. The socket is always closed, even when the broker does not answer
+    CONNECT or does not read DISCONNECT. If left open, such connections pile up at a broker that hangs; when
+    it resumes, each takes over the client ID of the one before, and the wills of all are published.
     """
 
     def __init__(
@@ -196,15 +195,14 @@ class Client:
         """Prepare the connection.
 
         Args:
-            settings: where the broker is.
+            settings: the broker's address and TLS settings.
             client_id: unique at the broker.
             timeout: seconds that the broker has to answer CONNECT or SUBSCRIBE.
             will: published by the broker if the connection ends without DISCONNECT.
-            may_write: asked before each write to the socket; False ends the connection unwritten.
+            may_write: called before each write to the socket; False ends the connection unwritten.
 
         Raises:
             ConfigurationError: the password file or a file for TLS cannot be read.
-
         """
         self._settings = settings
         self._timeout = timeout
@@ -237,7 +235,7 @@ class Client:
 
     @property
     def socket(self) -> socket.socket | None:
-        """The socket of a connection that stands."""
+        """Return the socket of an open connection."""
         stream = self._maker.stream
         return stream.sock if stream and stream.fileno() >= 0 else None
 
@@ -410,7 +408,7 @@ class Client:
             self._read()
 
     def _read(self) -> None:
-        """Read what has come, some packets in each turn of the event loop, and write the answers."""
+        """Read what has arrived, some packets in each turn of the event loop, and write the answers."""
         self._reads_on = False
         stream = self._maker.stream
         if stream is None or self._ended.done():
@@ -475,7 +473,7 @@ class Client:
         self._flush()
 
     def _flush(self) -> None:
-        """Write what waits; what the socket does not take now is written when it is ready again."""
+        """Write what waits; what the socket does not accept now is written when it is ready again."""
         stream = self._maker.stream
         if stream is None or self._ended.done():
             return
@@ -495,7 +493,7 @@ class Client:
         self._await_socket(stream)
 
     def _await_socket(self, stream: _Stream) -> None:
-        """Let the event loop continue writing as soon as the socket accepts more."""
+        """Continue writing as soon as the socket accepts more."""
         if not stream.waiting:
             self._drained.set()
         if bool(stream.waiting) is not self._awaits_socket:
@@ -506,9 +504,9 @@ class Client:
                 self._loop.remove_writer(stream.fileno())
 
     async def _keep_alive(self) -> None:
-        """Let paho send PINGREQ and notice a broker that no longer answers.
+        """Make paho send PINGREQ and detect a broker that no longer answers.
 
-        Not while messages come and PINGRESP is awaited: it may be behind them.
+        Not while messages arrive and PINGRESP is awaited: it may be behind them.
         """
         stream = self._maker.stream
         while stream and not self._ended.done():
@@ -523,7 +521,7 @@ class Client:
             confirmed()
 
     def _end(self, why: str) -> None:
-        """End the connection without DISCONNECT, and say why to all who wait for it."""
+        """End the connection without DISCONNECT, and raise ``why`` in all waiting tasks."""
         if self._ended.done():
             return
         self._ended.set_exception(MqttError(why))

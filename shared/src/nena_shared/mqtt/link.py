@@ -148,14 +148,14 @@ class MqttLink:
     """Publishes and receives for one program; call it in the thread of the event loop only.
 
     Sessions are clean on purpose: the protocols above recover what was missed while the link was down
-    (retained messages, full states, orders resent until a state echoes them), never a broker's queue of
-    old commands. Messages to publish wait in an :class:`Outbox` while the link is down or the broker is slow:
-    it never loses the last retained message of a topic, and counts and logs what it drops. Messages with
+    (retained messages, full states, orders resent until a state echoes them), never a broker's queue of old
+    commands. Messages to publish wait in an :class:`Outbox` while the link is down or the broker is slow: it
+    never loses the last retained message of a topic, and counts and logs what it drops. Messages with
     ``keep=False`` are not kept over a break.
 
-    A program that may publish for limited terms only, such as one of several order services, gives ``term``.
-    It is asked at each write to the socket. At the end of a term the connection is closed unwritten, all that
-    waits is dropped, and the next connection is made in the next term.
+    A program that may publish for limited terms only, such as one of several order services, passes ``term``,
+    which is called at each write to the socket. At the end of a term the connection is closed unwritten, all
+    that waits is dropped, and the next connection is made in the next term.
     """
 
     def __init__(
@@ -198,9 +198,9 @@ class MqttLink:
         self.state = LinkState()
 
     def subscribe(self, topic_filter: str, handler: Handler, *, qos: int = 1, needed: bool = True) -> None:
-        """Call ``handler`` with each message under ``topic_filter``, now or from the next connect on.
+        """Call ``handler`` with each message under ``topic_filter``, now or from the next connection on.
 
-        Where the broker refuses one that is not ``needed``, only the log says so.
+        If the broker refuses a filter that is not ``needed``, this is only logged.
         """
         self._subscriptions.append(_Subscription(topic_filter, handler, qos, needed))
         self._handlers.cache_clear()
@@ -260,7 +260,7 @@ class MqttLink:
         return self._session is not None
 
     async def _begin_term(self) -> None:
-        """Wait until the program may publish; in a new term nothing that has waited before goes out."""
+        """Wait until the program may publish; in a new term, all messages that waited before are dropped."""
         while (term := self._term()) is None:  # noqa: ASYNC110 - a lease ends without an event
             await asyncio.sleep(TERM_POLL)
         if term != self.state.term:
@@ -304,7 +304,7 @@ class MqttLink:
         )
 
     async def _begin(self, session: _Session) -> None:
-        """Publish what comes first, subscribe, then publish what waits."""
+        """Publish the first messages, subscribe, then publish what waits."""
         for number, first in enumerate(self._hooks.on_connected(), start=1):
             session.first.append(replace(first, keep=False))
             if number % FIRST_AT_ONCE == 0:

@@ -13,13 +13,13 @@ _Key = str | int | tuple[str]
 
 
 class Outbox:
-    """A queue with a written overflow rule.
+    """A queue with a defined overflow rule.
 
-    - A retained message replaces the one that waits on its topic and takes its place in the queue. It is
-      never dropped: the queue holds at most one status, and one message that clears it, per topic.
+    - A retained message replaces the waiting one of its topic, at the same place in the queue. It is never
+      dropped: the queue holds at most one status, and one message that clears it, per topic.
     - A message that clears a topic waits behind the last status of that topic, so that subscribers still see
       how an order ended.
-    - Of all other messages at most ``limit`` wait; the oldest one makes room for a new one.
+    - Of all other messages at most ``limit`` wait; a new one replaces the oldest.
     """
 
     def __init__(self, limit: int) -> None:

@@ -1,7 +1,7 @@
 """MQTT packets (MQTT 3.1.1 sections 2.2 to 3.4): messages and acknowledgements, read and written.
 
-Bytes from the broker are cut into packets. Plain messages and awaited acknowledgements are read here; all
-else, also everything malformed, is left to paho as it came.
+Bytes from the broker are split into packets. Plain messages and awaited acknowledgements are read here; all
+others, including everything malformed, are left to paho unchanged.
 """
 
 from __future__ import annotations
@@ -42,10 +42,10 @@ class Published(NamedTuple):
 
 
 class PacketReader:
-    """Cuts what comes from a socket into packets.
+    """Splits data from a socket into packets.
 
-    ``receive`` reads from the socket: it raises BlockingIOError where nothing has come, returns nothing where
-    the connection has ended, and raises other OSErrors where it is broken.
+    ``receive`` reads from the socket: it raises BlockingIOError if no data is available, returns nothing if
+    the connection has ended, and raises other OSErrors if it is broken.
     """
 
     def __init__(self, receive: Callable[[int], bytes]) -> None:
@@ -64,9 +64,9 @@ class PacketReader:
         return self._bounds() is not None or bool(self.why_ended)
 
     def fill(self) -> bool:
-        """Read what has come; return whether that is anything.
+        """Read available data; return whether there was any.
 
-        To be called where nothing is ready, so that no more than that is kept here.
+        Call it only when no packet is ready, so that no more than needed is buffered here.
         """
         try:
             came = self._receive(CHUNK)
@@ -104,7 +104,7 @@ class PacketReader:
         return packet_id
 
     def offer(self) -> int:
-        """Let paho read the next packet; return its first byte, 0 where no complete one is there."""
+        """Make the next packet available to paho; return its first byte, 0 if none is complete."""
         bounds = self._bounds()
         if bounds is None:
             return 0

@@ -36,7 +36,7 @@ class PlantProblem:
 
 
 class PlantModelError(ValueError):
-    """The plant model is invalid; `problems` holds all findings."""
+    """The plant model is invalid; `problems` has all findings."""
 
     def __init__(self, problems: Iterable[PlantProblem]) -> None:
         self.problems = tuple(problems)

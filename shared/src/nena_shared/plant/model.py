@@ -252,9 +252,10 @@ class PlantModel(PlantRecord):
         return cls.model_validate_json(text)
 
     def to_json(self) -> str:
-        """Return the whole model as JSON with camelCase names; `from_json` gives an equal model.
+        """Return the whole model as JSON with camelCase names, which `from_json` reads back unchanged.
 
-        Defaults are written out, so that readers in other languages need to know none; only None is left out.
+        Defaults are written out, so that readers in other languages need no knowledge of them; only None is
+        left out.
         """
         return self.model_dump_json(by_alias=True, exclude_none=True)
 

@@ -50,7 +50,7 @@ def _only_map(model: PlantModel) -> str | None:
 
 
 def _usable(edge: DirectedEdge) -> bool:
-    """Return whether Nav2 may drive an edge: it knows no way to drive it backwards."""
+    """Return whether Nav2 may drive an edge; it cannot drive one backwards."""
     return edge.is_forward and not edge.path.locked
 
 

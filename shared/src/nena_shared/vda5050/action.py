@@ -20,7 +20,7 @@ class BlockingType(StrEnum):
 
 
 class ActionStatus(StrEnum):
-    """Where an action stands (section 6.6.9)."""
+    """State of an action (section 6.6.9)."""
 
     WAITING = "WAITING"
     INITIALIZING = "INITIALIZING"
@@ -32,7 +32,7 @@ class ActionStatus(StrEnum):
 
     @property
     def ended(self) -> bool:
-        """Whether nothing more comes of the action."""
+        """Return whether the action has ended: FINISHED or FAILED."""
         return self in (ActionStatus.FINISHED, ActionStatus.FAILED)
 
 
@@ -48,7 +48,7 @@ ParameterValue = Annotated[JsonValue, AfterValidator(_sendable)]
 
 
 class ActionParameter(WireObject):
-    """One value that an action is given (section 6.2)."""
+    """One parameter of an action, with its value (section 6.2)."""
 
     key: str
     value: ParameterValue
@@ -70,7 +70,7 @@ class Action(WireObject):
 
 
 class ActionState(WireObject):
-    """Where one action stands, as the robot reports it (section 6.6.9)."""
+    """State of one action as reported by the robot (section 6.6.9)."""
 
     action_id: Identifier
     action_type: Identifier | None = None

@@ -68,11 +68,10 @@ Version = Annotated[str, Field(pattern=r"^\d+\.\d+\.\d+$", max_length=32)]
 
 
 def finite(value: J) -> J:
-    """Return ``value``, if all numbers in it are numbers of JSON.
+    """Return ``value`` if all numbers in it are valid in JSON (section 7.1).
 
     Raises:
-        ValueError: it holds NaN or an infinity.
-
+        ValueError: it contains NaN or an infinity.
     """
     if not _is_finite(value):
         message = "NaN and infinity are not JSON numbers"

@@ -45,7 +45,7 @@ KINDS: Final[Mapping[Topic, type[Header]]] = MappingProxyType(
 
 @dataclass(frozen=True, slots=True)
 class Codec:
-    """Reads and writes the messages of one version; ``forms`` gives each neutral message its form there."""
+    """Reads and writes the messages of one version; ``forms`` maps neutral messages to their forms."""
 
     version: str
     interface_name: str
@@ -87,12 +87,11 @@ class Codec:
         return message
 
     def encode(self, message: Header) -> bytes:
-        """Write a message, checked against this version's form, under this version's number.
+        """Write a message, checked against this version's form, with this version's number.
 
         Raises:
             MalformedMessageError: an order breaks the graph rules, or this version has no such message.
-            ValidationError: the message cannot be said in this version.
-
+            ValidationError: this version cannot express the message.
         """
         kind = self._kind_of(message)
         if isinstance(message, Order) and (problems := violations(message)):

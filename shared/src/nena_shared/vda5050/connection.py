@@ -8,7 +8,7 @@ from nena_shared.vda5050.base import Header
 
 
 class ConnectionState(StrEnum):
-    """What is known of a robot's MQTT link; nothing about its health (section 6.5)."""
+    """State of a robot's MQTT connection, not of its health (section 6.5)."""
 
     ONLINE = "ONLINE"
     OFFLINE = "OFFLINE"

@@ -1,4 +1,4 @@
-"""Counts how the robots of a fleet deviate from the standard, and logs it without flooding the log."""
+"""Counts the deviations of a fleet's robots from the standard, and logs them at a limited rate."""
 
 from __future__ import annotations
 

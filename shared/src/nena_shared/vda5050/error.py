@@ -21,7 +21,7 @@ class ErrorLevel(StrEnum):
 
 
 class ErrorType(StrEnum):
-    """The error types that the standard names, and those that this robot adds to its open list."""
+    """The error types of the standard (section 6.6.5), and those that this robot adds to its open list."""
 
     UNSUPPORTED_PARAMETER = "UNSUPPORTED_PARAMETER"
     NO_ORDER_TO_CANCEL = "NO_ORDER_TO_CANCEL"
@@ -60,7 +60,7 @@ class ErrorReference(WireObject):
 
 
 class Translation(WireObject):
-    """The same text in another language, given as a code of ISO 639-1."""
+    """The same text in another language, with its ISO 639-1 code (section 6.6.5)."""
 
     translation_key: str
     translation_value: str
@@ -97,7 +97,7 @@ LEVELS: dict[ErrorType, ErrorLevel] = {
 def error(
     kind: ErrorType, description: str, *, hint: str | None = None, **references: str | int | None
 ) -> ErrorEntry:
-    """Make an error of the level that its type has; references that are None are left out (section 6.6.5).
+    """Make an error with the level of its type; references that are None are left out (section 6.6.5).
 
     The keys are given in snake case and sent in camel case: ``order_id="o1"`` becomes ``orderId``.
     """

@@ -21,7 +21,7 @@ class Support(StrEnum):
 
 
 class ActionScope(StrEnum):
-    """Where an action may stand (section 7.10)."""
+    """Where an action may be used (section 7.10)."""
 
     INSTANT = "INSTANT"
     NODE = "NODE"
@@ -30,7 +30,7 @@ class ActionScope(StrEnum):
 
 
 class ValueDataType(StrEnum):
-    """What kind of value a parameter takes (section 7.10)."""
+    """Type of a parameter's value (section 7.10)."""
 
     BOOL = "BOOL"
     NUMBER = "NUMBER"
@@ -80,7 +80,7 @@ class MaximumStringLengths(WireObject):
 
 
 class MaximumArrayLengths(WireObject):
-    """Most entries per array; absent or 0 is no limit. The names on the wire hold a dot (section 7.10)."""
+    """Maximum entries per array; absent or 0 is no limit. The names on the wire have a dot (section 7.10)."""
 
     model_config = ConfigDict(alias_generator=None)
 
@@ -131,7 +131,7 @@ class OptionalParameter(WireObject):
 
 
 class ActionParameterDescription(WireObject):
-    """A parameter that an action takes (section 7.10)."""
+    """A parameter of an action (section 7.10)."""
 
     key: str
     value_data_type: ValueDataType

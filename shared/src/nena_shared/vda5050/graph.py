@@ -1,4 +1,4 @@
-"""Rules of a valid order graph, which a schema cannot say (VDA 5050 3.0 section 6.1.1)."""
+"""Rules of a valid order graph that a schema cannot express (VDA 5050 3.0 section 6.1.1)."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """JSON Schema of the messages as they are sent here, per version.
 
-They say what the official schemas say, with their faults mended, and the limits of this implementation on
-top. What a schema cannot say (the graph rules of section 6.1.1) they do not hold.
+They have the content of the official schemas, with errors corrected, and this implementation's limits. They
+do not include the graph rules of section 6.1.1, which a schema cannot express.
 """
 
 from __future__ import annotations

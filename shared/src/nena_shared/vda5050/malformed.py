@@ -1,4 +1,4 @@
-"""What is wrong with a message that cannot be taken."""
+"""Errors of messages that cannot be accepted."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ TOO_MANY = 1000
 
 
 class MalformedMessageError(Exception):
-    """A payload that is no message of its topic and version.
+    """The payload is not a message of its topic and version.
 
-    ``problems`` says what is wrong, a sentence each; ``references`` holds what could still be read of
-    headerId, orderId and orderUpdateId, so that the answer can name the message (section 6.6.5.2).
+    ``problems`` has one sentence per error; ``references`` has what could still be read of headerId, orderId
+    and orderUpdateId, so that the answer can identify the message (section 6.6.5.2).
     """
 
     def __init__(
@@ -65,7 +65,7 @@ def received_in(error: ValidationError, payload: bytes) -> str:
 
 
 def quoted(value: object) -> str:
-    """Return a value as it stands in a message, shortened."""
+    """Return a value as it was in a message, shortened."""
     if isinstance(value, str | int | list | dict):
         try:
             text = to_json(value).decode()

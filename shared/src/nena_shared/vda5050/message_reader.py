@@ -33,11 +33,10 @@ H = TypeVar("H", bound=Header)
 def read_command(
     kind: type[H], codec: Codec, payload: bytes, *, now: datetime
 ) -> tuple[H, tuple[Repair, ...]]:
-    """Read a message of a fleet control, repaired where its meaning is certain; return what was repaired.
+    """Read a message of a fleet control, repaired if its meaning is certain; return what was repaired.
 
     Raises:
-        MalformedMessageError: it breaks the standard otherwise.
-
+        MalformedMessageError: it violates the standard and cannot be repaired.
     """
     try:
         return codec.decode(kind, payload), ()
@@ -97,9 +96,9 @@ class _KnownReader:
 class MessageReader:
     """Reads the messages of many robots.
 
-    It expects of each topic the version that it had before, and so need not look for it in every message.
-    A message that breaks the standard is repaired where that is safe, and ``report`` gets what was repaired;
-    a ``strict`` reader refuses it.
+    It assumes that the version on a topic stays the same, so that it need not be searched for in every
+    message. A message that violates the standard is repaired if that is safe, and ``report`` gets what was
+    repaired; a ``strict`` reader refuses it.
     """
 
     def __init__(self, report: Report = _ignore, *, strict: bool = False) -> None:
@@ -111,11 +110,10 @@ class MessageReader:
         """Whether the timestamp of the last message could not be read; the time of arrival stands for it."""
 
     def read(self, kind: type[M], topic: str, payload: bytes, major_version: str) -> M:
-        """Read a message in the version that it names (section 7.2).
+        """Read a message in the version of its header (section 7.2).
 
         Raises:
-            MalformedMessageError: it breaks the standard and cannot be repaired.
-
+            MalformedMessageError: it violates the standard and cannot be repaired.
         """
         self.undated = False
         known = self._known.get(topic)
@@ -152,7 +150,6 @@ class MessageReader:
 
         Raises:
             MalformedMessageError: it cannot be repaired.
-
         """
         found: Repairs = {}
         if len(payload) > MAXIMUM_PAYLOAD:

@@ -27,7 +27,7 @@ class CorridorReferencePoint(StrEnum):
 
 
 class ReleaseLossBehavior(StrEnum):
-    """What a robot does when the release of a corridor is taken back (section 6.6.10)."""
+    """What a robot does when the release of a corridor is revoked (section 6.6.10)."""
 
     STOP = "STOP"
     RETURN = "RETURN"

@@ -2,10 +2,10 @@
 
 A record has the attributes of its neutral message (``State``, ``Visualization``), but is no pydantic model:
 it is a struct of msgspec, derived from the form of the version, so that each field is written once. Decision
-0017 says why there are two ways to read a state, and what keeps them together.
+0017 explains why there are two ways to read a state, and what keeps them together.
 
-A record takes only what needs no second look. What a form reads by validators of its own (older names, other
-spellings) does not fit the record, and the codec of the version reads the message instead.
+A record only accepts values that need no further processing. What a form reads by its own validators (older
+names, other spellings) does not fit the record, and the codec of the version reads the message instead.
 """
 
 from __future__ import annotations
@@ -38,11 +38,10 @@ RECORDED: Final = (State, Visualization)
 
 
 def read_record(kind: type[R], codec: Codec, payload: bytes) -> R:
-    """Read a message as a record, or as its codec reads it where a record cannot say it.
+    """Read a message as a record, or by its codec if it does not fit a record.
 
     Raises:
         MalformedMessageError: the codec refuses it.
-
     """
     record = _decoded(kind, codec, payload)
     return codec.decode(kind, payload) if record is None else record
@@ -62,7 +61,7 @@ def parse(payload: bytes) -> tuple[Any, bool]:
 
 
 def record_of(kind: type[R], codec: Codec, content: dict[str, Any]) -> R | None:
-    """Make a record of a message that is parsed already; None: only the codec can tell what it is."""
+    """Make a record of a parsed message; None: it must be read by the codec."""
     form = codec.forms.get(kind)
     if form is None:
         return None

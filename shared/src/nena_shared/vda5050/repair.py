@@ -1,16 +1,16 @@
 """Repairs messages that deviate from the standard but whose meaning is clear (VDA 5050 3.0 section 7.1).
 
-Messages are read strictly first. Only one that a strict reader refuses comes here. Each value that breaks its
-field's type or limits is
+Messages are first read strictly. Only one that a strict reader refuses comes here. Each value that violates
+its field's type or limits is
 
-- repaired where its meaning survives: an angle is wrapped to [-π, π], a percentage clamped, a number written
-  as text read as a number, a word of a closed list matched without regard to case;
-- left out where it is optional and cannot be repaired;
-- replaced by the safest value of its field where there is one (``SAFEST``): an unknown error level is FATAL,
-  an unknown operating mode is not automatic.
+- repaired if its meaning is clear: an angle is wrapped to [-π, π], a percentage clamped, a number written as
+  text read as a number, a word of a closed list matched without regard to case;
+- left out if it is optional and cannot be repaired;
+- replaced by the safest value of its field if there is one (``SAFEST``): an unknown error level is FATAL, an
+  unknown operating mode is not automatic.
 
-Anything else keeps its value, and the strict reader says what is wrong with it. Commands (orders, instant
-actions) are repaired only where the meaning is certain: see :class:`Scope`.
+Anything else keeps its value, and the strict reader reports the error. Commands (orders, instant actions) are
+repaired only if the meaning is certain: see :class:`Scope`.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ class RepairKind(StrEnum):
 
 
 class Repair(NamedTuple):
-    """One deviation of a message from the standard, and what was done about it."""
+    """One deviation of a message from the standard, and how it was handled."""
 
     field: str
     """Path of the field on the wire, without the numbers of list elements; "message" for all of it."""
@@ -164,7 +164,7 @@ def repair(
     scope: Scope,
     only: frozenset[str] = EVERYWHERE,
 ) -> None:
-    """Repair a message in place, as far as it can be; what cannot be repaired stays as it is.
+    """Repair a message in place as far as possible; the rest stays unchanged.
 
     Args:
         form: the form of the message in the version that it is read by.
@@ -173,8 +173,7 @@ def repair(
         version: the number of that version, for a message that has none.
         now: the time of arrival.
         scope: how far to go.
-        only: paths of the fields to look at, besides the header.
-
+        only: paths of the fields to check, besides the header.
     """
     _repair_header(form, content, found, version, now)
     for field in _fields_of(form, "", scope, only):
@@ -255,7 +254,7 @@ def _leads_to(path: str, only: frozenset[str]) -> bool:
 
 
 def _object_of(form: type[WireObject], at: str, scope: Scope, only: frozenset[str]) -> _Fix:
-    """Return what repairs an object of ``form`` that stands at the path ``at``, in place."""
+    """Return a function that repairs an object of ``form`` at the path ``at``, in place."""
     fields = _fields_of(form, at, scope, frozenset() if at in only else only)
 
     def fix(content: Any, found: Repairs) -> Any:  # noqa: ANN401 - JSON
@@ -481,7 +480,7 @@ def _is_finite(number: float) -> bool:
 
 
 def _number(text: str) -> float | int | None:
-    """Read a number that is given as text."""
+    """Read a number from text."""
     if "_" in text:
         return None  # only Python takes it
     try:

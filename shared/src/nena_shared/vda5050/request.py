@@ -1,4 +1,4 @@
-"""Requests of a robot to its fleet control (VDA 5050 3.0 section 6.9): they stand in its state."""
+"""Requests of a robot to its fleet control (VDA 5050 3.0 section 6.9), which are part of its state."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from nena_shared.vda5050.order import Trajectory
 
 
 class RequestStatus(StrEnum):
-    """Where a request stands, as the robot sees it (section 6.9)."""
+    """State of a request at the robot (section 6.9)."""
 
     REQUESTED = "REQUESTED"
     """No answer yet, which is no permission."""
@@ -20,14 +20,14 @@ class RequestStatus(StrEnum):
 
 
 class ZoneRequestType(StrEnum):
-    """What a robot asks for: to enter a RELEASE zone, or a new path in a COORDINATED_REPLANNING zone."""
+    """Type of a zone request (section 6.9): to enter a RELEASE zone, or to replan in a zone."""
 
     ACCESS = "ACCESS"
     REPLANNING = "REPLANNING"
 
 
 class EdgeRequestType(StrEnum):
-    """What a robot asks for on an edge: to leave the trajectory within the corridor (section 6.9)."""
+    """Type of a request on an edge: to leave the trajectory within the corridor (section 6.9)."""
 
     CORRIDOR = "CORRIDOR"
 

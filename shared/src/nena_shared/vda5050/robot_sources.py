@@ -14,7 +14,7 @@ FAREWELLS: Final = frozenset({ConnectionState.OFFLINE, ConnectionState.CONNECTIO
 
 
 class Dated(Protocol):
-    """A message that says when it was sent."""
+    """A message with the time when it was sent."""
 
     @property
     def timestamp(self) -> datetime:
@@ -29,10 +29,10 @@ class _Source:
 
 
 class RobotSources:
-    """Remembers for each robot the topics that it speaks under.
+    """Remembers for each robot the topics on which it publishes.
 
     A robot that has changed its version or interface name leaves its retained messages under the old topics,
-    and maybe a last will that is yet to come. They say nothing about a robot that speaks elsewhere; while
+    and maybe a last will that is yet to come. They are outdated once the robot publishes elsewhere; while
     only such messages are known of it, the newest of them decides.
     """
 
@@ -44,7 +44,7 @@ class RobotSources:
         self._sources[robot] = _Source(scheme, None)
 
     def accepts(self, robot: RobotKey, scheme: TopicScheme, message: Dated, *, retained: bool) -> bool:
-        """Return whether a message says something of the robot now; later ones are compared with it."""
+        """Return whether a message is current for the robot; later ones are compared with it."""
         known = self._sources.get(robot)
         if known is not None and known.scheme == scheme and known.timestamp is None:
             return True

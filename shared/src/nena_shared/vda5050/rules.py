@@ -1,9 +1,9 @@
 """What a version of VDA 5050 requires of both sides beyond the form of its messages.
 
-A codec reads and writes the messages of its version; the rules say what they can express and mean. Each
-version states its rules in its own package, and ``codec.rules`` has them. Data only: code that acts
-differently by version reads it here and never compares version numbers. Where the strictest version's
-behaviour is allowed in all of them, it is done in all of them and there is no field.
+A codec reads and writes the messages of its version; the rules define what they can express and mean. Each
+version defines its rules in its own package, and ``codec.rules`` has them. Data only: code that depends on
+the version reads it here and never compares version numbers. If the strictest version's behaviour is allowed
+in all of them, it is used for all of them and there is no field.
 """
 
 from __future__ import annotations

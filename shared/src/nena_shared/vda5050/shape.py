@@ -1,7 +1,7 @@
-"""What the messages of a version look like, read from their pydantic forms: one description for several uses.
+"""The fields of a version's messages, read from their pydantic forms: one description for several uses.
 
-A form states each field of its version once. What else has to know the fields (the records of messages that
-come often, the repairs of deviating messages) reads them here.
+A form defines each field of its version once. All other code that needs the fields (the records of frequent
+messages, the repairs of deviating messages) reads them here.
 """
 
 from __future__ import annotations

@@ -59,7 +59,7 @@ class EmergencyStop(StrEnum):
 
 
 class InfoLevel(StrEnum):
-    """Whom an information is for (section 7.8)."""
+    """Audience of an information (section 7.8)."""
 
     DEBUG = "DEBUG"
     INFO = "INFO"
@@ -73,7 +73,7 @@ class MapStatus(StrEnum):
 
 
 class Map(WireObject):
-    """A map that the robot holds (section 7.8)."""
+    """A map on the robot (section 7.8)."""
 
     map_id: Identifier
     map_version: str
@@ -89,7 +89,7 @@ class RobotZoneSetStatus(StrEnum):
 
 
 class ZoneSetState(WireObject):
-    """A zone set that the robot holds; at most one is ENABLED for each map (section 7.8)."""
+    """A zone set on the robot; at most one is ENABLED for each map (section 7.8)."""
 
     zone_set_id: Identifier
     map_id: Identifier
@@ -137,7 +137,7 @@ class Velocity(WireObject):
 
 
 class BoundingBoxReference(WireObject):
-    """Where a load's box stands, m and rad in the robot's frame (section 7.8)."""
+    """Reference point of a load's bounding box, m and rad in the robot's frame (section 7.8)."""
 
     x: float
     y: float

@@ -18,7 +18,7 @@ class Reads(BeforeValidator):
 
 
 def reads(names: Mapping[str, str]) -> Reads:
-    """Read the given names as the neutral ones that stand beside them; other values pass."""
+    """Read the given names as the corresponding neutral ones; other values stay unchanged."""
 
     def read(value: object) -> object:
         return names.get(value, value) if type(value) is str else value
@@ -27,7 +27,7 @@ def reads(names: Mapping[str, str]) -> Reads:
 
 
 def writes(names: Mapping[str, str], of: type[StrEnum] | None = None) -> PlainSerializer:
-    """Write the neutral values by the given names, other values as they are; ``of`` is a closed list."""
+    """Write the neutral values by the given names, other values unchanged; ``of`` is a closed list."""
 
     def write(value: str) -> str:
         return names.get(value, str(value))
@@ -37,7 +37,7 @@ def writes(names: Mapping[str, str], of: type[StrEnum] | None = None) -> PlainSe
 
 
 def always(value: object) -> BeforeValidator:
-    """Take ``value`` whatever is given: for a field that the version does not have."""
+    """Read any input as ``value``: for a field that the version does not have."""
     return BeforeValidator(lambda _: value)
 
 

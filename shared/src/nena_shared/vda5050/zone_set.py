@@ -16,7 +16,7 @@ Factor = Annotated[float, Field(ge=0, le=1)]
 
 
 class ZoneType(StrEnum):
-    """What a zone asks of the robots in it (section 6.4)."""
+    """What a zone requires of the robots in it (section 6.4)."""
 
     BLOCKED = "BLOCKED"
     LINE_GUIDED = "LINE_GUIDED"
@@ -31,7 +31,7 @@ class ZoneType(StrEnum):
 
 
 class ZoneReleaseLossBehavior(StrEnum):
-    """What a robot inside a RELEASE zone does when its release is taken back (section 6.4.3)."""
+    """What a robot inside a RELEASE zone does when its release is revoked (section 6.4.3)."""
 
     STOP = "STOP"
     CONTINUE = "CONTINUE"
@@ -61,7 +61,7 @@ class Vertex(WireObject):
 
 
 class ZoneAction(WireObject):
-    """An action that a zone triggers; the robot gives it an id each time (section 6.4)."""
+    """An action triggered by a zone; the robot assigns an ID each time (section 6.4)."""
 
     action_type: Identifier
     action_descriptor: str | None = None
@@ -126,7 +126,7 @@ class Zone(WireObject):
 
 
 class ZoneSet(WireObject):
-    """Zones of one map; what stands under a zoneSetId never changes (section 6.4.1)."""
+    """Zones of one map; the content of a zoneSetId never changes (section 6.4.1)."""
 
     map_id: Identifier
     zone_set_id: Identifier

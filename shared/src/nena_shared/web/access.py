@@ -1,4 +1,4 @@
-"""Who may do what over HTTP: users, roles, cookies, OIDC tokens and rate limits."""
+"""Access control over HTTP: users, roles, cookies, OIDC tokens and rate limits."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class _Bucket:
 
 
 class RateLimit:
-    """Allows ``burst`` requests at once and ``rate`` per second in the long run, to each asker."""
+    """Allows ``burst`` requests at once and ``rate`` per second in the long run, per client."""
 
     def __init__(self, rate: float, burst: int) -> None:
         self._rate = rate
@@ -47,9 +47,9 @@ class RateLimit:
         self._buckets: OrderedDict[str, _Bucket] = OrderedDict()
 
     def wait(self, asker: str, now: float, *, cost: float = 1.0) -> float:
-        """Count a request; gives the seconds that the asker has to wait, 0 where it may go on.
+        """Count a request; return the seconds that the client has to wait, 0 if it may continue.
 
-        A refused request costs nothing, a ``cost`` of 0 only looks. ``now``: seconds of a monotonic clock.
+        A refused request costs nothing, a ``cost`` of 0 only checks. ``now``: seconds of a monotonic clock.
         """
         bucket = self._buckets.setdefault(asker, _Bucket(self._burst, now))
         self._buckets.move_to_end(asker)
@@ -110,7 +110,7 @@ class TokenReader(Protocol):
 
 
 class Refused(Exception):  # noqa: N818 - it is an answer, no fault
-    """A request that is not let through."""
+    """A request that is refused."""
 
     def __init__(self, status: HTTPStatus, detail: str, **headers: str) -> None:
         super().__init__(detail)
@@ -141,7 +141,7 @@ class AccessControl:
         self._wrong_tokens = RateLimit(WRONG_TOKENS_PER_SECOND, WRONG_TOKENS_AT_ONCE)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Let a request through, or answer 401, 403, 429 or 503."""
+        """Pass a request on, or answer 401, 403, 429 or 503."""
         if scope["type"] == "http":
             try:
                 scope.setdefault("state", {})["user"] = await self._let_in(scope)
@@ -179,7 +179,7 @@ class AccessControl:
         return user
 
     def _may_stay(self, scope: Scope) -> bool:
-        """Return whether somebody who was let in would be let in again."""
+        """Return whether an admitted user would still be admitted."""
         user = scope["state"]["user"]
         stays = self.clock.now() < user.expires if isinstance(user, OidcUser) else self._is_still_in(scope)
         if not stays:

@@ -1,4 +1,4 @@
-"""How ``/metrics`` is answered: the text format of Prometheus, compressed for who takes gzip."""
+"""Answers to ``/metrics``: Prometheus's text format, compressed for clients that accept gzip."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ GZIP_SLICE = 256 * 1024
 
 
 def takes_gzip(accept_encoding: str) -> bool:
-    """Return whether a client takes gzip, by its header Accept-Encoding."""
+    """Return whether a client accepts gzip, by its header Accept-Encoding."""
     for each in accept_encoding.lower().split(","):
         name, *parameters = (part.strip() for part in each.split(";"))
         refused = any(re.fullmatch(r"q=0(\.0*)?", parameter) for parameter in parameters)
@@ -36,7 +36,7 @@ def _wants_gzip(request: Request) -> bool:
 
 
 async def gzipped(parts: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
-    """Compress parts of an answer as they come; the event loop runs other tasks in between."""
+    """Compress parts of an answer as they arrive; the event loop runs other tasks in between."""
     compressor = zlib.compressobj(GZIP_LEVEL, zlib.DEFLATED, zlib.MAX_WBITS | 16)
     async for part in parts:
         for start in range(0, len(part), GZIP_SLICE):

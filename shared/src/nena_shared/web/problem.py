@@ -27,7 +27,7 @@ def answer(problem: Problem, headers: Mapping[str, str] | None = None) -> Respon
 
 
 def refusal(status: HTTPStatus, detail: str, headers: Mapping[str, str] | None = None) -> Response:
-    """Refuse a request; ``detail`` says what to do."""
+    """Return a refusal; ``detail`` says what to do."""
     return answer(Problem(title=status.phrase, status=status, detail=detail), headers)
 
 

@@ -106,7 +106,7 @@ class HttpConnection(H11Protocol):
             self._await(h11.SEND_BODY)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Let another connection have the place."""
+        """Free the place for another connection."""
         self._await(None)
         super().connection_lost(exc)
         if self.release:
@@ -140,10 +140,10 @@ class HttpConnection(H11Protocol):
 
 
 class Listener:
-    """Accepts connections, and counts them from there on: before the TLS handshake, not after it.
+    """Accepts connections, and counts them from then on: before the TLS handshake, not after it.
 
-    asyncio's own server reports a connection only after its handshake, so that clients who
-    never begin one would neither be counted nor, for a minute, closed.
+    asyncio's own server reports a connection only after its handshake, so that clients that never begin one
+    would neither be counted nor, for a minute, closed.
     """
 
     def __init__(
@@ -154,14 +154,13 @@ class Listener:
         encryption: ssl.SSLContext | None,
         per_address: int | None,
     ) -> None:
-        """Accept from now on.
+        """Start to accept.
 
         Args:
             listening: the socket; the caller closes it.
             make: makes the protocol of one connection.
             encryption: the TLS context; None: no TLS.
-            per_address: connections that one address may have; None: no limit, as behind a proxy.
-
+            per_address: maximum connections of one address; None: no limit, as behind a proxy.
         """
         self._socket = listening
         self._make = make
@@ -289,12 +288,11 @@ class HttpServer:
     """Listens from its making on, and answers while :meth:`run` runs."""
 
     def __init__(self, app: ASGIApp, settings: HttpSettings) -> None:
-        """Take the port.
+        """Bind the port.
 
         Raises:
-            ConfigurationError: the address is not protected as it must be, or the certificate is unusable.
-            StartError: somebody else has the port, or the address is not ours.
-
+            ConfigurationError: the address is not protected as required, or the certificate is unusable.
+            StartError: the port is in use, or the address does not belong to this machine.
         """
         check_exposure(settings)
         self.app = app
@@ -330,7 +328,7 @@ class HttpServer:
 
     @property
     def url(self) -> str:
-        """Where it is found, as far as the settings tell."""
+        """Return its URL, as far as the settings define it."""
         host = f"[{self._host}]" if ":" in self._host else self._host
         return f"{self._scheme}://{host}:{self.port}"
 
@@ -340,7 +338,7 @@ class HttpServer:
         await self._server.serve(sockets=[self._socket])
 
     def stop(self) -> None:
-        """Take no more requests; :meth:`run` ends when those that are open are answered."""
+        """Accept no more requests; :meth:`run` ends when the open ones are answered."""
         self._server.should_exit = True
 
     def close(self) -> None:

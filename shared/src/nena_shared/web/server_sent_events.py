@@ -98,10 +98,11 @@ _END: Message = {"type": "http.response.body", "body": b"", "more_body": False}
 
 
 class LastingAnswer:
-    """Stands between an application and the server for one request.
+    """Sits between an application and the server for one request.
 
-    Each part of the answer that comes a second or more after the last look is sent only where ``allowed``
-    says so; otherwise the answer ends before it, and the application sees that the client has gone.
+    Each part of the answer that comes a second or more after the last check is sent only if ``allowed``
+    returns True; otherwise the answer ends before it, and the application sees that the client has
+    disconnected.
     """
 
     def __init__(self, receive: Receive, send: Send, *, allowed: Callable[[], bool], clock: Clock) -> None:
@@ -113,7 +114,7 @@ class LastingAnswer:
         self._over = asyncio.Event()
 
     async def send(self, message: Message) -> None:
-        """Pass on a part of the answer, or end it; what comes after its end is dropped."""
+        """Pass on a part of the answer, or end it; later parts are dropped."""
         if self._over.is_set():
             return
         now = self._clock.monotonic()
@@ -125,7 +126,7 @@ class LastingAnswer:
         await self._send(message)
 
     async def receive(self) -> Message:
-        """Return what comes from the client; after the end, that it has gone."""
+        """Return what comes from the client; after the end, its disconnection."""
         coming = asyncio.ensure_future(self._receive())
         over = asyncio.ensure_future(self._over.wait())
         try:

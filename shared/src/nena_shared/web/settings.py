@@ -134,11 +134,10 @@ def network_of(address: str) -> str:
 
 
 def check_exposure(settings: HttpSettings) -> None:
-    """See that an address beyond loopback has both TLS and a login.
+    """Check that an address beyond loopback has both TLS and a login.
 
     Raises:
-        ConfigurationError: it has not; a line for each thing that is missing.
-
+        ConfigurationError: it has not; a line for each missing part.
     """
     problems = []
     if (settings.tls_certificate is None) is not (settings.tls_key is None):

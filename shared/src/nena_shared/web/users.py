@@ -1,7 +1,7 @@
-"""Those who may log in: names, roles, and hashes of their tokens in a file.
+"""Users: names, roles, and hashes of their tokens in a file.
 
-Tokens are random and long (256 bits), so that one round of SHA-256 hides them; passwords that people choose
-are not taken. The file is TOML, a table for each user::
+Tokens are random and long (256 bits), so that one round of SHA-256 hides them; passwords chosen by people are
+not supported. The file is TOML, a table for each user::
 
     [[user]]
     name = "ann"
@@ -44,7 +44,7 @@ def _role(value: object) -> object:
 
 
 class User(BaseModel):
-    """Somebody who may log in."""
+    """A user who may log in."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -75,11 +75,10 @@ def hash_of(token: str) -> str:
 
 
 def users_of(settings: HttpSettings) -> UserBook | None:
-    """Return those who may log in to a service; None: nobody has to.
+    """Return the users of a service; None: no login is needed.
 
     Raises:
-        ConfigurationError: the file that the settings name cannot be used.
-
+        ConfigurationError: the users file cannot be used.
     """
     if settings.users is None:
         return None
@@ -126,13 +125,12 @@ def write_users(path: Path, users: Iterable[User]) -> None:
 
 
 def make_first_user(path: Path) -> Path | None:
-    """Make the file of users where it is missing, with one admin; gives the file that holds the token.
+    """Create the users file if it is missing, with one admin; return the file that has the token.
 
-    Programs that start at the same time make it once. None: it is there.
+    Programs that start at the same time create it once. None: it exists.
 
     Raises:
         ConfigurationError: it cannot be written.
-
     """
     if path.exists():
         return None

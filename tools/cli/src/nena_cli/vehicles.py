@@ -140,7 +140,7 @@ def dispatch(
 
 @of_service
 def traffic(service: Service) -> None:
-    """Show where vehicles will be in the next minute, what they hold, and for whom they wait and why."""
+    """Show where vehicles will be in the next minute, what they hold, and which they wait for and why."""
     with service.connected() as connection:
         plan = connection.call(SHOW_TRAFFIC_PLAN)
     service.print_one(plan, tables.traffic_table(plan))

@@ -96,7 +96,7 @@ def parse(entry: Entry, number: int) -> ReceivedMessage | None:
 
 
 def sender_of(topic: str) -> Sender | None:
-    """Return who publishes on a topic; None for topics outside VDA 5050."""
+    """Return the side that publishes on a topic; None for topics outside VDA 5050."""
     last = topic.rsplit("/", 1)[-1]
     return SENDERS[Topic(last)] if last in set(Topic) else None
 

@@ -1,4 +1,4 @@
-"""A conversation as a person reads it: who sent what, and what changed."""
+"""A conversation in readable form: senders, messages, and changes."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ class Host:
     def __init__(
         self, broker: MqttSettings, rest_url: str, on_change: Callable[[str, str, str, str], None]
     ) -> None:
-        """Take the callback ``on_change(kind, name, state, reason)``; kind is ``order`` or ``vehicle``."""
+        """``on_change(kind, name, state, reason)`` is called on changes; kind is ``order`` or ``vehicle``."""
         self._topics = FleetTopics()
         self._epochs = EpochFilter()
         self._on_change = on_change

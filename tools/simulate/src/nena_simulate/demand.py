@@ -27,7 +27,7 @@ class DemandError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """An order, and when a host gives it: seconds from the beginning."""
+    """An order, and when a host creates it: seconds from the beginning."""
 
     at: float
     request: TransportOrderRequest
@@ -44,7 +44,7 @@ class Relation:
 
 @dataclass(frozen=True, slots=True)
 class Demand:
-    """What hosts ask for: orders at their times, relations at their rates, or a backlog of such orders."""
+    """What hosts order: orders at their times, relations at their rates, or a backlog of such orders."""
 
     orders: tuple[Order, ...] = ()
     relations: tuple[Relation, ...] = ()
@@ -53,7 +53,7 @@ class Demand:
     0: orders come at those rates."""
 
     def timed(self, plant: PlantModel, random: Random) -> Iterator[Order]:
-        """Yield the orders that come at a time of their own, the earliest first, without an end if drawn."""
+        """Yield the orders that have their own time, the earliest first, without an end if drawn."""
         make = Transport(plant)
         drawn = [] if self.backlog else [_drawn(each, make, random.random()) for each in self.relations]
         return merge(self.orders, *drawn, key=lambda order: order.at)

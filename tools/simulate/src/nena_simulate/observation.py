@@ -33,7 +33,7 @@ class Doing(StrEnum):
 
 
 class Observer:
-    """Looks at a site from the end of the warm-up on."""
+    """Observes a site from the end of the warm-up."""
 
     def __init__(self, site: Site) -> None:
         self.leads: list[float] = []
@@ -58,11 +58,11 @@ class Observer:
 
     @property
     def created(self) -> int:
-        """How many orders hosts have given."""
+        """Return how many orders hosts have created."""
         return len(self._created)
 
     async def watch(self) -> None:
-        """Look at all robots again and again."""
+        """Observe all robots periodically."""
         site = self._site
         await asyncio.sleep(site.case.warm_up)
         self._begun = site.engine.clock.now()
@@ -94,10 +94,10 @@ class Observer:
             self.failed += 1
 
     def sequence_changed(self, status: OrderSequenceStatus) -> None:
-        """Take no notice: sequences are not simulated."""
+        """Ignore sequences: they are not simulated."""
 
     def vehicle_changed(self, status: VehicleStatus) -> None:
-        """Take no notice: robots are looked at."""
+        """Ignore vehicles: robots are observed directly."""
 
     def _look(self, robot: SimulatedRobot) -> None:
         state = self._site.fleet.view(robot.key).state

@@ -47,7 +47,7 @@ def simulate_all(cases: Iterable[Case], *, jobs: int) -> list[Figures]:
 
 @contextmanager
 def _sets_in_one_order() -> Iterator[None]:
-    """Let processes that are started meanwhile have the same hashes, which Python else draws by lot."""
+    """Give processes started meanwhile the same hash seed, which Python otherwise chooses at random."""
     before = os.environ.get(HASH_SEED)
     os.environ[HASH_SEED] = "0"
     try:

@@ -51,7 +51,7 @@ LOOK = 0.25
 
 @dataclass(frozen=True, slots=True)
 class Disturbances:
-    """What goes wrong on purpose."""
+    """Faults that are simulated on purpose."""
 
     loss: float = 0.0
     """Share of the messages that get lost."""
@@ -86,7 +86,7 @@ class Case:
 
 
 class VolatileStore(Store):
-    """Keeps nothing: no simulated program is ever started again. A commit takes as long as a fast disk."""
+    """Stores nothing: no simulated program is ever restarted. A commit takes as long as a fast disk."""
 
     def __init__(self, commit_seconds: float) -> None:
         self.problem = self.lead_problem = ""
@@ -190,7 +190,7 @@ class SimulatedRobot:
         await self.agent.run(asyncio.Event())
 
     async def die(self, seconds: float) -> None:
-        """Stand still and be silent for so long."""
+        """Stop and send nothing for ``seconds``."""
         self.driver.set_navigation(available=False, reason="it has broken down")
         self.agent.cut_link(seconds)
         await asyncio.sleep(seconds)
@@ -203,7 +203,7 @@ class SimulatedRobot:
 
 
 class Site:
-    """Order service and robots of a case; the engine and the robots are there to be looked at."""
+    """Order service and robots of a case; the engine and the robots can be observed."""
 
     def __init__(self, case: Case, clock: Clock) -> None:
         self.case = case
@@ -222,7 +222,7 @@ class Site:
         ]
 
     async def run(self, seconds: float, watch: Callable[[], Coroutine[Any, Any, None]]) -> None:
-        """Serve for so long after all robots are there; ``watch`` looks on meanwhile."""
+        """Serve for ``seconds`` after all robots are connected; ``watch`` observes meanwhile."""
         async with Supervisor() as supervisor:
             await self.engine.start(self.fleet)
             supervisor.start("mqtt", self._mqtt.run())
@@ -281,9 +281,9 @@ def _lot(seed: float) -> Random:
 
 
 def staffed(case: Case, random: Random) -> tuple[PlantModel, list[Point]]:
-    """Return the plant with as many vehicles as the case has robots, and where each stands at first.
+    """Return the plant with as many vehicles as the case has robots, and their start points.
 
-    Robots live in the plant's frame; what the model says of their maps' frames does not count.
+    Robots use the plant's frame; the frames of their maps in the model are ignored.
     """
     plant = case.plant
     vehicles = [_own(each, case.speed) for each in plant.vehicles[: case.robots]]
@@ -302,7 +302,7 @@ def staffed(case: Case, random: Random) -> tuple[PlantModel, list[Point]]:
 
 
 def _own(vehicle: Vehicle, speed: float) -> Vehicle:
-    """Give the robot its speed, and the simulation's map unless the model names one."""
+    """Set the robot's speed, and the simulation's map unless the model names one."""
     more = {keys.VDA5050_MAP_ID: vehicle.map_id or MAP_ID, keys.VDA5050_VERSION: "2.1.0"}
     speed_mm_s = round(speed * MM_PER_M)
     return vehicle.model_copy(

@@ -23,17 +23,17 @@ class TimeStoodStillError(Exception):
 
 
 class _Selector(selectors.SelectSelector):
-    """Lets time pass instead of waiting."""
+    """Advances the time instead of waiting."""
 
     def __init__(self) -> None:
         super().__init__()
         self.now = 0.0
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
-        """Let ``timeout`` seconds pass; nothing comes from outside.
+        """Advance the time by ``timeout`` seconds; nothing comes from outside.
 
-        A turn of the loop takes time in any case, as it does on a real machine: code that asks for a timer in
-        less than the clock can count would ask for it again for ever.
+        Each turn of the loop takes some time, as on a real machine: code that sets a timer shorter than the
+        clock's resolution would otherwise repeat it for ever.
         """
         if timeout is None:
             message = "the simulation waits for an event that cannot happen"
@@ -45,8 +45,8 @@ class _Selector(selectors.SelectSelector):
 class VirtualLoop(asyncio.SelectorEventLoop):
     """Runs unmodified asyncio code; timers fire in their order, at their exact time, and at once.
 
-    There are no threads: what code gives to an executor is done on the spot. So the same code with the same
-    seed always runs in the same order.
+    There are no threads: work for an executor is done immediately. So the same code with the same seed always
+    runs in the same order.
     """
 
     def __init__(self) -> None:
@@ -90,7 +90,6 @@ def run(work: Callable[[VirtualClock], Coroutine[Any, Any, T]]) -> T:
 
     Raises:
         TimeStoodStillError: it waits for something that cannot happen.
-
     """
     loop = VirtualLoop()
     asyncio.set_event_loop(loop)

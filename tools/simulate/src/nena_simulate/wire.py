@@ -27,7 +27,7 @@ class Conditions:
 
 
 class Broker:
-    """Delivers each message to who has subscribed to its topic, in the order of publication."""
+    """Delivers each message to the subscribers of its topic, in the order of publication."""
 
     def __init__(self, conditions: Conditions, random: Random) -> None:
         self._conditions = conditions
@@ -38,7 +38,7 @@ class Broker:
         self._hearers: dict[str, tuple[Link, ...]] = {}
 
     def join(self, link: Link) -> None:
-        """Deliver to ``link`` from now on, first of all what is retained."""
+        """Deliver to ``link``, starting with retained messages."""
         self._links.append(link)
         self._hearers.clear()
         for message in self._retained.values():
@@ -52,7 +52,7 @@ class Broker:
             self._hearers.clear()
 
     def publish(self, message: Outbound) -> None:
-        """Take a message."""
+        """Publish a message."""
         if message.retain:
             self._retained[message.topic] = message
         elif self._conditions.loss and self._random.random() < self._conditions.loss:
@@ -82,7 +82,7 @@ class Broker:
 
 
 class Link(MqttLink):
-    """Takes the place of a program's link to a broker."""
+    """Replaces a program's link to a broker."""
 
     def __init__(self, broker: Broker, hooks: LinkHooks | None = None) -> None:
         self.state = LinkState()
@@ -121,7 +121,7 @@ class Link(MqttLink):
         return bool(self._handlers_of(topic))
 
     def hear(self, message: Inbound) -> None:
-        """Take a message of the broker's."""
+        """Receive a message from the broker."""
         if not self.state.connected:
             return
         self.state.received += 1

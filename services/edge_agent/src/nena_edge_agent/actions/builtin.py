@@ -204,7 +204,9 @@ class ZoneSetDownload:
     def _read(self, content: bytes) -> ZoneSet:
         """Read it as a message, regardless of its header.
 
-        Raises: ValueError: it is not JSON. MalformedMessageError: it is not a zone set.
+        Raises:
+            ValueError: it is not JSON.
+            MalformedMessageError: it is not a zone set.
         """
         found = _parsed(content)
         inner = found.get(ENVELOPE, found) if isinstance(found, dict) else found

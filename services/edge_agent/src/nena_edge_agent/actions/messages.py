@@ -169,7 +169,8 @@ def problems(
 def conformed(value: JsonValue, shape: Shape, path: str) -> Any:  # noqa: ANN401 - a value of any field
     """Convert ``value`` to the type of a field.
 
-    Raises: FieldError: it does not fit.
+    Raises:
+        FieldError: it does not fit.
     """
     match shape:
         case Scalar():

@@ -69,7 +69,8 @@ class Publisher(Protocol):
     def publish(self, fields: Mapping[str, JsonValue]) -> None:
         """Publish a message; missing fields have the type's defaults.
 
-        Raises: RosError: there is no ROS session now, or the fields do not fit the type.
+        Raises:
+            RosError: there is no ROS session now, or the fields do not fit the type.
         """
         ...
 
@@ -80,8 +81,9 @@ class ServiceClient(Protocol):
     async def call(self, fields: Mapping[str, JsonValue], *, seconds: float) -> Fields:
         """Call the service and return the response.
 
-        Raises: RosError: there is no ROS session, no node offers the service, or none answers within
-        ``seconds``, or the fields do not fit the type.
+        Raises:
+            RosError: there is no ROS session, no node offers the service, or none answers within ``seconds``,
+                or the fields do not fit the type.
         """
         ...
 
@@ -92,8 +94,10 @@ class RosActionClient(Protocol):
     async def run(self, fields: Mapping[str, JsonValue]) -> Fields:
         """Send a goal, wait for its end, and return its result; when cancelled, cancel the goal first.
 
-        Raises: ActionFailedError: the goal was aborted, or cancelled by another client. RosError: there is no
-        ROS session now, no node offers the action, or it refuses the goal, or the fields do not fit the type.
+        Raises:
+            ActionFailedError: the goal was aborted, or cancelled by another client.
+            RosError: there is no ROS session now, no node offers the action, or it refuses the goal, or the
+                fields do not fit the type.
         """
         ...
 
@@ -138,7 +142,8 @@ class RosPort(Protocol):
     def action(self, name: str, type_name: str) -> RosActionClient:
         """Return a client of the action ``name``, of a type such as nav2_msgs/action/Spin.
 
-        Raises: RosError: the type is not installed here.
+        Raises:
+            RosError: the type is not installed here.
         """
         ...
 
@@ -172,7 +177,8 @@ class DrivePort(Protocol):
     async def initialize_position(self, pose: Pose) -> None:
         """Set the robot's pose in the localisation.
 
-        Raises: DriveError: the localisation does not accept it.
+        Raises:
+            DriveError: the localisation does not accept it.
         """
         ...
 

@@ -40,7 +40,8 @@ def ready_made(
 ) -> Iterator[ActionPlugin]:
     """Build the actions of one robot.
 
-    Raises: ConfigurationError: a message cannot be built from the settings; the text names the setting.
+    Raises:
+        ConfigurationError: a message cannot be built from the settings; the text names the setting.
     """
     for number, operation in enumerate(operations):
         yield _made(operation, f"operations.{number}", context, settings)

@@ -67,7 +67,8 @@ def installed(context: PluginContext, settings: ActionSettings) -> Installed:
 def make(name: str, context: PluginContext) -> tuple[ActionPlugin, ...]:
     """Build the actions of one plug-in.
 
-    Raises: PluginBrokenError: it cannot be loaded, fails, does not work here, or provides no plug-ins.
+    Raises:
+        PluginBrokenError: it cannot be loaded, fails, does not work here, or provides no plug-ins.
     """
     factory = _load(name)
     try:
@@ -137,8 +138,9 @@ def _words(error: Exception) -> str:
 class ActionRegistry:
     """The actions of one robot, by action type; ``problems`` lists what is missing of its plug-ins.
 
-    Raises: ConfigurationError: two of ``plugins``, or one and the core, provide the same type. Such a plug-in
-    that is only ``installed`` beside the agent is left out.
+    Raises:
+        ConfigurationError: two of ``plugins``, or one and the core, provide the same type. Such a plug-in
+            that is only ``installed`` beside the agent is left out.
     """
 
     def __init__(self, plugins: Iterable[ActionPlugin], installed: Installed = NOTHING) -> None:

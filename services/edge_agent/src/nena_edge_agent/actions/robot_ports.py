@@ -98,7 +98,8 @@ class ActionDrive:
     async def initialize_position(self, pose: Pose) -> None:
         """Set the robot's pose in the localisation.
 
-        Raises: DriveError: the localisation does not accept it.
+        Raises:
+            DriveError: the localisation does not accept it.
         """
         if self._driver is None or self._placed is not None:
             message = "another action sets the position" if self._driver else "the driver is not ready"

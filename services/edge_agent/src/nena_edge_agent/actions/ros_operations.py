@@ -167,7 +167,9 @@ Progress = Callable[[str], None]
 class Answer:
     """Listens to a topic, and completes the waiting actions whose answer has arrived.
 
-    Raises: ConfigurationError: no message of the type can match. RosError: the type is not installed.
+    Raises:
+        ConfigurationError: no message of the type can match.
+        RosError: the type is not installed.
     """
 
     def __init__(
@@ -249,7 +251,8 @@ class Call:
 
     ``shapes`` are those of the request and the response.
 
-    Raises: ConfigurationError: no request of the type can be built, or no response can match.
+    Raises:
+        ConfigurationError: no request of the type can be built, or no response can match.
     """
 
     def __init__(
@@ -283,8 +286,10 @@ class Call:
     async def do(self, values: Mapping[str, JsonValue]) -> str | None:
         """Call it, and return the result.
 
-        Raises: WorkFailedError: the response reported failure. RosError: no response. FieldError: a value
-        does not fit its field.
+        Raises:
+            WorkFailedError: the response reported failure.
+            RosError: no response.
+            FieldError: a value does not fit its field.
         """
         response = await self._client.call(
             self._request.filled(values), seconds=self._settings.response_timeout
@@ -304,7 +309,8 @@ LOOK_EVERY = 0.05
 class Command:
     """Publishes a message by the settings, with the values of an action.
 
-    Raises: ConfigurationError: no message of the type can be built.
+    Raises:
+        ConfigurationError: no message of the type can be built.
     """
 
     def __init__(

@@ -124,7 +124,8 @@ class PluginRos:
         All subscribers of a topic receive a message at the same time: an answer to one action must not reach
         the next one late.
 
-        Raises: RosError: the type is not installed here.
+        Raises:
+            RosError: the type is not installed here.
         """
         key = (topic, type_name, qos)
         if key not in self._subscriptions:
@@ -143,7 +144,8 @@ class PluginRos:
     def action(self, name: str, type_name: str) -> RosActionClient:
         """Return a client of the action ``name``.
 
-        Raises: RosError: the type is not installed here.
+        Raises:
+            RosError: the type is not installed here.
         """
         return self._add(_Action(self, name, type_name))
 

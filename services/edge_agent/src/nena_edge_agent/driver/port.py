@@ -354,7 +354,8 @@ class Mover(Protocol):
     async def start(self) -> None:
         """Start to work; events may come from now on.
 
-        Raises: nena_shared.program.StartError: it cannot work here; the text says what to do.
+        Raises:
+            nena_shared.program.StartError: it cannot work here; the text says what to do.
         """
         ...
 

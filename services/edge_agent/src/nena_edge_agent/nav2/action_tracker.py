@@ -348,7 +348,8 @@ class ActionSide:
     def check(settings: RosSettings) -> None:
         """Check that the installation has what the settings require.
 
-        Raises: StartError: the action is required, and its types cannot be loaded.
+        Raises:
+            StartError: the action is required, and its types cannot be loaded.
         """
         from nena_edge_agent.nav2.action_client import action_type  # noqa: PLC0415 - loads rclpy
 

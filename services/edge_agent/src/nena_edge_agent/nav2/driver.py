@@ -161,7 +161,8 @@ class Nav2Driver:
     async def start(self) -> None:
         """Join the ROS graph, if the settings say so, and start to search for Nav2; it may appear later.
 
-        Raises: StartError: rclpy is missing, or what the settings require beside it.
+        Raises:
+            StartError: rclpy is missing, or what the settings require beside it.
         """
         self._loop = asyncio.get_running_loop()
         prepare_environment()

@@ -99,7 +99,8 @@ class MapBundle:
     def of(cls, content: bytes) -> MapBundle:
         """Read an archive.
 
-        Raises: BadBundleError: it is no archive, or contains no map.
+        Raises:
+            BadBundleError: it is no archive, or contains no map.
         """
         try:
             return cls._read(_opened(content))

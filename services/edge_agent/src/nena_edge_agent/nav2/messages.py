@@ -46,7 +46,8 @@ def goal_message(pose: MapPose, frame: str) -> Any:  # noqa: ANN401 - rclpy carr
 def initial_pose_message(pose: MapPose, frame: str, *, xy_variance: float, theta_variance: float) -> Any:  # noqa: ANN401
     """Build the geometry_msgs/PoseWithCovarianceStamped that sets the robot's pose in the localisation.
 
-    Raises: NotFiniteError: a number is NaN or infinite.
+    Raises:
+        NotFiniteError: a number is NaN or infinite.
     """
     message = PoseWithCovarianceStamped()
     message.header.frame_id = frame

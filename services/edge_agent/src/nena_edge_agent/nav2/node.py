@@ -77,7 +77,8 @@ class Nav2Node:
     async def start(self, on_failure: Callable[[str], None]) -> None:
         """Join the ROS graph; ``on_failure`` is called if the node leaves it unexpectedly.
 
-        Raises: SessionError: ROS refuses.
+        Raises:
+            SessionError: ROS refuses.
         """
         await self._session.start(self._furnish, on_failure=on_failure)
 

@@ -100,7 +100,8 @@ class RosSession:
 
         ``on_failure`` is called, in the loop, when the thread ends unexpectedly.
 
-        Raises: SessionError: ROS refuses, or takes longer than ``seconds``.
+        Raises:
+            SessionError: ROS refuses, or takes longer than ``seconds``.
         """
         self.state = SessionState.INITIATING
         self._thread = threading.Thread(

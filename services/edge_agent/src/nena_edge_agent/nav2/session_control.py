@@ -138,7 +138,8 @@ class SessionManager:
     async def move(self, address: RosAddress) -> None:
         """Move to another address in the ROS graph; a wanted session is restarted there.
 
-        Raises: SessionError: as for :meth:`start`; the new address is kept.
+        Raises:
+            SessionError: as for :meth:`start`; the new address is kept.
         """
         async with self.step:
             wanted = self.wanted
@@ -236,7 +237,8 @@ class SessionStore:
     def write(self, address: RosAddress, settings: RosSettings) -> None:
         """Store ``address`` in place of that of ``settings``; on return it survives a power cut.
 
-        Raises: OSError: it could not be written; the stored one is kept.
+        Raises:
+            OSError: it could not be written; the stored one is kept.
         """
         record = _Record(address=address, instead_of=RosAddress.of(settings))
         self._file.parent.mkdir(parents=True, exist_ok=True)

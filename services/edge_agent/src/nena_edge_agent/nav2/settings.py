@@ -353,7 +353,8 @@ class RosAddress:
     def changed(self, *, namespace: str | None = None, domain_id: int | None = None) -> RosAddress:
         """Return the address with the given parts replaced.
 
-        Raises: BadAddressError: ROS does not allow such a namespace or domain.
+        Raises:
+            BadAddressError: ROS does not allow such a namespace or domain.
         """
         try:
             return RosAddress(

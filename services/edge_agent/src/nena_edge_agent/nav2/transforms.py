@@ -127,7 +127,8 @@ class TransformWatch:
     def check(self) -> None:
         """Check that the installation has what the settings require.
 
-        Raises: StartError: poses by transforms are required, and their type cannot be loaded.
+        Raises:
+            StartError: poses by transforms are required, and their type cannot be loaded.
         """
         if self._settings.pose_source is PoseSource.TF and interface(TRANSFORMS) is None:
             message = (

@@ -109,7 +109,8 @@ class ZoneSets:
     def enable(self, zone_set_id: str) -> None:
         """Enable a set in place of the enabled one of its map.
 
-        Raises: ZoneSetRefusedError: the robot does not have it.
+        Raises:
+            ZoneSetRefusedError: the robot does not have it.
         """
         zone_set = self._find(zone_set_id)
         self._enabled[zone_set.map_id] = zone_set_id
@@ -118,7 +119,8 @@ class ZoneSets:
     def delete(self, zone_set_id: str) -> None:
         """Delete a set.
 
-        Raises: ZoneSetRefusedError: the robot does not have it, or it is enabled.
+        Raises:
+            ZoneSetRefusedError: the robot does not have it, or it is enabled.
         """
         if self._is_enabled(self._find(zone_set_id)):
             message = f"zone set '{zone_set_id}' is enabled; enable another one of its map first"

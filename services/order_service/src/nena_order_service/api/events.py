@@ -123,8 +123,9 @@ class EventStream(EventRing[_Event]):
 
         An unknown ID, as after the store was restored from a backup, is answered with a gap.
 
-        Raises: TooManyClientsError: the limit of clients is reached. StoreNotReadyError: the missed events
-        cannot be read; raised before anything is yielded.
+        Raises:
+            TooManyClientsError: the limit of clients is reached.
+            StoreNotReadyError: the missed events cannot be read; raised before anything is yielded.
         """
         if self.clients >= self._settings.clients:
             raise TooManyClientsError(self._settings.clients)

@@ -76,8 +76,9 @@ METHODS = ["GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"]
 def make_standby_app(active_url: Callable[[], str], problem: Callable[[], str]) -> FastAPI:
     """Make the ASGI application of a standby.
 
-    Args: active_url: returns the URL of the active order service; empty while unknown. problem: returns why
-    the database does not answer; empty while it does.
+    Args:
+        active_url: returns the URL of the active order service; empty while unknown.
+        problem: returns why the database does not answer; empty while it does.
     """
 
     def readiness() -> Readiness:
@@ -167,8 +168,9 @@ class RestServer:
     def __init__(self, app: ASGIApp, settings: HttpSettings) -> None:
         """Bind the port.
 
-        Raises: ConfigurationError: the address is not protected as required, or a file cannot be used.
-        StartError: the port is in use, or the address does not belong to this machine.
+        Raises:
+            ConfigurationError: the address is not protected as required, or a file cannot be used.
+            StartError: the port is in use, or the address does not belong to this machine.
         """
         self.answers: Counter[int] = Counter()
         """How many requests were answered, by status."""

@@ -157,7 +157,8 @@ class Rerouting:
     def _claim(self, under_way: _UnderWay) -> tuple[Route | None, Refusal | None]:
         """Claim the cheapest other route, or one around vehicles at rest; return it, or the refusal.
 
-        Raises: NoRouteError: no route leads on at all.
+        Raises:
+            NoRouteError: no route leads on at all.
         """
         leg = self._leg(under_way)
         refusal = self._claim_leg(under_way, leg)

@@ -159,8 +159,9 @@ class ZoneSets:
     async def put(self, zone_set: ZoneSet) -> ZoneSetStatus:
         """Store a zone set for all robots; committed on return.
 
-        Raises: ZoneSetChangedError: a different one is stored under its ID. StoreNotReadyError: the change
-        may be lost.
+        Raises:
+            ZoneSetChangedError: a different one is stored under its ID.
+            StoreNotReadyError: the change may be lost.
         """
         known = self._asked.get(zone_set.zone_set_id)
         if known and known.zone_set != zone_set:

@@ -448,7 +448,8 @@ class FleetController:
     def start_vda_order(self, robot: RobotKey, vda_order: VdaOrder, now: float) -> Outputs:
         """Send a VDA order, now or as soon as the robot can be sent one; the view has its wait reason.
 
-        Raises: RobotBusyError: the robot has a VDA order.
+        Raises:
+            RobotBusyError: the robot has a VDA order.
         """
         control = self._control(robot)
         return self._told(control, control.start(control.new_run(vda_order), now))
@@ -462,7 +463,8 @@ class FleetController:
         unless it was ``accepted`` before: then the robot has lost it, and the VDA order fails. ``update_id``
         is the last update that was sent; a robot that has an older one is sent the rest.
 
-        Raises: RobotBusyError: the robot has a VDA order.
+        Raises:
+            RobotBusyError: the robot has a VDA order.
         """
         control = self._control(robot)
         run = control.new_run(vda_order, adopted=True, accepted=accepted, update_id=update_id)
@@ -475,7 +477,8 @@ class FleetController:
         previous message; of plans that come in the meantime only the newest is sent. Does nothing for a VDA
         order that has ended.
 
-        Raises: BaseChangedError: the plan does not continue from the base that the robot was given.
+        Raises:
+            BaseChangedError: the plan does not continue from the base that the robot was given.
         """
         control = self._control(robot)
         return self._told(control, control.extend(vda_order, now))

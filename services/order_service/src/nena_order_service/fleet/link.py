@@ -84,8 +84,9 @@ class RobotAddresses:
     def expect(self, vehicles: Iterable[tuple[RobotKey, Vehicle]]) -> None:
         """Note the versions and interface names of vehicles in the plant model.
 
-        Raises: ConfigurationError: it names an unsupported version, an interface name that is no topic, or a
-        robot that the store cannot hold.
+        Raises:
+            ConfigurationError: it names an unsupported version, an interface name that is no topic, or a
+                robot that the store cannot hold.
         """
         for robot, vehicle in vehicles:
             _require_storable(robot, vehicle)

@@ -81,7 +81,8 @@ def locate(plant: PlantModel, state: State, profile: RobotProfile) -> Standing:
     It is on a point if its distance is within the allowed deviation; the point that it passed last is tried
     first. A robot without a trusted pose is at its last passed point.
 
-    Raises: NotLocatedError: the robot reports neither a trusted pose on its map nor a point of the plant.
+    Raises:
+        NotLocatedError: the robot reports neither a trusted pose on its map nor a point of the plant.
     """
     last = plant.points_by_name.get(state.last_node_id)
     pose = state.mobile_robot_position

@@ -212,7 +212,8 @@ def build_vda_order(
     Points that are passed have no heading, so that the robot need not stop; the last one has that of the
     point or coordinate. ``actions`` are executed at the end.
 
-    Raises: ValueError: neither a route nor a coordinate, or a route that does not begin at the robot.
+    Raises:
+        ValueError: neither a route nor a coordinate, or a route that does not begin at the robot.
     """
     if route is None and coordinate is None:
         message = "a VDA order needs a route or a coordinate"
@@ -402,7 +403,8 @@ def with_other_horizon(held: VdaOrder, base_end: int, tail: VdaOrder) -> VdaOrde
     from. The actions behind the base are those of ``tail``: their IDs must be new, because IDs are not reused
     after a change of the horizon.
 
-    Raises: ValueError: ``tail`` begins elsewhere, has nothing behind its first node, or reuses an action ID.
+    Raises:
+        ValueError: ``tail`` begins elsewhere, has nothing behind its first node, or reuses an action ID.
     """
     if tail.nodes[0].node_id != held.nodes[base_end].node_id or not tail.edges:
         message = f"no way on from node {held.nodes[base_end].node_id!r}"

@@ -260,7 +260,8 @@ class Unfinished:
 def write(engine: Engine, changes: Changes, fence: Fence | None = None) -> None:
     """Commit all changes together; with a fence each commit is made once, however often it is tried.
 
-    Raises: FencedError: another order service has taken over the store.
+    Raises:
+        FencedError: another order service has taken over the store.
     """
     texts = statements(engine)
     with engine.begin() as connection:

@@ -102,7 +102,8 @@ class Lead:
     async def keep(self, store: Store, engine: Engine, fence: Fence) -> None:
         """Renew the lease until cancelled; while that is uncertain, the store accepts no new orders.
 
-        Raises: FencedError: another order service has it now.
+        Raises:
+            FencedError: another order service has it now.
         """
         try:
             while True:

@@ -243,7 +243,8 @@ class Fence:
 
         Call it first within the commit's transaction, whose lock keeps others from overtaking.
 
-        Raises: FencedError: another order service has taken over the store.
+        Raises:
+            FencedError: another order service has taken over the store.
         """
         row = connection.execute(select(schema.leadership).where(_ROW).with_for_update()).one()
         if row.epoch != self.epoch:

@@ -168,7 +168,9 @@ Brought up to date they say 2: releases from then look there, and would work on 
 def migrate(engine: Engine) -> None:
     """Create or migrate the tables in one transaction.
 
-    Raises: StoreError: the tables are from a newer release. SQLAlchemyError: the database rejects the change.
+    Raises:
+        StoreError: the tables are from a newer release.
+        SQLAlchemyError: the database rejects the change.
     """
     logging.getLogger("alembic").setLevel(logging.WARNING)
     with engine.begin() as connection:

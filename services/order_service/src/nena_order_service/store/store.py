@@ -49,8 +49,10 @@ class Store:
     ) -> None:
         """Use an open database.
 
-        Args: engine: the database. lock: keeps other processes from a file, and detects its removal; released
-        by :meth:`close`. fence: keeps this program from writing to a store that another one has taken over.
+        Args:
+            engine: the database.
+            lock: keeps other processes from a file, and detects its removal; released by :meth:`close`.
+            fence: keeps this program from writing to a store that another one has taken over.
         """
         self._engine = engine
         self._lock = lock
@@ -111,9 +113,10 @@ class Store:
     async def run(self) -> None:
         """Write until cancelled.
 
-        Raises: SQLAlchemyError: the database rejects the changes as such; continuing would lose them.
-        FencedError: another order service has taken over the store. StoreLostError: the database file was
-        deleted or replaced.
+        Raises:
+            SQLAlchemyError: the database rejects the changes as such; continuing would lose them.
+            FencedError: another order service has taken over the store.
+            StoreLostError: the database file was deleted or replaced.
         """
         while True:
             await self._wake.wait()

@@ -136,7 +136,8 @@ class Scheduler:
     def allocate(self, name: str) -> Refusal | None:
         """Allocate the next claimed set; return the refusal, if any: then nothing has changed.
 
-        Raises: LookupError: the vehicle is not known, or claims nothing.
+        Raises:
+            LookupError: the vehicle is not known, or claims nothing.
         """
         occupant = self.occupant(name)
         if not occupant.claimed:

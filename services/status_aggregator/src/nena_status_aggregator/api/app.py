@@ -85,7 +85,7 @@ def make_health_router(aggregator: Aggregator, exposition: Exposition) -> APIRou
 
     @router.get(METRICS, response_class=PlainTextResponse)
     async def metrics(request: Request) -> StreamingResponse:
-        """Return all metrics in the Prometheus text format, compressed for who takes gzip."""
+        """Return all metrics in the Prometheus text format, compressed for clients that accept gzip."""
         return metrics_stream(request, exposition.stream())
 
     return router

@@ -8,7 +8,7 @@ from nena_status_aggregator.fleet.robot import Timestamp
 
 
 class OrderServiceWatch:
-    """Knows the last status of the leading order service; a fleet may also do without one."""
+    """Keeps the last status of the leading order service; a fleet may also have none."""
 
     def __init__(self) -> None:
         self.skew = ClockSkew()
@@ -17,7 +17,7 @@ class OrderServiceWatch:
         """When that came, in monotonic seconds."""
 
     def hear(self, status: ServiceStatus, at: Timestamp, *, retained: bool) -> None:
-        """Take a status; the timestamp of a retained one, or of a last will, is an old one."""
+        """Store a status; the timestamp of a retained one, or of a last will, is outdated."""
         self._last, self._heard = status, at.monotonic
         if status.online and not retained:
             self.skew.measure(status.timestamp, at.utc)
@@ -35,5 +35,5 @@ class OrderServiceWatch:
 
     @property
     def store_ready(self) -> bool | None:
-        """Whether it takes new orders, by its last status; None: nothing was heard."""
+        """Return whether it accepts new orders, by its last status; None: no status was received."""
         return None if self._last is None else self._last.store_ready

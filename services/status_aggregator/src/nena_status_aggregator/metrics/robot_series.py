@@ -189,7 +189,7 @@ ROBOT_LABELS = ("manufacturer", "serial_number")
 
 
 def documented() -> Iterator[Metric[object]]:
-    """Yield what the documentation says of each metric."""
+    """Yield each metric as the documentation lists it."""
     yield gauge(CONDITION, CONDITION_TEXT, lambda _: None, *ROBOT_LABELS, "condition")
     heads = [(each.name, each.kind, each.text) for each in OF_ROBOT]
     heads += [(each.name, each.kind, each.text) for each in OF_STATE]

@@ -1,4 +1,4 @@
-"""VDA 5050 2.0.0: 2.1.0 without what came with that."""
+"""VDA 5050 2.0.0: 2.1.0 without its additions."""
 
 from dataclasses import replace
 

@@ -89,7 +89,7 @@ class ProtocolLimitsV20(ProtocolLimitsV21):
 
 
 class MobileRobotActionV20(MobileRobotActionV21):
-    """An action that the robot can do; 2.0 does not say how it may block."""
+    """An action of the robot; 2.0 has no blocking types here (2.0 section 7)."""
 
     blocking_types: Absent = None
 

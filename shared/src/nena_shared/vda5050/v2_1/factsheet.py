@@ -114,7 +114,7 @@ class ProtocolLimitsV21(ProtocolLimits):
 
 
 class ActionParameterDescriptionV21(ActionParameterDescription):
-    """A parameter that an action takes; FLOAT is a number like any other."""
+    """A parameter of an action; FLOAT is a number like any other (2.1 section 6.15)."""
 
     value_data_type: Annotated[ValueDataType, reads({"FLOAT": "NUMBER"})]
 
@@ -127,7 +127,7 @@ def _without_zones(scopes: tuple[ActionScope, ...]) -> list[str]:
 
 
 class MobileRobotActionV21(MobileRobotAction):
-    """An action that the robot can do; 2.1 does not say whether it can be paused or cancelled."""
+    """An action of the robot; 2.1 has no field for pausing and cancelling (2.1 section 6.15)."""
 
     action_type: ActionTypeV21
     action_scopes: Annotated[

@@ -95,7 +95,10 @@ def _first(value: JsonValue) -> JsonValue:
 
 
 class ActionStateV21(ActionState):
-    """Where an action stands; one that waits for a retry is still running for a 2.1 fleet control."""
+    """State of an action.
+
+    One that waits for a retry is still running for a 2.1 fleet control (2.1 section 6.11).
+    """
 
     action_type: ActionTypeV21 | None = None
     action_descriptor: Annotated[str | None, Field(alias="actionDescription")] = None
@@ -170,7 +173,7 @@ class NodeV21(Node):
 
 
 class CorridorV21(Corridor):
-    """A corridor that may be used without a release, which 2.1 does not know."""
+    """A corridor that may be used without a release, which 2.1 does not have (2.1 section 6.6.5)."""
 
     corridor_reference_point: Annotated[
         Annotated[
@@ -216,7 +219,7 @@ class OrderV21(Order):
 
     @classmethod
     def from_neutral(cls, neutral: WireObject) -> Self:
-        """Make the 2.1 form of an order; the edges' ends come from their neighbours."""
+        """Return the 2.1 form of an order (2.1 section 6.6.6); the edges' ends come from their neighbours."""
         order = Order.model_validate(neutral, by_name=True, by_alias=False)
         edges = tuple(
             EdgeV21.model_validate(

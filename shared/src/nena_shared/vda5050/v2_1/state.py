@@ -139,13 +139,13 @@ OperatingModeV21 = Annotated[
 
 
 class MapV21(Map):
-    """A map that the robot holds."""
+    """A map on the robot (2.1 section 6.7)."""
 
     map_descriptor: Annotated[str | None, Field(alias="mapDescription")] = None
 
 
 class PositionOfNodeStateV21(NodePosition):
-    """Where a node is; how near the robot must come stands in the order alone."""
+    """Position of a node; the allowed deviation is only in the order."""
 
     allowed_deviation_xy: Absent = None
     allowed_deviation_theta: Absent = None
@@ -180,7 +180,10 @@ class PowerSupplyV21(PowerSupply):
 
 
 class SafetyStateV21(SafetyState):
-    """Emergency stop and protective field; a stop that acknowledges itself is a field violation in 3.0."""
+    """Emergency stop and protective field.
+
+    A stop with automatic acknowledgement is a field violation in 3.0.
+    """
 
     active_emergency_stop: Annotated[EmergencyStop, reads({"AUTOACK": "NONE"}), Field(alias="eStop")]
 
@@ -199,7 +202,7 @@ class InformationV21(Information):
 
 
 class StateV21(State):
-    """Everything about the robot; the states of instant actions stand among those of the order's actions."""
+    """The whole state; instant action states are among those of the order's actions (2.1 section 6.10.6)."""
 
     timestamp: TimestampV2
     maps: tuple[MapV21, ...] | None = None
@@ -238,7 +241,7 @@ class StateV21(State):
 
 
 class VisualizationV21(Visualization):
-    """Position and speed; it does not say which state it belongs to, and not always who sends it."""
+    """Position and speed (2.1 section 6.13), without its state, and not always with its sender."""
 
     header_id: UInt32 = 0
     timestamp: TimestampOrNow

@@ -133,7 +133,7 @@ class OrderV30(Order):
 
 
 class InstantActionV30(ActionV30):
-    """An action to run at once: it blocks nothing, whatever is said."""
+    """An instant action: its blocking type is always NONE (section 6.2.1)."""
 
     blocking_type: Annotated[
         BlockingType,
@@ -153,7 +153,7 @@ RequestStatusV30 = Annotated[RequestStatus, writes({"QUEUED": "REQUESTED"}, Requ
 
 
 class PositionOfNodeStateV30(NodePosition):
-    """Where a node is; how near the robot must come stands in the order alone."""
+    """Position of a node; the allowed deviation is only in the order."""
 
     allowed_deviation_xy: Absent = None
     allowed_deviation_theta: Absent = None
@@ -178,7 +178,7 @@ class PlannedPathV30(PlannedPath):
 
 
 class ActionStateV30(ActionState):
-    """Where one action stands."""
+    """State of one action (section 6.6.9)."""
 
     action_type: ActionTypeV30 | None = None
 
@@ -225,7 +225,10 @@ class VisualizationV30(Visualization):
 
 
 class ConnectionV30(Connection):
-    """What is known of a robot's MQTT link; the schema's description still has the name of 2.x."""
+    """State of a robot's MQTT connection (section 7.7).
+
+    The schema's description still has the name of 2.x.
+    """
 
     connection_state: Annotated[ConnectionState, reads({"CONNECTIONBROKEN": "CONNECTION_BROKEN"})]
 
@@ -245,7 +248,7 @@ class TypeSpecificationV30(TypeSpecification):
 
 
 class ActionParameterDescriptionV30(ActionParameterDescription):
-    """A parameter that an action takes."""
+    """A parameter of an action (section 7.10)."""
 
     value_data_type: Annotated[ValueDataType, reads({"FLOAT": "NUMBER"})]
 
@@ -292,7 +295,7 @@ class FactsheetV30(Factsheet):
 
 
 def _of_zone_type(zone_type: ZoneType) -> BeforeValidator:
-    """Take a value only in a zone of that type, since ``limitation`` may mean either of two fields."""
+    """Accept a value only in a zone of that type, since ``limitation`` may mean either of two fields."""
 
     def read(value: object, info: ValidationInfo) -> object:
         return value if info.data.get("zone_type") is zone_type else None
@@ -307,7 +310,7 @@ class ZoneActionV30(ZoneAction):
 
 
 class ZoneV30(Zone):
-    """An area of a map; a RELEASE zone always says what a lost release means."""
+    """An area of a map; a RELEASE zone always has its behaviour on a lost release (section 7.5)."""
 
     entry_actions: tuple[ZoneActionV30, ...] | None = None
     during_actions: tuple[ZoneActionV30, ...] | None = None

@@ -32,14 +32,13 @@ Answer = tuple[int, dict[str, Any]]
 
 
 class BoundedHttp:
-    """Each request has a connection of its own: they are rare."""
+    """An HTTP client with a new connection for each request, because requests are rare."""
 
     def __init__(self, settings: OidcSettings) -> None:
         """Prepare.
 
         Raises:
-            ConfigurationError: the file of who vouches for the issuer cannot be used.
-
+            ConfigurationError: the CA file for the issuer cannot be used.
         """
         self._timeout = settings.timeout
         try:
@@ -48,11 +47,10 @@ class BoundedHttp:
             raise ConfigurationError([f"http.oidc.ca: {settings.ca}: {error}"]) from error
 
     async def get(self, url: str) -> dict[str, Any]:
-        """Return the JSON object that is there.
+        """Return the JSON object at a URL.
 
         Raises:
             IssuerAwayError: there is none.
-
         """
         status, found = await self.ask("GET", url)
         if status != HTTPStatus.OK:
@@ -125,16 +123,15 @@ class Metadata(BaseModel):
 
 
 def place_of(issuer: str) -> str:
-    """Return where an issuer describes itself."""
+    """Return the URL of an issuer's metadata."""
     return f"{issuer.rstrip('/')}/.well-known/openid-configuration"
 
 
 def metadata_of(document: dict[str, Any], issuer: str) -> Metadata:
-    """Read the description of ``issuer``.
+    """Read the metadata of ``issuer``.
 
     Raises:
-        IssuerAwayError: it does not say what is needed, or is that of another one.
-
+        IssuerAwayError: required fields are missing, or it belongs to another issuer.
     """
     try:
         found = Metadata.model_validate(document)
@@ -180,7 +177,7 @@ class KeySet:
         return cls(usable)
 
     def has(self, kid: str | None, algorithm: str) -> bool:
-        """Return whether :meth:`find` gives a key."""
+        """Return whether :meth:`find` returns a key."""
         return self.find(kid, algorithm) is not None
 
     def find(self, kid: str | None, algorithm: str) -> PyJWK | None:
@@ -237,11 +234,10 @@ class Issuer:
     """
 
     def __init__(self, settings: OidcSettings, clock: Clock | None = None) -> None:
-        """Prepare; nothing is asked yet.
+        """Prepare; nothing is requested yet.
 
         Raises:
-            ConfigurationError: the file of who vouches for it cannot be used.
-
+            ConfigurationError: the CA file for the issuer cannot be used.
         """
         self.settings = settings
         self.http = BoundedHttp(settings)
@@ -254,21 +250,19 @@ class Issuer:
         self._renewing: asyncio.Task[None] | None = None
 
     async def metadata(self) -> Metadata:
-        """Return what it says of itself.
+        """Return the issuer's metadata.
 
         Raises:
-            IssuerAwayError: it cannot be asked.
-
+            IssuerAwayError: the issuer does not answer.
         """
         return (await self._current(lambda _: True)).metadata
 
     async def key(self, header: TokenHeader) -> PyJWK:
-        """Return the key that a token says it is signed with.
+        """Return the key that a token names as its signing key.
 
         Raises:
             TokenRefusedError: the issuer has no such key.
-            IssuerAwayError: it cannot be asked, or was asked too often to be asked for this key too.
-
+            IssuerAwayError: the issuer does not answer, or the limit of requests to it is reached.
         """
         known = await self._current(lambda known: known.keys.has(header.kid, header.algorithm))
         key = known.keys.find(header.kid, header.algorithm)
@@ -280,7 +274,7 @@ class Issuer:
         return key
 
     async def _current(self, serves: _Serves) -> _KnownKeys:
-        """Return what is known at once where it serves, else what the issuer says now."""
+        """Return what is already known if it is sufficient, else what the issuer answers now."""
         known = self._known
         if known and serves(known) and self._is_younger(known, KEPT):
             if not self._is_younger(known, FRESH):
@@ -304,7 +298,7 @@ class Issuer:
             log.exception("OIDC issuer unavailable; its known keys remain in use")
 
     async def _renew(self, serves: _Serves) -> bool:
-        """Ask the issuer, unless what it has just said serves; False: too many requests to it."""
+        """Ask the issuer, unless its last answer is sufficient; False: too many requests to it."""
         async with self._lock:
             known = self._known
             if known and serves(known) and self._is_younger(known, FRESH):
@@ -341,19 +335,18 @@ class Issuer:
 
 
 class AccessTokens:
-    """Takes tokens that the issuer has made for this service's audience."""
+    """Accepts tokens that the issuer has made for this service's audience."""
 
     def __init__(self, issuer: Issuer) -> None:
         self.issuer = issuer
 
     async def who(self, token: str) -> OidcUser:
-        """Return whose token it is.
+        """Return the user of a token.
 
         Raises:
-            TokenRefusedError: it does not count.
-            NoRoleError: its owner has no role here.
-            IssuerAwayError: the issuer's keys are not to be had, so nothing can be said.
-
+            TokenRefusedError: the token is invalid.
+            NoRoleError: its user has no role here.
+            IssuerAwayError: the issuer's keys are not available, so the token cannot be checked.
         """
         settings = self.issuer.settings
         return user_of(await self.claims(token, settings.audience), settings)
@@ -362,9 +355,8 @@ class AccessTokens:
         """Return the claims of a token of the issuer for ``audience``.
 
         Raises:
-            TokenRefusedError: it does not count.
+            TokenRefusedError: the token is invalid.
             IssuerAwayError: as :meth:`who`.
-
         """
         settings = self.issuer.settings
         header = header_of(token, settings.algorithms)

@@ -36,7 +36,7 @@ REASONS: dict[type[Exception], str] = {
 
 @dataclass(frozen=True, slots=True)
 class TokenHeader:
-    """What a token says of how it is signed; nothing of it is proved yet."""
+    """What a token claims about its signature; nothing of it is verified yet."""
 
     kid: str | None
     algorithm: str

@@ -1,4 +1,4 @@
-"""OIDC users: who somebody is by the claims of a token, which role that gives, and why a token is refused."""
+"""OIDC users: the user and role of a token by its claims, and why a token is refused."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from nena_shared.web.settings import OidcSettings
 
 
 class TokenRefusedError(Exception):
-    """The token does not count; the text says why: "it has expired"."""
+    """The token is invalid; the text says why: "it has expired"."""
 
 
 class NoRoleError(Exception):
-    """The token is good, but its owner has no role here; the text says what to do."""
+    """The token is valid, but its user has no role here; the text says what to do."""
 
 
 class IssuerAwayError(Exception):
-    """The issuer cannot be asked, so nothing can be said of its tokens; the text says what happened."""
+    """The issuer does not answer, so its tokens cannot be checked; the text says what happened."""
 
 
 NAME_LIMIT = 64
@@ -48,12 +48,11 @@ class OidcUser:
 
 
 def user_of(claims: Mapping[str, Any], settings: OidcSettings) -> OidcUser:
-    """Make the user of verified claims.
+    """Make the user from verified claims.
 
     Raises:
-        TokenRefusedError: the subject or the end is none.
-        NoRoleError: no role is given by the claims.
-
+        TokenRefusedError: the subject or the expiry is invalid.
+        NoRoleError: the claims give no role.
     """
     subject = claims.get("sub")
     if not isinstance(subject, str) or not 0 < len(subject) <= SUBJECT_LIMIT or not subject.isprintable():
@@ -64,9 +63,9 @@ def user_of(claims: Mapping[str, Any], settings: OidcSettings) -> OidcUser:
 
 
 def values_of(claims: Mapping[str, Any], path: str) -> frozenset[str]:
-    """Return the texts that a claim holds, alone or in a list.
+    """Return the texts in a claim, alone or in a list.
 
-    A claim of the whole name counts first: some issuers name their claims by URLs, which have dots.
+    A claim of the whole name has priority: some issuers name their claims by URLs, which have dots.
     """
     found: Any = claims.get(path)
     if found is None:
