@@ -1,4 +1,4 @@
-"""rclpy's own action client, as a peer that knows nothing of NeNa."""
+"""rclpy's own action client, as a peer independent of NeNa."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SUCCEEDED, CANCELED, ABORTED = (
 
 
 class Client:
-    """Gives goals to one action and waits for what becomes of them."""
+    """Sends goals to one action and waits for their results."""
 
     def __init__(self, peer: RosPeer, action: Action = Action.TO_POSE) -> None:
         self._types = action_types()[action]
@@ -34,7 +34,7 @@ class Client:
         self.feedback: Inbox[Any] = Inbox()
 
     def send(self, *places: tuple[float, float], goal_id: Any = None, frame: str = "map") -> Any:
-        """Return a goal; gives its handle, which says whether it is accepted."""
+        """Send a goal; return its handle, which shows whether it is accepted."""
         request = self._types.Goal()
         stamped = [goal(x, y, frame=frame) for x, y in places]
         if hasattr(request, "poses"):

@@ -1,4 +1,4 @@
-"""rclpy's own action server in the place of Nav2's: it knows nothing of NeNa, and does what a test says."""
+"""rclpy's own action server in place of Nav2's: independent of NeNa, and controlled by the test."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from support.ros import LATCHED, RosPeer
 
 
 class RclpyNav2:
-    """Takes one goal at a time, and ends it when :meth:`end` is called."""
+    """Runs one goal at a time, and ends it when :meth:`end` is called."""
 
     def __init__(self, peer: RosPeer, action: Action = Action.TO_POSE) -> None:
         self._peer = peer
@@ -45,12 +45,12 @@ class RclpyNav2:
         self._poses.publish(message)
 
     def end(self, error_code: int = 0, error_msg: str = "") -> None:
-        """End the goal: SUCCEEDED without a code, else ABORTED; CANCELED where that was asked for."""
+        """End the goal: SUCCEEDED without a code, else ABORTED; CANCELED if that was requested."""
         # In the thread of the server, which would sleep on otherwise.
         self._peer._executor.create_task(lambda: self._end.set_result((error_code, error_msg)))
 
     def close(self) -> None:
-        """Leave the graph; rclpy's node would not take its action servers along."""
+        """Leave the graph; rclpy's node would not destroy its action servers."""
         self._server.destroy()
 
     def _on_goal(self, goal: Any) -> Any:

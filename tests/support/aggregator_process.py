@@ -1,4 +1,4 @@
-"""The status aggregator as a process of its own."""
+"""The status aggregator in a separate process."""
 
 from __future__ import annotations
 
@@ -56,10 +56,10 @@ class AggregatorProcess:
         return found[0]
 
     async def url(self) -> str:
-        """Wait until it serves, and say where."""
+        """Wait until it serves, and return its URL."""
         return str((await self.logged("http listening"))["url"])
 
     def end(self) -> int:
-        """Ask it to end, and give its exit status."""
+        """Stop it, and return its exit status."""
         self.process.send_signal(signal.SIGTERM)
         return self.process.wait(END_WITHIN)

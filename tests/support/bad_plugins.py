@@ -111,7 +111,7 @@ class Raises(Running):
 
 class Silent(Running):
     def tell(self, status: ActionStatus, result: str | None = None) -> None:
-        """Say nothing."""
+        """Do nothing."""
 
 
 class TellsOfAnother(Running):
@@ -137,7 +137,7 @@ class NeverEnds(Running):
 
 class CannotGiveUp(Running):
     def cancel(self) -> None:
-        """Go on."""
+        """Continue."""
 
 
 class RaisesAtCancel(Running):
@@ -153,7 +153,7 @@ class GivesNoReason(Running):
 
 class DoesNotHold(Running):
     def pause(self) -> None:
-        """Go on."""
+        """Continue."""
 
 
 class WorksInThePause(Running):
@@ -182,7 +182,7 @@ class LeavesAThread(Running):
 
 
 class OneAtATime(Good):
-    """Keeps its action in itself, so that a second one takes the place of the first."""
+    """Keeps its action in itself, so that a second one replaces the first."""
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
         self.action_id = action.action_id

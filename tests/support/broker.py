@@ -48,7 +48,7 @@ PORTS = range(15_000, 32_000)
 
 
 def free_port() -> int:
-    """Return a TCP port of 127.0.0.1 that nobody has."""
+    """Return an unused TCP port of 127.0.0.1."""
     while True:
         port = secrets.choice(PORTS)
         with socket.socket() as probe, suppress(OSError):
@@ -81,8 +81,8 @@ class BrokerAddress:
 class Broker(BrokerAddress):
     """A Mosquitto process; keeps its port over :meth:`restart`, forgets everything else.
 
-    With ``users`` (name to password) it lets nobody else in; ``more`` is added to its configuration. It
-    listens on ``addresses`` of this machine as well.
+    With ``users`` (name to password) it admits only these; ``more`` is added to its configuration. It listens
+    on ``addresses`` of this machine as well.
     """
 
     def __init__(
@@ -109,7 +109,7 @@ class Broker(BrokerAddress):
         return file.read_text(encoding="utf-8") if file.exists() else ""
 
     def start(self) -> None:
-        """Start the process and wait until it takes connections."""
+        """Start the process and wait until it accepts connections."""
         self._process = subprocess.Popen(
             [mosquitto(), "-c", str(self._folder / "mosquitto.conf")],
             stdin=subprocess.DEVNULL,
@@ -130,7 +130,7 @@ class Broker(BrokerAddress):
         self.start()
 
     def freeze(self) -> None:
-        """Let the process hang: connections stay open, nothing is answered."""
+        """Make the process hang: connections stay open, nothing is answered."""
         self._signal(signal.SIGSTOP)
 
     def thaw(self) -> None:
@@ -176,10 +176,10 @@ class Broker(BrokerAddress):
 
 
 class MqttPeer:
-    """A plain MQTT client of the test's own, with its own thread: publishes, and records by topic.
+    """A plain MQTT client for tests, in its own thread: publishes, and records by topic.
 
-    Use it as a context manager: ``with MqttPeer(broker, "robots/#") as peer: ...``. It stands subscribed
-    when the block begins.
+    Use it as a context manager: ``with MqttPeer(broker, "robots/#") as peer: ...``. It is subscribed when the
+    block begins.
     """
 
     def __init__(
@@ -244,7 +244,7 @@ class MqttPeer:
         *,
         timeout: float = PATIENCE,  # noqa: ASYNC109 - the bound is the point
     ) -> Inbound:
-        """Return the first message (also an earlier one) under ``topic_filter`` that ``accept`` takes."""
+        """Return the first message under ``topic_filter``, also an earlier one, that ``accept`` matches."""
         return await until(
             lambda: next((each for each in self.received(topic_filter) if accept(each)), None),
             timeout=timeout,

@@ -32,7 +32,7 @@ STARTED_WITHIN = 120.0
 
 
 def skip_without_docker() -> None:
-    """Skip the test, and say what to do, where images cannot be built and run."""
+    """Skip the test, with instructions, if images cannot be built and run."""
     if "NENA_COMPOSE_TEST" not in os.environ:
         pytest.skip("builds every image, which takes minutes: `make compose-test` runs it")
     if not shutil.which("docker") or docker("info").returncode:
@@ -45,9 +45,9 @@ def skip_without_docker() -> None:
 
 
 class Compose:
-    """A project of docker-compose with a name and ports of its own; ``close`` removes all but the images.
+    """A project of docker-compose with its own name and ports; ``close`` removes all but the images.
 
-    ``variables`` are those of its files beyond the ports.
+    ``variables`` are those of its files besides the ports.
     """
 
     def __init__(self, variables: Mapping[str, str]) -> None:
@@ -66,7 +66,7 @@ class Compose:
         }
 
     def run(self, *arguments: str, timeout: float = 120.0) -> str:
-        """Run docker-compose; the test fails, with what it said, when it fails."""
+        """Run docker-compose; if it fails, the test fails with its output."""
         return self._run([*_compose_command(), *arguments], timeout)
 
     def shell(self, commands: str, timeout: float = 120.0) -> str:
@@ -98,7 +98,7 @@ class Compose:
         return f"http://127.0.0.1:{self.ports[port]}"
 
     def containers(self) -> dict[str, dict[str, Any]]:
-        """Return what Docker knows of each container, by the service's name."""
+        """Return Docker's description of each container, by the service's name."""
         label = f"label=com.docker.compose.project={self.name}"
         found = docker("ps", "--all", "--quiet", "--filter", label).stdout.split()
         details = json.loads(docker("inspect", *found).stdout) if found else []
@@ -142,7 +142,7 @@ class Compose:
         return {"authorization": f"Bearer {self._token}"}
 
     def create(self, *destinations: tuple[str, str]) -> str:
-        """Create a transport order from locations and what is done there; give its name."""
+        """Create a transport order from locations and operations; return its name."""
         body = {"destinations": [{"locationName": place, "operation": done} for place, done in destinations]}
         answer = httpx.post(
             f"{self.url('REST_PORT')}/v1/transportOrders", json=body, headers=self.login, timeout=10.0
@@ -152,7 +152,7 @@ class Compose:
         return name
 
     def order(self, name: str) -> dict[str, Any] | None:
-        """Return a transport order, or None while the order service does not tell."""
+        """Return a transport order, or None while the order service does not answer."""
         order: dict[str, Any] | None = read(
             f"{self.url('REST_PORT')}/v1/transportOrders/{name}", **self.login
         )
@@ -168,7 +168,7 @@ class Compose:
 
 
 def read(url: str, **headers: str) -> Any:
-    """Return what is there as JSON, or None while nothing is."""
+    """Return the JSON at a URL, or None while there is none."""
     try:
         answer = httpx.get(url, headers=headers, timeout=5.0)
     except httpx.HTTPError:
@@ -183,7 +183,7 @@ def _compose_command() -> list[str]:
 
 
 def image_is_there(image: str) -> bool:
-    """Return whether an image is here or comes when it is asked for."""
+    """Return whether an image is present or can be pulled."""
     if docker("image", "inspect", image).returncode == 0:
         return True
     return docker("pull", "--quiet", image, timeout=300).returncode == 0

@@ -1,6 +1,6 @@
-"""Stories that are recorded as fixtures: a fleet control and one real loopback agent, over a real broker.
+"""Stories recorded as fixtures: a fleet control and one real loopback agent, over a real broker.
 
-``python -m support.conversations FOLDER`` records them all anew (``make conversations``).
+``python -m support.conversations FOLDER`` records all of them again (``make conversations``).
 """
 
 from __future__ import annotations
@@ -153,7 +153,7 @@ def recorder(broker: Broker, file: Path) -> Iterator[subprocess.Popen[bytes]]:
 
 
 async def record_all(folder: Path) -> None:
-    """Record every story in every version that has it; the folder is there."""
+    """Record every story in every version that has it; the folder must exist."""
     for version, stories in STORIES.items():
         for story in stories:
             await record(story, version, folder / f"{version}-{story.__name__}.jsonl")

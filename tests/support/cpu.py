@@ -1,4 +1,4 @@
-"""What work costs, told so that a busy machine does not change the answer much."""
+"""CPU cost of work, measured so that a busy machine changes it little."""
 
 from __future__ import annotations
 

@@ -89,7 +89,7 @@ def _no_json(_payload: bytes, chance: Random) -> bytes:
 
 
 def _replaced(payload: bytes, chance: Random) -> bytes:
-    """Put something else into one place of the message, take it away, or say it twice."""
+    """Replace one value of the message, remove it, or repeat it."""
     message = json.loads(payload)
     spots = _spots(message)
     if not spots:
@@ -117,7 +117,7 @@ def _replaced_much(payload: bytes, chance: Random) -> bytes:
 
 
 def _as_it_was(payload: bytes, _chance: Random) -> bytes:
-    """Say again what was said long ago: the header is an old one."""
+    """Repeat an old message: its header is outdated."""
     return payload
 
 

@@ -1,4 +1,4 @@
-"""What the dispatcher knows, as a test says it."""
+"""The dispatcher's knowledge, as defined by a test."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from nena_order_service.routing.order_routes import RouteCost
 
 @dataclass(frozen=True)
 class Told:
-    """Knowledge that is told: costs by vehicle, or by order and vehicle; without one there is no way."""
+    """Knowledge with given costs by vehicle, or by order and vehicle; without a cost there is no route."""
 
     costs: Mapping[Any, float] = field(default_factory=dict)
     misfits: Mapping[tuple[str, str], str] = field(default_factory=dict)

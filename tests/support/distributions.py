@@ -1,4 +1,4 @@
-"""Distributions that tests make and install, each into a folder of its own, as pip does for a user."""
+"""Distributions that tests make and install, each into a separate folder, as pip does for a user."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 
 
 def install(files: Mapping[str, str], folder: Path) -> Path:
-    """Write a project into ``folder`` and install its wheel beside it; gives what belongs into the path."""
+    """Write a project into ``folder`` and install its wheel beside it; return the folder for the path."""
     project, site = folder / "project", folder / "site"
     for name, content in files.items():
         file = project / name

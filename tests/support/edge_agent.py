@@ -1,4 +1,4 @@
-"""An edge agent for tests, in this process or in one of its own, and fleet control's view of it."""
+"""An edge agent for tests, in this process or a separate one, and fleet control's view of it."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ async def running_agent(settings: EdgeAgentSettings) -> AsyncIterator[asyncio.Ev
 
 
 class AgentProcess:
-    """The program ``nena-edge-agent`` in a process of its own; killed at the end of the block."""
+    """The program ``nena-edge-agent`` in a separate process; killed at the end of the block."""
 
     def __init__(
         self, broker: Broker, interface_name: str, folder: Path, *options: str, driver: str = "loopback"
@@ -96,7 +96,7 @@ class AgentProcess:
         self.process.wait()
 
     def terminate(self) -> int:
-        """End it in order; gives the exit status."""
+        """Terminate it; return the exit status."""
         self.process.terminate()
         return self.process.wait(PATIENCE)
 
@@ -110,7 +110,7 @@ class AgentProcess:
 
 
 class FleetControl:
-    """Sends to one robot, and reads what it says."""
+    """Sends to one robot, and reads its messages."""
 
     def __init__(
         self, peer: MqttPeer, interface_name: str, serial: str = SERIAL, version: str = "2.1.0"
@@ -160,7 +160,7 @@ class FleetControl:
     async def state(
         self, accept: Callable[[dict[str, Any]], Any] = lambda _: True, *, within: float = PATIENCE
     ) -> dict[str, Any]:
-        """Wait for a state, also an earlier one, that ``accept`` takes."""
+        """Wait for a state, also an earlier one, for which ``accept`` is true."""
         return await until(
             lambda: next((each for each in self.states if accept(each)), None),
             timeout=within,

@@ -1,4 +1,4 @@
-"""How much the largest tests take on; ``make soak-cores`` and ``make fuzz`` take more."""
+"""Size of the largest tests; ``make soak-cores`` and ``make fuzz`` use more."""
 
 from __future__ import annotations
 

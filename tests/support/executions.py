@@ -31,11 +31,11 @@ def drive_order_of(order_id: str) -> str:
 
 
 def executions(states: Iterable[Inbound]) -> list[Execution]:
-    """Return what was done, in the order in which robots say so in their states (2.x).
+    """Return the executed actions, in the order in which robots report them in their states (2.x).
 
-    An action is done when a robot first says FINISHED, and again each time that it says so after it has
-    shown the action as not ended once more. A robot that starts again shows what its journal has: there
-    FINISHED stays FINISHED. Two programs with one serial number count as one robot.
+    An action is executed when a robot first reports FINISHED, and again each time that it does so after it
+    has reported another status. A restarted robot reports its journal: there FINISHED stays FINISHED. Two
+    programs with one serial number count as one robot.
     """
     found: list[Execution] = []
     at_end: set[Execution] = set()
@@ -67,10 +67,10 @@ def ended_actions(log: str) -> set[Execution]:
 
 
 def _said_once(states: Iterable[Inbound]) -> Iterator[tuple[str, State]]:
-    """Yield each robot's states as they came, which MQTT keeps in order, without what is said again.
+    """Yield each robot's states in the order of arrival, without repeated ones.
 
-    A replayed or redelivered state has its old header. After a restart headerIds may begin anew, and with a
-    clock set back timestamps come again; both together never do.
+    A replayed or redelivered state has its old header. After a restart headerIds may start again, and with a
+    clock set back timestamps repeat; both together never do.
     """
     known = set()
     for message in states:

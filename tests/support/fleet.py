@@ -64,7 +64,7 @@ def make_vda_order(name: str, *points: str, operation: str | None = None, x: flo
 
 
 class Bench:
-    """Time stands still until :meth:`wait`; what is sent lies on the wire until :meth:`deliver`."""
+    """A test bench: time only passes in :meth:`wait`; messages wait until :meth:`deliver`."""
 
     def __init__(self, settings: FleetSettings | None = None, robot: HonestRobot | None = None) -> None:
         numbers = count(1)
@@ -78,7 +78,7 @@ class Bench:
         self.news: list[FleetOutput] = []
 
     def online(self) -> Bench:
-        """Let the broker and the robot be there, and the robot be known."""
+        """Connect the broker and the robot, and make the robot known."""
         self.take(self.fleet.on_broker(connected=True, now=self.now))
         self.connection(ConnectionState.ONLINE)
         self.report()
@@ -100,13 +100,13 @@ class Bench:
         return outputs
 
     def connection(self, state: ConnectionState) -> Outputs:
-        """Let a connection message arrive; the robot's factsheet lies at the broker as well."""
+        """Deliver a connection message, and the factsheet retained at the broker."""
         self.take(self.fleet.on_factsheet(self.robot.key, self.robot.factsheet(), self.now))
         message = self.robot.connection(state, self.now)
         return self.take(self.fleet.on_connection(self.robot.key, message, self.now))
 
     def report(self) -> Outputs:
-        """Let a state of the robot arrive."""
+        """Deliver a state of the robot."""
         return self.take(self.fleet.on_state(self.robot.key, self.robot.state(self.now), self.now))
 
     def start(self, vda_order: VdaOrder) -> Outputs:
@@ -128,7 +128,7 @@ class Bench:
         return self.take(self.fleet.tick(self.now))
 
     def wait(self, seconds: float, *, reporting: bool = False) -> None:
-        """Let time pass, with a tick each quarter of a second, and with a state each second on request."""
+        """Advance the time, with a tick each quarter of a second, and with a state each second on request."""
         for quarter in range(1, int(seconds * 4) + 1):
             self.now += 0.25
             if reporting and quarter % 4 == 0:
@@ -145,7 +145,7 @@ class Bench:
         self.wire.clear()
 
     def run(self, steps: int = 20) -> None:
-        """Let everything go its way: deliver, drive a step, report."""
+        """Run ``steps`` steps: deliver, drive a step, report."""
         for _ in range(steps):
             self.now += 0.5
             self.deliver()
@@ -160,7 +160,7 @@ class Bench:
         return [each for each in self.news if isinstance(each, kind)]
 
     def ends(self) -> Counter[str]:
-        """Count the ends that were told, by VDA order."""
+        """Count the reported ends, by VDA order."""
         return Counter(each.order_id for each in self.news if isinstance(each, ENDS))
 
     def story(self) -> list[str]:
@@ -180,7 +180,7 @@ class Bench:
 
 
 def hand_over(output: PublishOrder | PublishInstantActions, robot: HonestRobot) -> None:
-    """Let a robot take what was sent to it."""
+    """Deliver a message to a robot."""
     if isinstance(output, PublishOrder):
         robot.take_order(order_of(output.vda_order, robot, output.order_update_id))
     else:

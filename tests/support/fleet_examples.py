@@ -144,7 +144,7 @@ def factsheet(
 
 
 def vehicle_status(name: str = "Vehicle-1", *, robot: RobotKey = ROBOT, **fields: Any) -> VehicleStatus:
-    """Make what the order service says of a free vehicle, but for ``fields``."""
+    """Make the order service's status of a free vehicle, changed by ``fields``."""
     content: dict[str, Any] = {
         "name": name,
         "manufacturer": robot.manufacturer,
@@ -200,7 +200,7 @@ def sample_plant() -> PlantModel:
 
 
 def power(percent: float, *, charging: bool = False) -> dict[str, Any]:
-    """Make the fields of a state that say how full the battery is."""
+    """Make the battery fields of a state."""
     return {"power_supply": {"state_of_charge": percent, "charging": charging}}
 
 

@@ -28,7 +28,7 @@ def visualization(number: int = 1, **content: Any) -> Visualization:
 
 
 def recorded(kind: type[H], message: H) -> H:
-    """Make the record of a message; it goes over the wire of the newest version, which can say the most."""
+    """Make the record of a message; it goes over the wire of the newest version, which has most fields."""
     record: Any = record_of(kind, CODEC, json.loads(CODEC.encode(message)))
     assert record is not None
     again: H = replace(record, version=message.version)

@@ -11,14 +11,14 @@ from nena_shared.tasks import end
 
 
 async def forgetful(*_: object) -> None:
-    """Go on for ever; of cancellations only the second is heeded."""
+    """Run for ever; only the second cancellation ends it."""
     with suppress(asyncio.CancelledError):
         await asyncio.Event().wait()
     await asyncio.Event().wait()
 
 
 def cancel_again_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let nobody have time for an orderly end, so that a test does not take it."""
+    """Allow no time for an orderly end, so that a test need not wait for it."""
     defaults = end.__kwdefaults__
     assert defaults
     monkeypatch.setitem(defaults, "again_after", 0.01)

@@ -1,4 +1,4 @@
-"""How often a page is drawn, and the processor time that it takes."""
+"""Frame rate of a page, and the processor time that it takes."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ async def frames_per_second(page: Page, seconds: float, *, move: bool) -> float:
 
 
 async def busy_clock(page: Page) -> CDPSession:
-    """Have the browser measure the processor time of a page's main thread, see :func:`busy_seconds`."""
+    """Make the browser measure the processor time of a page's main thread, see :func:`busy_seconds`."""
     session = await page.context.new_cdp_session(page)
     await session.send("Performance.enable", {"timeDomain": "threadTicks"})
     return session
@@ -62,7 +62,7 @@ async def busy_seconds(session: CDPSession) -> float:
 
 
 async def seconds_for_a_frame(page: Page, session: CDPSession, frames: int = 60) -> float:
-    """Return the processor time that the page takes to draw the panel's map while it moves."""
+    """Return the processor time for drawing the panel's map while it moves."""
     before = await busy_seconds(session)
     drawn: int = await page.evaluate(_DRAW, frames)
     return (await busy_seconds(session) - before) / drawn

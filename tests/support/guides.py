@@ -1,4 +1,4 @@
-"""Commands that the guides in docs give, for tests that do as they say."""
+"""Commands in the guides of docs, for tests that follow them."""
 
 from __future__ import annotations
 

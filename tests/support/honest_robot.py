@@ -36,7 +36,7 @@ START = datetime(2026, 1, 1, tzinfo=UTC)
 
 @dataclass
 class HonestRobot:
-    """All that the robot knows; what is not remembered over a restart is what :meth:`restart` clears."""
+    """The robot's whole memory; :meth:`restart` clears what does not survive a restart."""
 
     key: RobotKey = ROBOT
     order_id: str = ""
@@ -135,7 +135,7 @@ class HonestRobot:
             self._clear()
 
     def restart(self, *, journal: bool) -> None:
-        """Start anew; without a journal the order is forgotten."""
+        """Restart; without a journal the order is forgotten."""
         self.header_id = 0
         self.instants.clear()
         if not journal:
@@ -155,7 +155,7 @@ class HonestRobot:
         )
 
     def factsheet(self) -> Factsheet:
-        """Return what it can do: all that it does not say, and orders as fast as they come."""
+        """Return its factsheet: all features that it does not restrict, and orders at any rate."""
         made = example(robot=self.key)
         features = made.protocol_features.model_copy(update={"mobile_robot_actions": self.lists})
         timing = made.protocol_limits.timing.model_copy(update={"minimum_order_interval": 0.0})

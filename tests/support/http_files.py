@@ -1,4 +1,4 @@
-"""A web server on the loopback interface, with the files that a test gives it."""
+"""A web server on the loopback interface, with files from the test."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from support.waiting import PATIENCE
 
 
 class Files:
-    """What the server gives, by path.
+    """The server's files, by path.
 
-    For ``slow`` paths it says that an answer comes, and is silent then; for ``trickling`` ones a byte comes
-    now and then, for ``cut`` ones the line breaks in the middle; ``moved`` ones are elsewhere.
+    For ``slow`` paths it announces an answer and then sends nothing; for ``trickling`` ones it sends a byte
+    now and then, for ``cut`` ones it closes the connection in the middle; ``moved`` ones are redirected.
     """
 
     def __init__(self) -> None:
@@ -31,7 +31,7 @@ class Files:
         self.address = ""
 
     def put(self, path: str, content: bytes) -> str:
-        """Serve ``content`` under ``path``; gives the link."""
+        """Serve ``content`` under ``path``; return the link."""
         self.files[path] = content
         return f"{self.address}{path}"
 
@@ -96,4 +96,4 @@ class _Handler(BaseHTTPRequestHandler):
             self.wfile.write(bytes([each]))
 
     def log_message(self, *_: object) -> None:
-        """Say nothing."""
+        """Log nothing."""

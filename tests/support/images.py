@@ -25,7 +25,7 @@ testcontainers_config.ryuk_disabled = True  # one more image that would have to 
 
 
 def image_of(variable: str) -> str:
-    """Return the image that docker-compose.yml takes where its variable is not set."""
+    """Return the image that docker-compose.yml uses if its variable is not set."""
     found = re.search(
         rf"image: \$\{{{variable}:-(.+)\}}", (ROOT / "docker-compose.yml").read_text(encoding="utf-8")
     )

@@ -1,6 +1,6 @@
-"""A robot written from VDA 5050 2.1.0 alone, in plain JSON, that is at its goal as soon as it has an order.
+"""A robot written from VDA 5050 2.1.0 alone, in plain JSON, that reaches its goal as soon as it has an order.
 
-It remembers the present order only, as the standard asks for: an order with another id is a new one.
+It remembers the present order only, as the standard requires: an order with another ID is a new one.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ FACTSHEET = {
 
 
 class InstantRobot:
-    """Takes orders without actions; ``on_order`` is called in its thread when one has come."""
+    """Accepts orders without actions; ``on_order`` is called in its thread on each one."""
 
     def __init__(
         self, peer: MqttPeer, interface: str, *, delay: float, on_order: Callable[[str], None]

@@ -32,7 +32,7 @@ class Keeper(ABC):
 
 
 class SqliteKeeper(Keeper):
-    """A file; what the guide says of the orders holds for the history likewise."""
+    """A SQLite file; the guide's steps for orders apply to the history as well."""
 
     def __init__(self, folder: Path, file: str = "orders.db") -> None:
         self._folder, copies = folder / "store", folder / "backup"
@@ -50,7 +50,7 @@ class SqliteKeeper(Keeper):
         carry_out("deploy/backup /var", self._places)
 
     def destroy(self) -> None:
-        """Leave files that nobody can read, those beside the store too."""
+        """Make the files unreadable, also those beside the store."""
         for each in self._folder.iterdir():
             each.write_bytes(b"no database at all" * 100)
 

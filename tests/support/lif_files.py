@@ -20,7 +20,7 @@ def node(name: str, x: float = 0.0, y: float = 0.0, *types: str, **more: Any) ->
 
 
 def use(vehicle_type: str = "t", **more: Any) -> dict[str, Any]:
-    """Make what an edge says for a vehicle type."""
+    """Make an edge's properties for a vehicle type."""
     return {"vehicleTypeId": vehicle_type, "rotationAllowed": False, **more}
 
 

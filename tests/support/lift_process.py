@@ -1,9 +1,9 @@
-"""A lift in a process of its own: a small ROS node that tests of actions talk to over DDS.
+"""A lift in a separate process: a small ROS node that tests of actions use over DDS.
 
 It obeys ``raise ... for <actionId>`` and ``lower ... for <actionId>`` on ``lift/command`` and answers on
-``lift/result``; ``stop`` has it forget what it does. ``jam ...`` is answered by ``failed``, ``dream ...`` by
-nothing. The service ``clamp`` closes and does not open; ``sleep`` never answers. ``lift/loaded`` tells what a
-sensor sees, ``lift/heard`` each command that came.
+``lift/result``; ``stop`` makes it forget its task. ``jam ...`` is answered by ``failed``, ``dream ...`` by
+nothing. The service ``clamp`` closes and does not open; ``sleep`` never answers. ``lift/loaded`` has the
+state of a sensor, ``lift/heard`` each received command.
 """
 
 from __future__ import annotations

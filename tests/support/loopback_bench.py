@@ -1,4 +1,4 @@
-"""A loopback robot on its test bench: the real program, its control door, and what its states say."""
+"""A loopback robot on its test bench: the real program, its simulation control, and its states."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class BenchRobot:
         self.fleet = FleetControl(peer, interface_name, serial, version)
 
     async def command(self, name: str, **fields: Any) -> dict[str, Any]:
-        """Send a command until it is answered, and give the answer; forgets the states before it."""
+        """Send a command until it is answered, and return the answer; earlier states are dropped."""
         return await self.send({"command": name, "id": f"c{next(self._numbers)}"} | fields)
 
     async def send(self, command: dict[str, Any]) -> dict[str, Any]:
@@ -81,7 +81,7 @@ class BenchRobot:
         return [self._codec.decode(State, each) for each in payloads]
 
     async def state(self, accept: Callable[[State], Any], *, last: bool = True) -> State:
-        """Wait until ``accept`` takes the last state, or any one since the last command."""
+        """Wait until ``accept`` is true for the last state, or any one since the last command."""
         return await until(
             lambda: next(
                 (each for each in (self.states[-1:] if last else self.states) if accept(each)), None
@@ -100,7 +100,7 @@ class BenchRobot:
         return sent
 
     async def finish(self, node_id: str) -> State:
-        """Have the robot hurry to the end of its order, at ``node_id``, and give its state there."""
+        """Make the robot hurry to the end of its order, at ``node_id``, and return its state there."""
         await self.command("speed", speed=500)
         done = await self.state(lambda state: idle(state) and state.last_node_id == node_id)
         await self.command("speed", speed=10)
@@ -137,7 +137,7 @@ def action_state(state: State, action_id: str) -> ActionState | None:
 
 @contextmanager
 def shared_robot(broker: Broker, folder: Path, version: str) -> Iterator[BenchRobot]:
-    """Run a robot that the tests of a module share; all that it says has to keep to its schemas."""
+    """Run a robot shared by the tests of a module; all of its messages must fit their schemas."""
     interface_name = f"test-{uuid4().hex[:12]}"
     with (
         MqttPeer(broker, f"{interface_name}/#") as peer,

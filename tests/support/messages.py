@@ -121,7 +121,7 @@ def _enough_control_points() -> st.SearchStrategy[tuple[ControlPoint, ...]]:
 
 
 def with_own_action_ids(order: Order) -> Order:
-    """Number the actions of ``order``, so that no id stands twice."""
+    """Number the actions of ``order``, so that all IDs are unique."""
     number = iter(range(10_000))
 
     def renamed(actions: tuple[Action, ...]) -> dict[str, tuple[Action, ...]]:

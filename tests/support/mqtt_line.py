@@ -1,6 +1,6 @@
-"""A line to a broker that knows MQTT: it holds, delays, swaps, repeats and swallows what goes through it.
+"""A proxy to a broker that understands MQTT: it holds, delays, swaps, repeats and drops messages.
 
-Unlike ``support.network`` it needs no rights, and it can do what a broker does wrongly.
+Unlike ``support.network`` it needs no privileges, and it can reproduce a broker's errors.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Conduct:
 
 
 class MqttLine(BrokerAddress):
-    """Listens on a port of its own, and connects to the broker for each client."""
+    """Listens on a separate port, and connects to the broker for each client."""
 
     def __init__(self, broker: BrokerAddress, seed: int) -> None:
         self.port = free_port()
@@ -139,7 +139,7 @@ def _acknowledgement(publish: bytes) -> bytes:
 
 @contextmanager
 def mqtt_line(broker: BrokerAddress, *, seed: int = 1) -> Iterator[MqttLine]:
-    """Run a line in a thread of its own until the block ends."""
+    """Run a proxy in a separate thread until the block ends."""
     line, ready = MqttLine(broker, seed), threading.Event()
     loop, stop = asyncio.new_event_loop(), asyncio.Event()
 

@@ -1,4 +1,4 @@
-"""An edge agent in this process, a simulated robot in one of its own, and fleet control over a broker."""
+"""An edge agent in this process, a simulated robot in a separate one, and fleet control over a broker."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Bench:
 
     @contextmanager
     def simulator(self, *options: str, time_factor: float = 5.0, **robot: Any) -> Iterator[SimulatorProcess]:
-        """Run the robot as a program of its own; ``robot`` holds fields of its settings."""
+        """Run the robot in a separate process; ``robot`` has fields of its settings."""
         fields = json.dumps([{"domain_id": self.domain_id, **robot}])
         options = ("--time_factor", str(time_factor), "--robots", fields, *options)
         with SimulatorProcess(*options, directory=self._folder) as process:
@@ -63,7 +63,7 @@ class Bench:
         return abs(self._odometry.messages[-1].twist.twist.linear.x) if self._odometry.messages else 0.0
 
     async def speed_at(self, state: dict[str, Any]) -> float:
-        """Return how fast the robot was by its odometry, m/s, when a state of it was told."""
+        """Return the robot's speed by its odometry, m/s, at the time of a state."""
         told = datetime.fromisoformat(state["timestamp"]).timestamp()
 
         def after() -> bool:
@@ -85,7 +85,7 @@ class Bench:
 
     @property
     def odometry(self) -> list[Any]:
-        """All that its odometry has told."""
+        """Return all messages of its odometry."""
         return self._odometry.messages
 
     async def moves(self) -> None:
@@ -93,7 +93,7 @@ class Bench:
         await until(lambda: self.speed > 0.5, what="the robot on its way")
 
     def fault(self, kind: str, **fields: Any) -> None:
-        """Let a fault of the robot begin, or end (``active=False``)."""
+        """Start a fault of the robot, or end it (``active=False``)."""
         self._faults = self._faults or publisher_to(self.ros, String, "simulator/fault")
         self._faults.publish(String(data=json.dumps({"kind": kind, **fields})))
 
@@ -111,7 +111,7 @@ class Bench:
         )
 
     def agent_process(self, *options: str) -> AgentProcess:
-        """Start the agent as a program of its own, with more of its settings."""
+        """Start the agent in a separate process, with more settings."""
         domain = ("--ros.domain_id", str(self.domain_id), "--ros.watch_period", "0.1")
         folder = self._folder / "journal"
         return AgentProcess(self._broker, self._interface_name, folder, *domain, *options, driver="nav2")
@@ -120,7 +120,7 @@ class Bench:
     async def agent(
         self, *, ros: dict[str, Any] | None = None, **changes: Any
     ) -> AsyncIterator[FleetControl]:
-        """Run the agent; gives fleet control once the robot has shown a state."""
+        """Run the agent; yield fleet control once the robot has sent a state."""
         async with running_agent(self.settings(ros=ros, **changes)):
             await self.fleet.state()
             yield self.fleet
@@ -129,7 +129,7 @@ class Bench:
     async def robot(
         self, *, ros: dict[str, Any] | None = None, time_factor: float = 5.0, **changes: Any
     ) -> AsyncIterator[FleetControl]:
-        """Run the simulator and the agent; gives fleet control once the robot can be sent somewhere."""
+        """Run the simulator and the agent; yield fleet control once the robot can accept an order."""
         with self.simulator(time_factor=time_factor):
             async with self.agent(ros=ros, **changes) as fleet:
                 await fleet.state(ready)
@@ -143,7 +143,7 @@ def _time_of(message: Odometry) -> float:
 
 
 def ready(state: dict[str, Any]) -> bool:
-    """Accept a state of a robot that knows where it is and has no error."""
+    """Return whether a robot is localised and has no error."""
     position = state.get("agvPosition") or state.get("mobileRobotPosition") or {}
     known = position.get("positionInitialized") or position.get("localized")
     return not state["errors"] and bool(known)

@@ -1,4 +1,4 @@
-"""The Nav2 driver under test, and a Nav2 that says only what a test makes it say."""
+"""The Nav2 driver under test, and a Nav2 controlled by the test."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def goal_at(generation: int, x: float, y: float = 0.0, *, theta: float = 0.0, xy
 
 
 class DrivenRobot:
-    """A started driver and all that it has told."""
+    """A started driver and all of its events."""
 
     def __init__(self, domain_id: int, namespace: str = "", **settings: Any) -> None:
         self.events: list[Told] = []
@@ -60,7 +60,7 @@ class DrivenRobot:
         await self.driver.stop()
 
     def _hear(self, event: MapDriverEvent) -> None:
-        """Keep what is told; of a table of goals also each row that is new or has changed."""
+        """Store an event; of a goal table also each row that is new or has changed."""
         self.events.append(event)
         if isinstance(event, GoalTable):
             self.events += [goal for goal in event.goals if self._goals.get(goal.goal_id) != goal]
@@ -68,7 +68,7 @@ class DrivenRobot:
 
     @property
     def ends(self) -> list[MapDriverEvent]:
-        """What was told of drives and halts, without information on the way."""
+        """Return the events that end drives and halts, without progress information."""
         return [event for event in self.events if isinstance(event, Arrived | DriveFailed | Halted)]
 
     def all(self, kind: type[E]) -> list[E]:
@@ -77,7 +77,7 @@ class DrivenRobot:
     async def hears(
         self, kind: type[E], accept: Callable[[E], bool] = lambda _: True, *, seconds: float = PATIENCE
     ) -> E:
-        """Return the first event of a kind that ``accept`` takes, also an earlier one."""
+        """Return the first event of a kind for which ``accept`` is true, also an earlier one."""
         return await until(
             lambda: next((event for event in self.all(kind) if accept(event)), None),
             timeout=seconds,
@@ -135,5 +135,5 @@ class ScriptedNav2:
 
 
 def uuid_of(name: str) -> UUID:
-    """Return the goal id that the letter stands for."""
+    """Return the goal ID for a letter."""
     return UUID(bytes=name.encode().ljust(16, b"-"))

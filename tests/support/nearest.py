@@ -1,7 +1,7 @@
-"""What each version of VDA 5050 can say of a neutral message, written anew from the digest of the standard.
+"""What each version of VDA 5050 can express of a neutral message, by the digest of the standard.
 
-The oracle of the round trips: it works on messages taken apart into names and values, and shares nothing
-with the codecs but the table of error names.
+The oracle of the round trips: it works on messages split into names and values, and shares nothing with the
+codecs but the table of error names.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ NEAREST = {
 
 
 def plain(value: Any) -> Any:
-    """Take a message apart into names and values, without what only a version adds."""
+    """Split a message into names and values, without what only a version adds."""
     if isinstance(value, WireObject):
         names = set(type(value).model_fields) - ONLY_IN_2_X
         return {name: plain(getattr(value, name)) for name in names}
@@ -76,7 +76,7 @@ def plain(value: Any) -> Any:
 
 
 def nearest(version: str, message: Plain) -> Plain:
-    """Return what ``version`` can say of a plain message."""
+    """Return what ``version`` can express of a plain message."""
     result: Plain = _said(version, message) | {"version": version}
     if version != "3.0.0" and message.get("operating_mode") == "INTERVENED":
         result["paused"] = True

@@ -1,8 +1,8 @@
-"""A network of its own behind one line, which a test cuts, slows and makes lossy. Needs root on Linux.
+"""A separate network behind one line, which a test cuts, slows and makes lossy. Needs root on Linux.
 
-The line is a pair of TAP devices whose frames this process carries: one here, one in a network namespace.
-TCP meets what it meets in the field, retransmissions and time-outs and all. (tc's netem does the same in the
-kernel; not every kernel has it.)
+The line is a pair of TAP devices whose frames this process forwards: one here, one in a network namespace.
+TCP behaves as in the field, with retransmissions and timeouts. (tc's netem does the same in the kernel; not
+every kernel has it.)
 """
 
 from __future__ import annotations
@@ -79,11 +79,11 @@ class Line:
 
     @property
     def command(self) -> tuple[str, ...]:
-        """What is put before a command that shall run in the namespace."""
+        """Return the prefix of a command that runs in the namespace."""
         return ("ip", "netns", "exec", self.namespace)
 
     def down(self) -> None:
-        """Let the namespace's own device lose its link: the programs there see it, the others do not."""
+        """Set the namespace's own device down: programs there notice it, the others do not."""
         _run(*self.command, "ip", "link", "set", self.device, "down")
 
     def up(self) -> None:
@@ -91,7 +91,7 @@ class Line:
         _run(*self.command, "ip", "link", "set", self.device, "up")
 
     def change(self, **conditions: float) -> None:
-        """Have some conditions changed from now on."""
+        """Change some conditions."""
         self.condition = replace(self.condition, **conditions)
 
     def carry(self) -> None:
@@ -106,7 +106,7 @@ class Line:
                 self._take(ways[end], os.read(end, LONGEST_FRAME), chance)
 
     def end(self) -> None:
-        """Let :meth:`carry` return."""
+        """Make :meth:`carry` return."""
         self._over.set()
 
     def _take(self, way: _Way, frame: bytes, chance: Random) -> None:
@@ -128,7 +128,7 @@ class Line:
 
 @contextmanager
 def line() -> Iterator[Line]:
-    """Yield a line to a namespace of its own; the test is skipped where that cannot be had."""
+    """Yield a line to a new namespace; the test is skipped if none can be made."""
     number = os.getpid() % 30_000 * 8 + next(_numbers) % 8
     third, fourth = number // 64 % 256, number % 64 * 4
     names = f"nena{number}a", f"nena{number}b"

@@ -1,7 +1,7 @@
 """An OpenID Connect issuer on loopback, with real keys, real signatures and all its endpoints.
 
-It stands in for Keycloak, Authentik, Dex, Entra ID and the like, which cannot be had where these tests run.
-It is as strict as they are with what the panel sends: redirect_uri, PKCE, the client's password, used codes.
+It replaces Keycloak, Authentik, Dex, Entra ID and the like, which are not available where these tests run. It
+is as strict as they are about the panel's requests: redirect_uri, PKCE, the client's password, used codes.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class SigningKey:
 
     @property
     def public(self) -> dict[str, Any]:
-        """As it stands in the JWK Set."""
+        """Return it as in the JWK Set."""
         key = self.private.public_key()
         made = RSAAlgorithm.to_jwk(key) if isinstance(key, rsa.RSAPublicKey) else ECAlgorithm.to_jwk(key)
         return {**json.loads(made), "kid": self.kid, "alg": self.algorithm, "use": "sig"}
@@ -64,7 +64,7 @@ class SigningKey:
 
 @cache
 def rsa_key() -> SigningKey:
-    """Return the one RSA key of the tests: making one takes a while."""
+    """Return the RSA key of all tests: making one takes a while."""
     return SigningKey("rsa-1", "RS256", rsa.generate_private_key(65537, 2048))
 
 
@@ -75,7 +75,7 @@ def ec_key(kid: str = "ec-1") -> SigningKey:
 
 @dataclass
 class OidcIssuer:
-    """What it knows, says and was asked."""
+    """The issuer's state, its answers, and the requests received."""
 
     address: str
     keys: list[SigningKey] = field(default_factory=lambda: [rsa_key()])
@@ -105,7 +105,7 @@ class OidcIssuer:
     closing: Event = field(default_factory=Event)
 
     def register(self, panel: str) -> None:
-        """Know the panel at this address, and no other client."""
+        """Register the panel at this address as the only client."""
         self.redirect_uri = f"{panel}api/v1/session/oidc/callback"
 
     def settings_of(self, panel: str) -> dict[str, str]:
@@ -203,7 +203,7 @@ def signed_by_secret(claims: dict[str, Any], secret: bytes, header: dict[str, An
 
 
 def unsigned(claims: dict[str, Any], header: dict[str, Any]) -> str:
-    """Make a token that nobody has signed."""
+    """Make a token without a signature."""
     return f"{_part(header)}.{_part(claims)}."
 
 
@@ -290,4 +290,4 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(body)
 
     def log_message(self, *_: object) -> None:
-        """Say nothing."""
+        """Log nothing."""

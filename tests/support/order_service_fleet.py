@@ -1,4 +1,4 @@
-"""A fleet of its own for each test: topics, a store, loopback robots and the order service."""
+"""A separate fleet for each test: topics, a store, loopback robots and the order service."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ class Fleet:
         )
 
     def agent(self, serial: str = "robot-01", **options: Unpack[RobotOptions]) -> Program:
-        """Start a loopback robot; it stands on the point `South 1` unless told otherwise."""
+        """Start a loopback robot, by default on the point `South 1`."""
         return self.agent_of(self.agent_file(serial, **options), serial)
 
     def agent_file(self, serial: str = "robot-01", **options: Unpack[RobotOptions]) -> str:
@@ -139,12 +139,12 @@ class Fleet:
         return self.stack.enter_context(agent)
 
     def order_service(self, *more: object, name: str = "order-service") -> OrderServiceProgram:
-        """Start the order service as a process of its own, which logs under ``name``."""
+        """Start the order service in a separate process, which logs under ``name``."""
         program = OrderServiceProgram(*self.arguments(), *more, log=self.folder / f"{name}.log")
         return self.stack.enter_context(program)
 
     def peer(self, *topic_filters: str) -> MqttPeer:
-        """Connect a client that records what is said below the fleet's topics."""
+        """Connect a client that records all messages below the fleet's topics."""
         peer = self.stack.enter_context(MqttPeer(self.broker, *(topic_filters or (f"{self.interface}/#",))))
         self.peers.append(peer)
         return peer
@@ -194,7 +194,7 @@ async def listening(client: httpx.AsyncClient) -> None:
 async def order_in(
     client: httpx.AsyncClient, name: str, *states: str, seconds: float = PATIENCE
 ) -> dict[str, Any]:
-    """Wait until an order is in one of ``states``, and give it."""
+    """Wait until an order is in one of ``states``, and return it."""
 
     async def look() -> dict[str, Any]:
         found: dict[str, Any] = (await client.get(f"/v1/transportOrders/{name}")).json()
@@ -206,7 +206,7 @@ async def order_in(
 
 
 async def vehicle_idle(client: httpx.AsyncClient, name: str = "Robot-01") -> dict[str, Any]:
-    """Wait until a vehicle is there and could take an order."""
+    """Wait until a vehicle is online and can accept an order."""
 
     async def look() -> dict[str, Any]:
         found: dict[str, Any] = (await client.get(f"/v1/vehicles/{name}")).json()
@@ -218,7 +218,7 @@ async def vehicle_idle(client: httpx.AsyncClient, name: str = "Robot-01") -> dic
 
 
 async def every_order_ended(client: httpx.AsyncClient, seconds: float = 200) -> list[dict[str, Any]]:
-    """Wait until no order is active, and give them all."""
+    """Wait until no order is active, and return all orders."""
 
     async def look() -> list[dict[str, Any]]:
         found = await client.get("/v1/transportOrders", params={"limit": 1000})

@@ -19,7 +19,7 @@ PLACES = ((3.0, 2.0), (15.0, 2.0))
 
 
 def start_robots(fleet: Fleet, places: Sequence[tuple[float, float]] = PLACES) -> None:
-    """Start robots that do not mind what they carry, as if somebody had unloaded them where need be."""
+    """Start robots that ignore their loads, as if a person had unloaded them when necessary."""
     for number, (x, y) in enumerate(places, start=1):
         serial = f"robot-0{number}"
         text = fleet.agent_file(serial, x=x, y=y)
@@ -27,7 +27,7 @@ def start_robots(fleet: Fleet, places: Sequence[tuple[float, float]] = PLACES) -
 
 
 async def order(client: httpx.AsyncClient, name: str) -> int:
-    """Order a transport under this name, and give the status of the answer: 201 new, 200 known."""
+    """Create a transport order with this name, and return the answer's status: 201 new, 200 known."""
     body = {"name": name, "idempotencyKey": name, "destinations": [LOAD, UNLOAD]}
     answer = await client.post("/v1/transportOrders", json=body)
     assert answer.is_success, answer.text
@@ -35,7 +35,7 @@ async def order(client: httpx.AsyncClient, name: str) -> int:
 
 
 async def orders_of(client: httpx.AsyncClient) -> dict[str, dict[str, Any]]:
-    """Return all orders by their names; none while nobody answers."""
+    """Return all orders by their names; none while the service does not answer."""
     try:
         found = await client.get("/v1/transportOrders", params={"limit": 1000})
         return {each["name"]: each for each in found.json()["transportOrders"]}
@@ -58,7 +58,7 @@ async def finished(client: httpx.AsyncClient, number: int) -> None:
 
 
 async def in_mid_work(fleet: Fleet, names: Sequence[str]) -> tuple[OrderServiceProgram, httpx.AsyncClient]:
-    """Start an order service and robots, give it orders, and wait until one of them is FINISHED."""
+    """Start an order service and robots, create orders, and wait until one of them is FINISHED."""
     program = fleet.order_service()
     client = await started(program)
     start_robots(fleet)

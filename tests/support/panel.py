@@ -79,7 +79,7 @@ class Hall:
         return f"http://127.0.0.1:{self.port}/"
 
     def send(self, topic: Topic, message: Header, *, robot: RobotKey = ROBOT, retain: bool = False) -> None:
-        """Publish what a robot says."""
+        """Publish a message of a robot."""
         self.peer.publish(self.robots.of(robot, topic), CODEC.encode(message), retain=retain)
 
     def publish_plant(self) -> None:
@@ -134,7 +134,10 @@ async def opened(
 
 
 async def becomes(page: Page, script: str, argument: Any, accept: Callable[[Any], bool]) -> Any:
-    """Evaluate a script in the page until ``accept`` takes what it gives; the page's policy forbids more."""
+    """Evaluate a script in the page until ``accept`` is true for its result.
+
+    The page's policy allows no more.
+    """
     return await awaited(lambda: page.evaluate(script, argument), accept, seconds=WITHIN, what=script)
 
 

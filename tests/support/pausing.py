@@ -1,8 +1,8 @@
-"""Time that passes because its passing is what is tried: the one place at which tests sleep.
+"""Sleeps for tests of time itself: the only place at which tests sleep.
 
-What is sure to come is waited for by its condition (``support.waiting``). Time itself is let pass only
-where no condition tells the end: a fault that lasts, a life that is cut short at some moment, a span in which
-nothing may happen, the pace of a load. ``tests/unit/test_form.py`` sees to it that nobody else sleeps.
+Expected events are awaited by their condition (``support.waiting``). Time only passes here if no condition
+marks the end: a fault that lasts, a life cut short at some time, a span in which nothing may happen, the pace
+of a load. ``tests/unit/test_form.py`` checks that no other test code sleeps.
 """
 
 from __future__ import annotations
@@ -12,15 +12,18 @@ import time
 
 
 async def time_passes(seconds: float) -> None:
-    """Let so many seconds of the event loop pass; their length is the fault, the load or the claim."""
+    """Sleep for so many seconds in the event loop.
+
+    The duration itself is the fault, the load or the claim.
+    """
     await asyncio.sleep(max(0.0, seconds))
 
 
 async def turn_passes() -> None:
     """Let the event loop handle what is ready by now.
 
-    Before it is asserted that something has *not* happened: what could have happened is ready, so there is
-    nothing to wait for longer. Also where a task has to get its turn among steps that do not wait.
+    Use it before asserting that something has *not* happened: what could have happened is ready, so waiting
+    longer makes no difference. Also where a task has to get its turn among steps that do not wait.
     """
     await asyncio.sleep(0)
 

@@ -1,4 +1,4 @@
-"""A real PostgreSQL for tests, with a data folder of its own, reached by a socket in that folder."""
+"""A real PostgreSQL for tests, with a separate data folder, reached by a socket in that folder."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Postgres:
         return self._folder / "data"
 
     def start(self) -> None:
-        """Start the server and wait until it takes connections."""
+        """Start the server and wait until it accepts connections."""
         options = f"-k {self._folder} -h '' -F"
         log = str(self._folder / "log")
         self._run(
@@ -64,7 +64,7 @@ class Postgres:
 
     @contextmanager
     def frozen(self) -> Iterator[None]:
-        """Have it say nothing, as on a disk that stalls, while its connections stand."""
+        """Freeze the server, as on a stalled disk, while its connections stay open."""
         first = (self._data / "postmaster.pid").read_text().split()[0]
         children = Path(f"/proc/{first}/task/{first}/children").read_text().split()
         for each in (first, *children):

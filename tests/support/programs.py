@@ -84,7 +84,7 @@ class Program:
 
 
 class OrderServiceProgram(Program):
-    """The order service on a port of its own choice."""
+    """The order service on a free port."""
 
     def __init__(self, *arguments: object, log: Path) -> None:
         self._start = len(log.read_text(encoding="utf-8")) if log.exists() else 0

@@ -40,7 +40,7 @@ def program(name: str) -> str:
 
 
 class Prometheus:
-    """Scrapes and evaluates each second, and is asked by its API."""
+    """Scrapes and evaluates each second, and is queried by its API."""
 
     def __init__(self, folder: Path, *aggregators: str, order_service: str = "") -> None:
         """Start over the aggregators at these addresses (host and port), with its files in ``folder``."""

@@ -1,7 +1,7 @@
-"""Every message that our code writes in any test fits the official schema of its version.
+"""Checks that every message published in any test fits the official schema of its version.
 
-In this process each call of :meth:`Codec.encode` is looked at; what programs of their own publish is looked
-at where nobody else speaks. Where the schemas are not at hand nothing is looked at.
+In this process each call of :meth:`Codec.encode` is checked; messages of separate processes are checked where
+no other client publishes. Without the schemas nothing is checked.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class Publications:
 
 @contextmanager
 def watched() -> Iterator[Publications]:
-    """Look at everything that is encoded in this process until the block ends."""
+    """Check all messages encoded in this process until the block ends."""
     publications, encode = Publications(), Codec.encode
     if not is_there("vda5050-schemas"):
         yield publications
@@ -67,7 +67,7 @@ def watched() -> Iterator[Publications]:
 
 
 def robots_problems(messages: Iterable[Inbound]) -> list[str]:
-    """As :func:`problems_in`, of what robots say alone: a test may say what it wants to them."""
+    """Return :func:`problems_in` of the robots' messages only: a test may send them anything."""
     said = (Topic.STATE, Topic.CONNECTION, Topic.FACTSHEET, Topic.VISUALIZATION)
     return problems_in(each for each in messages if each.topic.rsplit("/", 1)[-1] in said)
 

@@ -104,7 +104,7 @@ def order(
     positions: Mapping[str, NodePosition | None] | None = None,
     edge_fields: Mapping[str, Any] | None = None,
 ) -> Order:
-    """Make an order along ``node_ids``; node "n3" lies at x = 30 m, y = 0 unless ``positions`` says.
+    """Make an order along ``node_ids``; node "n3" is at x = 30 m, y = 0 by default, see ``positions``.
 
     The first ``released`` nodes are the base; edges are called ``n1-n2``.
     """
@@ -154,7 +154,7 @@ class Bench:
             self.do(Started(), at(0.0), NavigationReport(available=True, reason=""))
 
     def do(self, *events: Event) -> list[Effect]:
-        """Let ``events`` happen; gives the effects of these alone."""
+        """Handle ``events``; return the effects of these alone."""
         new = [effect for event in events for effect in self.core.handle(event, self.now)]
         self.effects.extend(new)
         return new
@@ -177,7 +177,7 @@ class Bench:
         return [effect for effect in self.effects if isinstance(effect, kind)]
 
     def arrive(self) -> list[Effect]:
-        """Let the robot reach its goal."""
+        """Make the robot reach its goal."""
         goal = self.goal
         return self.do(PoseReport(goal.pose, localized=True), Arrived(goal.generation))
 

@@ -32,10 +32,10 @@ class Oracle:
     horizon_actions: set[str] = field(default_factory=set)
 
     def expected(self, made: Order, *, busy: bool, clearing: bool, stands: bool, forgotten: bool) -> str:
-        """Return what must become of an order: ``taken``, ``dropped`` or ``refused``.
+        """Return what must happen to an order: ``taken``, ``dropped`` or ``refused``.
 
         ``clearing``: the held order is being ended; ``stands``: the robot is at the first node of this one;
-        ``forgotten``: it knows no last node any more.
+        ``forgotten``: its last node is no longer known.
         """
         if self.mode not in ORDERS_TAKEN_IN:
             return "refused"
@@ -59,19 +59,19 @@ class Oracle:
         return next((node for node in reversed(nodes) if node.released), None)
 
     def takes(self, action_type: str) -> bool:
-        """Return whether the mode lets fleet control ask for an instant action (section 6.6.6)."""
+        """Return whether the mode allows fleet control to request an instant action (section 6.6.6)."""
         if action_type == "stateRequest" or self.mode in FLEET_CONTROLS_IN:
             return True
         return action_type == "cancelOrder" and self.mode in ORDERS_TAKEN_IN
 
     def switch(self, mode: OperatingMode) -> None:
-        """Let a person switch the mode; one that takes no orders ends the order (section 6.6.7)."""
+        """Switch the mode as a person does; one that allows no orders ends the order (section 6.6.7)."""
         if mode is not self.mode:
             self.mode = mode
             self.cleared = self.cleared or mode not in ORDERS_TAKEN_IN
 
     def take(self, order: Order) -> None:
-        """Let an order be taken."""
+        """Accept an order."""
         way = [(node.node_id, node.sequence_id) for node in order.nodes]
         released = [node.released for node in order.nodes].count(True)
         if order.order_id != self.order_id:

@@ -56,11 +56,11 @@ CALLS = 3
 
 
 class Participant:
-    """This process in one domain: a context with a node that stays, and no test's node is the last in it.
+    """This process in one domain: a context with a permanent node, so that no test's node is the last in it.
 
-    With a context's last node Fast DDS takes its participant down, which now and then ends the process by a
-    segmentation fault (rclpy/node.py, destroy_node) where others in the domain end at the same time, as they
-    do at the end of a test.
+    With a context's last node Fast DDS deletes its participant, which sometimes ends the process by a
+    segmentation fault (rclpy/node.py, destroy_node) when others in the domain end at the same time, as at the
+    end of a test.
     """
 
     DISCOVERY = 2.0
@@ -84,7 +84,7 @@ class Participant:
 
     @property
     def alone(self) -> bool:
-        """Whether nobody else is in the domain, nor seems to be: DDS shows a killed one for 20 s."""
+        """Return whether no other participant is in the domain or listed: DDS lists a killed one for 20 s."""
         seen = time.monotonic() - self._since > self.DISCOVERY
         return seen and bool(self._node.get_node_names() == [self._node.get_name()])
 
@@ -106,7 +106,7 @@ def _participant(domain_id: int) -> Participant:
 
 @contextmanager
 def _kept_domain(domain_id: int) -> Iterator[Context]:
-    """Stand in for the agent's own participant, which it removes at the end of its ROS session."""
+    """Replace the agent's own participant, which it removes at the end of its ROS session."""
     yield _participant(domain_id).context
 
 
@@ -180,7 +180,10 @@ class Inbox(Generic[T]):
     def wait_for(
         self, accept: Callable[[T], bool] = lambda _: True, *, timeout: float = PATIENCE, what: str = ""
     ) -> T:
-        """Return the first message (also an earlier one) that ``accept`` takes; AssertionError in the end."""
+        """Return the first message (also an earlier one) for which ``accept`` is true.
+
+        AssertionError on timeout.
+        """
         seen = 0
 
         def found() -> list[T]:
@@ -201,7 +204,7 @@ class Inbox(Generic[T]):
 
 
 class RosPeer:
-    """A node of the test's own in a given domain, spun by a thread of its own until it is closed."""
+    """A node for tests in a given domain, spun by a separate thread until it is closed."""
 
     def __init__(self, domain_id: int, namespace: str = "", name: str = "test_peer") -> None:
         participant = _participant(domain_id)
@@ -238,7 +241,7 @@ class RosPeer:
     def publisher(
         self, message_type: Any, topic: str, qos: Any = RELIABLE, *, timeout: float = PATIENCE
     ) -> Any:
-        """Make a publisher and wait until somebody listens."""
+        """Make a publisher and wait for a subscriber."""
         publisher = self.node.create_publisher(message_type, topic, qos)
         wait_until(
             lambda: publisher.get_subscription_count() > 0, timeout=timeout, what=f"a subscriber of {topic}"
@@ -246,7 +249,7 @@ class RosPeer:
         return publisher
 
     def client(self, service_type: Any, name: str, *, timeout: float = PATIENCE) -> Any:
-        """Make a service client and wait until the service is there."""
+        """Make a service client and wait until the service is available."""
         client = self.node.create_client(service_type, name)
         wait_until(client.service_is_ready, timeout=timeout, what=f"service {name}")
         return client

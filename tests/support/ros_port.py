@@ -1,4 +1,4 @@
-"""A ROS port in the test's hands: what is published is kept, and the test says what comes."""
+"""A ROS port controlled by the test: published messages are stored, and the test sends the others."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class ScriptedRos:
         return _Action(self, name)
 
     def say(self, topic: str, **fields: Any) -> None:
-        """Let a message come."""
+        """Deliver a message."""
         for handle in self._handlers[topic]:
             handle(fields)
 

@@ -1,4 +1,4 @@
-"""A site of nena-deploy at a real Mosquitto that runs with the files of the site, and who is there."""
+"""A site of nena-deploy at a real Mosquitto that runs with the site's files, and its clients."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ AGGREGATOR = (Kind.STATUS_AGGREGATOR, "status-aggregator")
 
 
 class Client:
-    """Somebody at the site's broker, and what came to it."""
+    """A client at the site's broker, and the messages that it received."""
 
     def __init__(self, settings: MqttSettings, name: str, *filters: str) -> None:
         self.link = MqttLink(settings, client_id=name)
@@ -95,7 +95,7 @@ class RunningSite:
 
     @asynccontextmanager
     async def client(self, who: tuple[Kind, str], *filters: str) -> AsyncIterator[Client]:
-        """Be somebody, until the block ends."""
+        """Connect as a client, until the block ends."""
         name = f"{who[1]}-{next(self._numbers)}"  # a client id is one connection's
         async with connected(Client(self.settings_in(self.folder_of(*who)), name, *filters)) as client:
             await until(lambda: client.link.state.connected, what=f"{who[1]} is let in")

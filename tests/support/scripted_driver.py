@@ -1,4 +1,4 @@
-"""A driver in the test's hands: it keeps what it is told, and the test says what happens."""
+"""A driver controlled by the test: it stores its commands, and the test emits its events."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from nena_edge_agent.driver.port import Area, DriveGoal, OwnGoals, Pose
 
 
 class ScriptedDriver:
-    """Keeps what it is told."""
+    """Stores its commands."""
 
     def __init__(self) -> None:
         self.goals: list[DriveGoal] = []

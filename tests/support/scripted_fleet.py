@@ -1,4 +1,4 @@
-"""Fleet control whose robots do what the test says, and a store that is always done."""
+"""Fleet control whose robots are controlled by the test, and a store that is always done."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def key(name: str) -> RobotKey:
 
 
 class MemoryStore(Store):
-    """Keeps what a restart takes up; while it is ``held``, what waits for a commit goes on waiting."""
+    """Keeps what a restart restores; while it is ``held``, commits do not complete."""
 
     def __init__(self) -> None:
         self.held = False
@@ -74,13 +74,13 @@ class MemoryStore(Store):
             self.release()
 
     def release(self) -> None:
-        """Be done with what waits."""
+        """Complete all waiting commits."""
         self.held = False
         while self._waiting:
             self._waiting.pop(0)()
 
     def release_one(self) -> None:
-        """Be done with what waits for longest, and hold the rest."""
+        """Complete the oldest waiting commit, and hold the rest."""
         self._waiting.pop(0)()
 
     async def unfinished(self) -> Unfinished:
@@ -89,7 +89,7 @@ class MemoryStore(Store):
 
 @dataclass
 class ScriptedFleet:
-    """Robots that are online at a point and take a VDA order; the test tells their news."""
+    """Robots that are online at a point and accept a VDA order; the test emits their events."""
 
     at: dict[str, str]
     """Where each robot stands, by the vehicle's name."""
@@ -131,13 +131,13 @@ class ScriptedFleet:
         self.extended.append((robot.serial_number, vda_order))
 
     def pass_node(self, name: str, index: int) -> None:
-        """Let a robot have passed the ``index``-th node of its VDA order."""
+        """Report that a robot has passed the ``index``-th node of its VDA order."""
         vda_order = self.missions[key(name)]
         node = vda_order.nodes[index]
         self._tell(NodePassed(key(name), vda_order.order_id, node.node_id, node.sequence_id))
 
     def want_base(self, name: str) -> None:
-        """Let a robot ask for more base."""
+        """Report that a robot needs more base."""
         self._tell(BaseWanted(key(name), self.missions[key(name)].order_id))
 
     def adopt_vda_order(
@@ -185,23 +185,23 @@ class ScriptedFleet:
         return state(robot=robot, last_node_id=self.at[name], **self.fields.get(name, {}))
 
     def appear(self, name: str, point: str) -> None:
-        """Let a robot be there."""
+        """Connect a robot at a point."""
         self.at[name] = point
         self._tell(RobotChanged(key(name)))
 
     def hinder(self, name: str, note: str) -> None:
-        """Let a robot not go on, or with an empty note go on again."""
+        """Report that a robot cannot continue, or with an empty note that it can again."""
         self.notes[name] = note
         self._tell(RobotChanged(key(name)))
 
     def accept(self, name: str) -> None:
-        """Let a robot echo its VDA order."""
+        """Report that a robot has echoed its VDA order."""
         self._tell(VdaOrderAccepted(key(name), self.missions[key(name)].order_id))
 
     def finish(self, name: str, *, at: str | None = None) -> bool:
-        """Let a robot do its VDA order, and stand at the end of it unless told otherwise.
+        """Finish a robot's VDA order, by default at its end.
 
-        It drives as far as it may; gives False where that is not to the end.
+        The robot drives to the end of its base; return False if the order goes on behind it.
         """
         robot = key(name)
         while not (base := self.missions[robot].nodes)[-1].released:
@@ -219,37 +219,37 @@ class ScriptedFleet:
     def fail(
         self, name: str, reason: str = "wheel lost", kind: FailureKind = FailureKind.DRIVE, *, at: str = ""
     ) -> None:
-        """Let a robot's VDA order have failed, and the robot stand where it was unless told otherwise."""
+        """Fail a robot's VDA order; by default the robot stays where it is."""
         vda_order = self.missions.pop(key(name))
         self.at[name] = at or self.at[name]
         self._tell(VdaOrderFailed(key(name), vda_order.order_id, reason, ("FATAL wheel",), kind))
         self._tell(RobotChanged(key(name)))
 
     def fail_operation(self, name: str) -> None:
-        """Let a robot have come to the end of its VDA order, and its operation have failed there."""
+        """Fail a robot's operation at the end of its VDA order."""
         self.operate(name)
         self.fail(
             name, "the action has failed", FailureKind.ACTION, at=self.missions[key(name)].nodes[-1].node_id
         )
 
     def operate(self, name: str) -> None:
-        """Let a robot have come to the end of its VDA order, and have begun what is to be done there."""
+        """Start a robot's operation at the end of its VDA order."""
         vda_order = self.missions[key(name)]
         self.pass_node(name, len(vda_order.nodes) - 1)
         self._tell(OperationStarted(key(name), vda_order.order_id))
 
     def wait_for_retry(self, name: str) -> None:
-        """Let an action of a robot's VDA order have failed that may be tried again."""
+        """Fail an action of a robot's VDA order that may be retried."""
         vda_order = self.missions[key(name)]
         failed = vda_order.actions[0].action_id
         self._tell(ActionRetriable(key(name), vda_order.order_id, failed, "the action has failed"))
 
     def answer_instant(self, name: str, status: ActionStatus) -> None:
-        """Let a robot have ended the last instant action that it was sent."""
+        """End the last instant action that was sent to a robot."""
         self._tell(InstantActionEnded(key(name), self.instants[-1], status, "done"))
 
     def confirm_cancel(self, name: str) -> None:
-        """Let a robot have let its VDA order go."""
+        """Confirm the cancellation of a robot's VDA order."""
         vda_order = self.missions.pop(key(name))
         self._tell(VdaOrderCancelled(key(name), vda_order.order_id))
         self._tell(RobotChanged(key(name)))
@@ -260,7 +260,7 @@ class ScriptedFleet:
 
 
 class EngineFleet(FleetControl, Protocol):
-    """Fleet control that tells a engine its news."""
+    """Fleet control that passes its events to an engine."""
 
     engine: Engine | None
 
@@ -336,7 +336,7 @@ async def engine_with(
 
 
 def later(engine: Engine, seconds: float) -> None:
-    """Let time pass for an engine that :func:`make_engine` made."""
+    """Advance the time of an engine made by :func:`make_engine`."""
     assert isinstance(engine.clock, ManualClock)
     engine.clock.advance(seconds)
     engine.look()
@@ -355,7 +355,7 @@ def reason_of(engine: Engine, name: str = "V1") -> str:
 
 
 def status_of(engine: Engine, name: str = "T") -> TransportOrderStatus:
-    """Return how the order of a name stands, which has to be there."""
+    """Return the status of an order, which must exist."""
     order = engine.state.orders.visible_named(name)
     assert order
     return order.status

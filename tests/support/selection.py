@@ -1,7 +1,7 @@
-"""What a run leaves out: tests marked ``long``, and those in tests/quarantine.toml.
+"""Deselection of tests: those marked ``long``, and those in tests/quarantine.toml.
 
-``--long`` runs them too, and a test that the command line names (``path::test``) always runs. The report
-says how many were left out, and names those in quarantine with their reasons.
+``--long`` runs them too, and a test named on the command line (``path::test``) always runs. The report has
+the number of deselected tests, and names those in quarantine with their reasons.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Have the report say what was left out."""
+    """Report the deselected tests."""
     config.pluginmanager.register(Summary())
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave out what is long or in quarantine, unless the command line asks for it."""
+    """Deselect tests that are long or in quarantine, unless the command line selects them."""
     left_out: dict[str, list[str]] = {"long": [], "quarantine": []}
     config.stash[LEFT_OUT] = left_out
     if config.getoption("--long"):
@@ -71,7 +71,7 @@ class Summary:
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_testnodedown(self, node: Any) -> None:
-        """Take what a worker has left out; each has collected the same tests."""
+        """Read what a worker has deselected; each has collected the same tests."""
         self._of_workers = getattr(node, "workeroutput", {}).get("left_out", self._of_workers)
 
     def pytest_terminal_summary(self, terminalreporter: Any, config: pytest.Config) -> None:
@@ -82,7 +82,7 @@ class Summary:
 
 
 def lines(left_out: Mapping[str, list[str]], reasons: Mapping[str, str]) -> list[str]:
-    """Return what the report says about tests that were left out."""
+    """Return the report's lines about deselected tests."""
     long, listed = left_out.get("long", ()), left_out.get("quarantine", ())
     said = [f"left out: {len(long)} long tests, which `make test-all` runs"] if long else []
     return said + [f"in quarantine: {each}: {reasons[each.partition('[')[0]]}" for each in listed]

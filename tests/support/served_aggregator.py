@@ -36,14 +36,14 @@ class Served:
     def send(
         self, peer: MqttPeer, topic: Topic, message: Header, *, robot: RobotKey = ROBOT, retain: bool = False
     ) -> None:
-        """Publish what a robot says."""
+        """Publish a message of a robot."""
         peer.publish(self.robots.of(robot, topic), CODEC.encode(message), retain=retain)
 
     async def get(self, path: str) -> Any:
         return (await self.http.get(path)).json()
 
     async def until(self, path: str, accept: Callable[[Any], bool], *, seconds: float = PATIENCE) -> Any:
-        """Ask for ``path`` until ``accept`` takes the answer."""
+        """Request ``path`` until ``accept`` is true for the answer."""
         return await awaited(lambda: self.get(path), accept, seconds=seconds, what=path, every=LOOK_EVERY)
 
     async def metric(self, line: str, *, seconds: float = PATIENCE) -> None:
@@ -65,7 +65,7 @@ class EventReader:
         self.last_id = ""
 
     async def next(self, kind: str, accept: Callable[[Any], bool] = lambda _: True) -> Any:
-        """Return the data of the next event of ``kind`` that ``accept`` takes."""
+        """Return the data of the next event of ``kind`` for which ``accept`` is true."""
         async with asyncio.timeout(PATIENCE):
             while True:
                 event = await self._event()

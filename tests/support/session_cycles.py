@@ -1,6 +1,6 @@
-"""Starts and stops a driver's ROS session again and again, and prints what is left of it, as JSON.
+"""Starts and stops a driver's ROS session many times, and prints what remains of it, as JSON.
 
-Run as a program of its own, beside a simulated robot: ``python -m support.session_cycles DOMAIN_ID CYCLES``.
+Run it in a separate process, beside a simulated robot: ``python -m support.session_cycles DOMAIN_ID CYCLES``.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class Left:
 
 
 def measured(domain_id: int, cycles: int, program: str = "support.session_cycles") -> dict[str, Any]:
-    """Run this module, or another one, as a program, and give what it prints."""
+    """Run this module, or another one, in a separate process, and return its output."""
     command = [sys.executable, "-m", program, str(domain_id), str(cycles)]
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
     done = subprocess.run(command, env=environment, check=True, stdout=subprocess.PIPE, timeout=120 + cycles)
@@ -74,12 +74,12 @@ async def _cycle(robot: DrivenRobot, cycles: int) -> None:
 
 
 async def _off(robot: DrivenRobot) -> None:
-    """Wait until the driver has told that the session has ended."""
+    """Wait until the driver has reported the end of the session."""
     await robot.hears(SessionReport, lambda report: report.state == "NOT_ACTIVE")
 
 
 async def _live(robot: DrivenRobot) -> None:
-    """Be there for long enough to hear where the robot is."""
+    """Stay active for long enough to receive the robot's pose."""
     await robot.driver.session.start()
     await robot.hears(MapPoseReport)
     await robot.driver.session.stop()

@@ -1,4 +1,4 @@
-"""The time of day of a program of its own, which a test lets jump while the program runs."""
+"""The clock of a separate process, which a test changes while the process runs."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class ShiftedClock:
         self.environment = {"LD_PRELOAD": str(library), "SHIFTED_CLOCK": str(self._file)}
 
     def jump_to(self, shift: timedelta) -> None:
-        """Let the clock be so far from the machine's from now on."""
+        """Set the clock's offset from the machine's clock."""
         mode = "r+b" if self._file.exists() else "wb"
         with self._file.open(mode) as file:
             file.write(struct.pack("=q", int(shift.total_seconds() * 1e9)))

@@ -21,7 +21,7 @@ ATTEMPT = 1.0
 
 
 class SimpleCommander:
-    """One goal at a time, asked again and again whether it has ended."""
+    """One goal at a time, polled until it has ended."""
 
     def __init__(self, peer: RosPeer, *, start: tuple[float, float] = (0.0, 0.0)) -> None:
         self._peer = peer
@@ -35,7 +35,7 @@ class SimpleCommander:
         self.feedback: Inbox[Any] = Inbox()
 
     def wait_until_nav2_active(self, navigator: str = "bt_navigator", localizer: str = "amcl") -> None:
-        """Wait for the localiser, give it a pose until it answers, wait for the navigator."""
+        """Wait for the localiser, publish an initial pose until it answers, wait for the navigator."""
         self._wait_for_node_to_activate(localizer)
         self._wait_for_initial_pose()
         self._wait_for_node_to_activate(navigator)

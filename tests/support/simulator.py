@@ -54,11 +54,11 @@ def simulated_robot(
 
 
 def publisher_to(peer: RosPeer, kind: Any, topic: str, namespace: str = "") -> Any:
-    """Make a publisher that the robot in ``namespace`` knows already when this returns.
+    """Return a publisher that the robot in ``namespace`` has already discovered.
 
     Best-effort readers such as ``goal_pose`` lose what is sent before *their* end has matched, and only they
-    know. Discovery tells of a node's ends in the order in which they were made, so the answer to a client
-    that was made later shows that the robot has heard of the publisher.
+    know. Discovery announces a node's endpoints in the order in which they were made, so the answer to a
+    client that was made later shows that the robot has discovered the publisher.
     """
     prefix = f"/{namespace}/" if namespace else "/"
     publisher = peer.publisher(kind, prefix + topic)
@@ -67,9 +67,9 @@ def publisher_to(peer: RosPeer, kind: Any, topic: str, namespace: str = "") -> A
 
 
 def heard(peer: RosPeer, namespace: str = "") -> None:
-    """Wait until the robot in ``namespace`` has taken what ``peer`` has said, and knows what it listens to.
+    """Wait until the robot in ``namespace`` has handled ``peer``'s messages and found its subscriptions.
 
-    It answers one after the other, and hears of a node's ends in the order in which they were made.
+    It answers one after the other, and discovers a node's endpoints in the order in which they were made.
     """
     prefix = f"/{namespace}/" if namespace else "/"
     peer.call(peer.client(Trigger, f"{prefix}lifecycle_manager_navigation/is_active"), Trigger.Request())
@@ -151,7 +151,7 @@ class SimulatorProcess:
         return bool(psutil.Process(self._process.pid).status() == psutil.STATUS_STOPPED)
 
     def ended(self, timeout: float = PATIENCE) -> int:
-        """Wait for the end and give the exit status."""
+        """Wait for the end and return the exit status."""
         status = self._process.wait(timeout)
         self._reader.join(timeout)
         return status

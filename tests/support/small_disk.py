@@ -23,11 +23,11 @@ class SmallDisk:
 
     @property
     def free(self) -> int:
-        """Bytes that it still takes."""
+        """Return the free space, bytes."""
         return shutil.disk_usage(self.folder).free
 
     def fill(self) -> None:
-        """Take all room that is left; what is there may be written over."""
+        """Fill all free space; existing files can still be overwritten."""
         with self._ballast.open("ab", buffering=0) as file:
             try:
                 while True:

@@ -43,9 +43,9 @@ def settings(navigation: Navigation) -> dict[str, Any]:
 
 
 async def drive(fleet: FleetControl, odometry: Inbox[Any], radius: float) -> float:
-    """Drive over the nodes, the last two of which are released on the way; give how slow it was at them.
+    """Drive over the nodes, the last two of which are released on the way; return how slow it was at them.
 
-    The answer is the least speed at a passed node as a share of the robot's cruise.
+    The result is the minimum speed at a passed node as a share of the robot's cruise speed.
     """
     places = {name: position(SPACING * index, radius=radius) for index, name in enumerate(NODES)}
     fleet.send(order(*NODES, released=3, positions=places))

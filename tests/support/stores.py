@@ -20,7 +20,7 @@ FIRST_TABLES = ("transport_orders", "history", "missions")
 
 
 def first_store(url: str) -> Path:
-    """Put the store of a first release, which was killed at work, where a SQLite URL says; give the file."""
+    """Put the store of a first release, killed during work, at a SQLite URL; return the file."""
     file = Path(url.removeprefix("sqlite:///"))
     with closing(sqlite3.connect(file)) as store:
         store.executescript(FIRST_STORE.read_text(encoding="utf-8"))
@@ -54,7 +54,7 @@ def _copy(first: sqlite3.Connection, connection: Connection, table: str) -> None
 
 
 def make_newer(url: str) -> None:
-    """Have a store as if a newer release had brought it up to date."""
+    """Mark a store as upgraded by a newer release."""
     with make_engine(url, pooled=False).begin() as connection:
         connection.execute(text(f"UPDATE {schema.VERSION_TABLE} SET version_num = '9999'"))  # noqa: S608
         connection.execute(text("CREATE TABLE of_a_newer_release (number INTEGER)"))

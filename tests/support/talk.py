@@ -63,7 +63,7 @@ class Talk:
         return self.say(InstantActions(**HEADER, actions=actions))
 
     def state(self, last: str = "n0", *left: str, of: str = "o1", update: int = 0, **fields: Any) -> Self:
-        """Say a state that is on the node ``last``, with the nodes ``left`` before it."""
+        """Report a state at the node ``last``, with the nodes ``left`` to drive."""
         number = int(last[1:]) * 2 if last else 0
         nodes = tuple({"node_id": each, "sequence_id": int(each[1:]) * 2, "released": True} for each in left)
         content = {

@@ -47,7 +47,7 @@ class Bench:
         self.robot.apply(fault, goal_id=goal_id, accepted_ns=1, now=self.now)
 
     def run(self, seconds: float, until: Callable[[], bool] = lambda: False) -> float:
-        """Run for ``seconds`` or until the condition holds; gives the seconds that passed."""
+        """Run for ``seconds`` or until the condition holds; return the seconds that passed."""
         start = self.now
         while self.now - start < seconds and not until():
             self.now += 0.01

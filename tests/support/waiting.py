@@ -42,11 +42,10 @@ async def awaited(
     what: str,
     every: float = LOOK_EVERY,
 ) -> T:
-    """Ask again, ``every`` so many s, until ``accept`` takes the answer, and give it.
+    """Poll every ``every`` s until ``accept`` is true for the answer, and return it.
 
     Raises:
-        AssertionError: no such answer has come for ``seconds``.
-
+        AssertionError: there was no such answer within ``seconds``.
     """
     loop = asyncio.get_running_loop()
     end = loop.time() + seconds

@@ -1,4 +1,4 @@
-"""An honest robot, and fleet control, each at a real broker with a link of its own."""
+"""An honest robot, and fleet control, each at a real broker with a separate link."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ PATIENT = FleetSettings(resend_after=60.0, resend_at_most_after=60.0, tick_inter
 
 
 class WiredRobot:
-    """Takes orders from the broker, and reports whenever it has done something."""
+    """Accepts orders from the broker, and reports after each step."""
 
     def __init__(
         self, broker: Broker, interface_name: str, robot: HonestRobot | None = None, version: str = "2.1.0"
@@ -58,7 +58,7 @@ class WiredRobot:
 
     @asynccontextmanager
     async def connected(self) -> AsyncIterator[WiredRobot]:
-        """Be at the broker; the end of the block is a break of the connection, not a farewell."""
+        """Connect to the broker; at the end of the block the connection breaks, without DISCONNECT."""
         task = asyncio.create_task(self.link.run(), name="robot under test")
         try:
             await until(lambda: self.link.state.connected, what="the robot's connection")
@@ -129,7 +129,7 @@ class WiredFleet:
 
     @asynccontextmanager
     async def connected(self) -> AsyncIterator[WiredFleet]:
-        """Be at the broker, and look after what is overdue."""
+        """Connect to the broker, and do what is overdue."""
         tasks = [asyncio.create_task(self.mqtt.run()), asyncio.create_task(self.fleet.run())]
         try:
             await until(lambda: self.mqtt.state.connected, what="the fleet's connection")

@@ -1,1 +1,1 @@
-"""Readers of what comes from outside, each with what it takes and how it may refuse all else."""
+"""Readers of external input, each with valid input and its errors for everything else."""

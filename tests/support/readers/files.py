@@ -1,4 +1,4 @@
-"""Readers of files: what programs keep for themselves, and what people give them."""
+"""Readers of files: those that programs keep for themselves, and those from users."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def journal_file(place: Place) -> Reader:
 
 
 def journal_record(place: Place) -> Reader:
-    """Read a record whose checksum is right, whatever it says."""
+    """Read a record with a correct checksum and any content."""
     folder, file = _journal(place)
 
     def read(record: bytes) -> object:

@@ -1,4 +1,4 @@
-"""Readers of what an OpenID Connect issuer answers, and of tokens that say to be its own."""
+"""Readers of an OpenID Connect issuer's answers, and of tokens that claim to be its own."""
 
 from __future__ import annotations
 

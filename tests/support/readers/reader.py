@@ -16,7 +16,7 @@ READABLE = 5000
 
 
 class NotTakenError(Exception):
-    """A reader has refused something, and has said so without an error of its own."""
+    """A reader has refused its input, and has reported that without an error of its own."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Reader:
-    """What reads some bytes, or raises one of its own errors."""
+    """Reads bytes, or raises one of its own errors."""
 
     read: Callable[[bytes], object]
     samples: tuple[bytes, ...]

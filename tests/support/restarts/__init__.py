@@ -1,1 +1,1 @@
-"""A robot whose agent is cut off at any moment, in a time of its own; what survives, and what must hold."""
+"""A robot whose agent is killed at any moment, in virtual time; what survives, and what must hold."""

@@ -18,7 +18,7 @@ DECLARATIONS = (WORK, PRESS, LAMP, PICK)
 
 
 class WorldAction:
-    """Takes its time; the world is told when it begins."""
+    """Takes its time; the world is notified when it begins."""
 
     def __init__(self, declaration: ActionDeclaration, world: World, fate: Fate) -> None:
         self.declaration = declaration

@@ -44,7 +44,7 @@ class WorldDriver:
         self._table = GoalTable()
 
     async def start(self) -> None:
-        """Look at the world."""
+        """Observe the world."""
         self._claim_unconfirmed()
         self._known = set(self._world.goals)
         self._world.listener = self._look
@@ -54,10 +54,10 @@ class WorldDriver:
         self._tell(NavigationReport(available=True, reason=""))
 
     async def stop(self) -> None:
-        """Look no more."""
+        """Stop observing."""
 
     def reclaim(self, goals: OwnGoals) -> None:
-        """Take what still runs for our own."""
+        """Treat running goals as ours."""
         self._reclaimed = goals
         self._own |= set(goals.goal_ids)
 
@@ -81,10 +81,10 @@ class WorldDriver:
         self.areas = areas
 
     def limit_speed(self, speed: float | None) -> None:
-        """Be as fast as ever."""
+        """Do nothing: the speed stays the same."""
 
     def initialize_position(self, pose: Pose) -> None:
-        """Be there."""
+        """Move to the pose at once."""
 
         def place() -> None:
             self._world.pose = pose
@@ -93,7 +93,7 @@ class WorldDriver:
         self._guarded("set the position", lambda: asyncio.get_running_loop().call_later(0.05, place))
 
     def _claim_unconfirmed(self) -> None:
-        """Take the goal that was given last for ours, where the earlier run could not see it accepted."""
+        """Treat the last goal as ours, if the earlier run could not see it accepted."""
         goals, listed = self._reclaimed, list(self._world.goals)
         if goals and goals.given and goals.behind in ("", *listed):
             later = listed[listed.index(goals.behind) + 1 :] if goals.behind else listed[-1:]

@@ -22,7 +22,7 @@ class Fate:
         return not self.dead.is_set()
 
     def spares(self, moment: str) -> bool:
-        """Let a moment come; tell whether the agent still lives."""
+        """Record a moment; return whether the agent still lives."""
         if self.alive:
             self.moments.append(moment)
             if len(self.moments) == self._deadly:

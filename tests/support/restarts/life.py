@@ -36,9 +36,9 @@ LONGEST = 600.0
 
 @dataclass(frozen=True)
 class Death:
-    """The agent dies at ``moment``, from 1, and another one is there after ``pause`` s.
+    """The agent dies at ``moment``, from 1, and is started again after ``pause`` s.
 
-    Of its records, counted from 0, those that ``disk_fails`` at are not taken.
+    Its records, counted from 0, fail at the numbers in ``disk_fails``.
     """
 
     moment: int
@@ -89,7 +89,7 @@ class FatedJournal(Journal):
 
 
 def live(scenario: Scenario, folder: Path, deaths: Sequence[Death] = ()) -> History:
-    """Let a robot live through ``scenario``; its agent dies once for each of ``deaths``."""
+    """Run a robot through ``scenario``; its agent dies once for each of ``deaths``."""
     return run_virtually(_live(scenario, folder, deaths))
 
 

@@ -98,11 +98,10 @@ def check_headers(messages: Iterable[tuple[str, bytes]]) -> None:
 
 
 def check_states(states: Sequence[State]) -> None:
-    """Check that no state takes back what one before it has shown.
+    """Check that no state contradicts an earlier one.
 
     Raises:
         AssertionError: one does.
-
     """
     for before, after in pairwise(states):
         _states_agree(before, after)

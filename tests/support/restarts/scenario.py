@@ -99,7 +99,7 @@ class Fleet:
             self.finished.set()
 
     def _answer(self, state: State) -> None:
-        """Grant what the robot asks for."""
+        """Grant the robot's requests."""
         for request in state.zone_requests or ():
             if request.request_status is RequestStatus.REQUESTED:
                 self._publish(responses(request.request_id, "GRANTED"))
@@ -125,7 +125,7 @@ class Fleet:
 
 
 def over(state: State) -> bool:
-    """Return whether nothing is left to do, and the robot stands."""
+    """Return whether nothing is left to do, and the robot is at standstill."""
     actions = (*state.action_states, *state.instant_action_states)
     ended = all(each.action_status in (ActionStatus.FINISHED, ActionStatus.FAILED) for each in actions)
     return not state.node_states and not state.driving and ended and not state.paused

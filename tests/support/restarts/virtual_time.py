@@ -17,7 +17,7 @@ PATIENCE = 30.0
 
 
 class _Selector(selectors.SelectSelector):
-    """Waits for nobody but other threads; what would have been waited for else is added to the time."""
+    """Waits only for other threads; all other waiting time is added to the clock."""
 
     seconds = 0.0
 
@@ -71,7 +71,7 @@ class LoopClock:
 
 
 def run_virtually(main: Coroutine[Any, Any, T]) -> T:
-    """Run ``main`` in a loop of its own; gives what it gives."""
+    """Run ``main`` in a separate loop; return its result."""
     loop = VirtualLoop()
     with asyncio.Runner(loop_factory=lambda: loop) as runner:
         try:

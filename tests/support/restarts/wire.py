@@ -22,7 +22,7 @@ class Wire:
     link: WiredLink | None = None
 
     def take(self, message: Outbound) -> None:
-        """Take a message of the robot."""
+        """Receive a message of the robot."""
         self.published.append(message)
         asyncio.get_running_loop().call_soon(self.on_message, message)
 
@@ -41,7 +41,7 @@ class WiredLink(MqttLink):
         self._fate = fate
 
     def publish(self, message: Outbound) -> None:
-        """Have the message on the wire at once."""
+        """Put the message on the wire at once."""
         if not self.state.connected:
             self._queue(message)
         elif self._fate.spares(f"before: publish {message.topic}"):
@@ -69,7 +69,7 @@ class WiredLink(MqttLink):
         return seconds > 0
 
     def bring(self, inbound: Inbound) -> None:
-        """Give a message to the agent, unless it dies before it takes it."""
+        """Deliver a message to the agent, unless it dies first."""
         if self._fate.spares(f"before: take {inbound.topic}"):
             self._receive(inbound)
 

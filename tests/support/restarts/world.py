@@ -36,7 +36,7 @@ class Goal:
 
 
 class World:
-    """One robot with something like Nav2; ``listener`` is told when goals or the pose have changed."""
+    """One robot with a Nav2-like driver; ``listener`` is called when goals or the pose have changed."""
 
     def __init__(self) -> None:
         self.pose = Pose(0.0, 0.0, 0.0, MAP)
@@ -55,7 +55,7 @@ class World:
         return next((goal for goal in self.goals.values() if not goal.ended), None)
 
     def table(self, own: frozenset[str]) -> GoalTable:
-        """Return the goals as an agent tells them that takes ``own`` for its."""
+        """Return the goals as reported by an agent whose own goals are ``own``."""
         return GoalTable(
             tuple(
                 GoalReport(goal.goal_id, goal.goal_id not in own, goal.status, goal.ended)
@@ -64,7 +64,7 @@ class World:
         )
 
     def publish_goal(self, pose: Pose) -> None:
-        """Take a goal, as a topic does: without an answer, and a little later."""
+        """Accept a goal as by topic: without an answer, and a little later."""
         self._loop.call_later(ACCEPTED_AFTER, self._accept, pose)
 
     def begin(self, action_id: str, *, restartable: bool) -> None:

@@ -1,4 +1,4 @@
-"""What passes between order service and robots, read by somebody who knows the standard alone."""
+"""Messages between order service and robots, checked by the standard alone."""
 
 from __future__ import annotations
 
@@ -12,11 +12,10 @@ from nena_shared.mqtt import Inbound
 
 @dataclass
 class Conversation:
-    """Reads a conversation, and finds robots that could be where somebody else is.
+    """Reads a conversation, and finds robots that could be where another one is.
 
-    A robot may be anywhere on the base that it was sent, from the node that it reported last on; until a
-    state tells more, what it was sent before counts as well. Of one whose order was sent before the
-    conversation began, what its states say of it counts.
+    A robot may be anywhere on its base, from the node that it reported last; until the next state, earlier
+    bases count as well. If the order was sent before the conversation began, the robot's states count.
     """
 
     on: dict[str, set[str]] = field(default_factory=dict)

@@ -1,4 +1,4 @@
-"""An honest robot that takes its time, and whose body is on points and paths of a plant."""
+"""An honest robot that takes time to drive, and whose body is on points and paths of a plant."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ class DrivingRobot(HonestRobot):
     """Counts what it has done."""
 
     def put_on(self, point: str) -> None:
-        """Let it stand on a point."""
+        """Place it on a point."""
         place = self.plant.point(point)
         self.position = (place.x_m, place.y_m, 0.0)
         self.last_node_id, self.body, self.lengths = point, [point], [0.0]
 
     def depart(self) -> float | None:
-        """Begin to drive the next edge, if it may; gives the seconds until it arrives."""
+        """Start the next edge, if it may; return the seconds until it arrives."""
         if self.driving or not self.nodes or not self.nodes[0].released:
             return None
         self.driving, self.charging = True, False
@@ -53,12 +53,12 @@ class DrivingRobot(HonestRobot):
         return path.length_mm / SPEED_MM_S
 
     def recharge(self, seconds: float) -> None:
-        """Let time go by, in which it may be at a charger."""
+        """Advance the time, during which it may be at a charger."""
         if self.charging:
             self.charge = min(100.0, self.charge + seconds * CHARGE_RATE)
 
     def arrive(self) -> None:
-        """Come to the end of the edge."""
+        """Arrive at the end of the edge."""
         self.driving = False
         self.progress += 1
         node = self.nodes[0]
@@ -104,7 +104,7 @@ class DrivingRobot(HonestRobot):
         return super()._run_instant(action)
 
     def _cover(self, place: str, length: float) -> None:
-        """Let its front come to ``place``, and its tail follow."""
+        """Move its front to ``place``, and its tail after it."""
         self.body.append(place)
         self.lengths.append(length)
         beginning = length  # of a path that is driven now, none lies behind yet

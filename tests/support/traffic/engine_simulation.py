@@ -1,8 +1,7 @@
-"""A fleet under the real engine: orders, traffic and fleet control as they run, with time compressed.
+"""A fleet under the real engine: orders, traffic and fleet control as in production, with time compressed.
 
 Messages are late and some are lost; robots lose their links while they drive; the engine is killed and
-starts anew from what it has stored; orders are withdrawn. What the robots are really on is looked at with
-every move.
+restarts from its store; orders are withdrawn. The robots' real positions are checked with every move.
 """
 
 from __future__ import annotations
@@ -188,7 +187,7 @@ class EngineSimulation:
         return self.plant.point(robot.last_node_id).type is PointType.PARK_POSITION
 
     def _later(self, number: int, stops: list[str]) -> None:
-        """Let a host create an order: some at once, the others one after the other."""
+        """Create orders as a host: some at once, the others one after the other."""
 
         def create() -> None:
             self.engine.create(request(*(f"at {stop}:Load" for stop in stops)), f"{HOSTS}{number}")
@@ -223,7 +222,7 @@ class EngineSimulation:
         self.fleet.connect()
 
     async def _kill(self) -> None:
-        """End the order service without a word, and start it anew."""
+        """Kill the order service, and start it again."""
         self.kills += 1
         self.fleet.alive = False
         await self._start_engine()
@@ -253,7 +252,7 @@ class EngineSimulation:
         self.fleet.report(robot)
 
     def _break(self, robot: DrivingRobot) -> None:
-        """Let a robot lose its link for a while; it drives on to the end of its base."""
+        """Break a robot's link for a while; it drives on to the end of its base."""
         if robot.key in self.fleet.away:
             return
         self.breaks += 1
@@ -276,7 +275,7 @@ class EngineSimulation:
             self.engine.withdraw(order.number, "not needed", immediate=self.random.random() < 0.5)
 
     def _hold(self) -> None:
-        """Let a person hold an order for a while."""
+        """Hold an order for a while, as a person does."""
         orders = filter(_of_host, self.engine.state.orders.unfinished())
         alive = [each for each in orders if each.state in HOLDABLE and not each.held]
         if not alive:
@@ -304,7 +303,7 @@ class EngineSimulation:
         self.engine.plant_changed()
 
     def _reroute(self) -> None:
-        """Ask for another way of a vehicle that works on an order."""
+        """Request a rerouting of a vehicle that works on an order."""
         vehicle = self.random.choice(list(self.engine.registry))
         try:
             done = self.engine.reroute(vehicle, self.random.choice(list(ReroutingType)))
@@ -313,7 +312,7 @@ class EngineSimulation:
         self.rerouted[done.outcome] += 1
 
     def _told(self, robot: DrivingRobot) -> None:
-        """Let a robot that was told something say so, and go on."""
+        """Make a robot that received a message report, and continue."""
         self.fleet.report(robot)
         self._go_on(robot)
 
@@ -339,7 +338,7 @@ class EngineSimulation:
         self._told(robot)
 
     def _check(self, robot: DrivingRobot) -> None:
-        """Look who else is where a robot is, and whether it holds all of that."""
+        """Check that no other robot is where this one is, and that it holds all of that."""
         on = robot.resources()
         name = robot.key.serial_number
         for other in self.robots.values():
@@ -354,7 +353,7 @@ class EngineSimulation:
         raise CollisionError(message)
 
     def _judge(self) -> None:
-        """See that all ended, and well unless they were withdrawn."""
+        """Check that all orders have ended, and well unless they were withdrawn."""
         assert self.ends.keys() == {f"{HOSTS}{number}" for number in range(len(self.orders))}
         for order in self.ends.values():
             finished = order.state is TransportOrderState.FINISHED
@@ -364,7 +363,7 @@ class EngineSimulation:
         self.withdrawn |= {name for name, order in self.ends.items() if order.reason == BEGUN_MEANWHILE}
 
     def order_changed(self, status: TransportOrderStatus) -> None:
-        """Hear of an order, as hosts do."""
+        """Receive a change of an order, as hosts do."""
         if not status.name.startswith(HOSTS):
             self.automatic[status.type] += status.state is TransportOrderState.FINISHED
             self.given_up += status.state.final and "gives way" in status.reason
@@ -376,10 +375,10 @@ class EngineSimulation:
             self.ends[status.name] = status
 
     def sequence_changed(self, status: OrderSequenceStatus) -> None:
-        """Hear of an order sequence, as hosts do."""
+        """Receive a change of an order sequence, as hosts do."""
 
     def vehicle_changed(self, status: VehicleStatus) -> None:
-        """Hear of a vehicle, as hosts do."""
+        """Receive a change of a vehicle, as hosts do."""
 
     def _story(self) -> str:
         lines = [f"{self.timeline.clock.seconds:.1f} s, {self.kills} kills, {self.breaks} breaks"]

@@ -7,7 +7,7 @@ from nena_shared.plant.track import BoundingBox, PointType
 
 
 def with_docks(plant: PlantModel) -> PlantModel:
-    """Let vehicles recharge at each third of the parking positions."""
+    """Add charging locations at each third of the parking positions."""
     parking = [each.name for each in plant.points if each.type is PointType.PARK_POSITION]
     docks = (Location(name=f"dock {each}", type="Dock", links=(Link(point=each),)) for each in parking[::3])
     dock = LocationType(name="Dock", allowed_operations=("Charge",))
@@ -20,7 +20,7 @@ def with_docks(plant: PlantModel) -> PlantModel:
 
 
 def with_stations(plant: PlantModel, stations: tuple[str, ...], length_mm: int) -> PlantModel:
-    """Return each station a location, each point a place of its own, and the vehicles a length."""
+    """Add a location at each station, positions of points, and a length of vehicles."""
     points = tuple(
         point.model_copy(update={"x_mm": 20_000 * (index % 40), "y_mm": 20_000 * (index // 40)})
         for index, point in enumerate(plant.points)

@@ -50,7 +50,7 @@ class PlantSketch:
 
 
 def random_plant(random: Random, robots: int) -> tuple[PlantModel, tuple[str, ...]]:
-    """Make a plant with room for ``robots``; gives its stations too.
+    """Make a plant with room for ``robots``; return it with its stations.
 
     Junctions form a tree of single tracks in both directions, with passing places and some loops on top of
     it. Each robot has a parking place; stations are at side tracks, and some right on a through track.
@@ -93,10 +93,10 @@ def _branch(sketch: PlantSketch, junctions: list[str]) -> None:
 
 
 def random_roads(random: Random, robots: int, *, points_each: int = 5) -> tuple[PlantModel, tuple[str, ...]]:
-    """Make a road map with ``points_each`` points for each robot; gives its stations too.
+    """Make a road map with ``points_each`` points for each robot; return it with its stations.
 
-    Two points are joined both ways where no third one lies in the circle between them (Gabriel 1969). Points
-    at which three paths end or fewer are stations, up to one for each robot.
+    Two points are joined both ways if no third one lies in the circle between them (Gabriel 1969). Points
+    with at most three paths are stations, up to one for each robot.
     """
     sketch = PlantSketch(random)
     places = [(random.random(), random.random()) for _ in range(points_each * robots + 6)]

@@ -13,7 +13,7 @@ from nena_shared.plant import PlantModel
 
 
 class Scene:
-    """A plant, its traffic control, and vehicles of one length that stand on points of it."""
+    """A plant, its traffic control, and vehicles of one length on points of it."""
 
     def __init__(self, plant: PlantModel, *, length_mm: int = 0, **places: str) -> None:
         self.router = Router(plant)
@@ -46,11 +46,11 @@ class Scene:
         return list(self.control.resources.along(steps, start=start))
 
     def claim(self, vehicle: str, *points: str) -> str:
-        """Claim a way; gives in words why not."""
+        """Claim a route; return the refusal as text."""
         return str(self.scheduler.claim(vehicle, self.way(vehicle, *points)) or "")
 
     def allocate(self, vehicle: str) -> str:
-        """Allocate the next set; gives in words why not."""
+        """Allocate the next set; return the refusal as text."""
         return str(self.scheduler.allocate(vehicle) or "")
 
     def drive(self, vehicle: str) -> None:
@@ -64,7 +64,7 @@ class Scene:
             self.drive(vehicle)
 
     def decide(self, *busy: str) -> Iterator[str]:
-        """Let traffic control decide; gives each departure and evasion in words."""
+        """Run traffic control's decisions; yield each grant and evasion as text."""
         for each in self.control.decide(lambda name: name not in busy):
             assert isinstance(each, RouteGrant | Evasion)
             points = each.route.points if each.route else ()

@@ -1,4 +1,4 @@
-"""A fleet that drives as traffic control lets it, event by event, in compressed time."""
+"""A fleet that drives as traffic control permits, event by event, in compressed time."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ class Simulation:
         heappush(self._events, (self.now + seconds, self._count, vehicle.name, kind))
 
     def _dispatch(self) -> None:
-        """Give the oldest order to the vehicle that is nearest to its first station."""
+        """Assign the oldest order to the vehicle that is nearest to its first station."""
         while self.orders:
             free = [
                 each
@@ -175,7 +175,7 @@ class Simulation:
         return not self.vehicles[name].busy and not self.traffic.journey(name)
 
     def _end_way_here(self, name: str) -> None:
-        """Let a vehicle ask for another way where what it may drive ends."""
+        """End a vehicle's route at its base, so that it requests another one."""
         self.traffic.shorten(name)
         self._came_to_end(self.vehicles[name])
 
@@ -208,7 +208,7 @@ class Simulation:
                 self._next_target(vehicle)
 
     def _cover(self, vehicle: SimulatedVehicle, place: str, length: float) -> None:
-        """Let the vehicle's front come to ``place``, its tail follow, and look who else is there."""
+        """Move the vehicle's front to ``place``, its tail after it, and check for others there."""
         vehicle.body.append(place)
         vehicle.lengths.append(length)
         self.driven_mm += length

@@ -37,11 +37,11 @@ class Timeline:
     numbers: count[int] = field(default_factory=count)
 
     def after(self, seconds: float, event: Callable[[], None]) -> None:
-        """Let something happen later."""
+        """Schedule an event."""
         heappush(self.events, (self.clock.seconds + seconds, next(self.numbers), event))
 
     def step(self) -> None:
-        """Let the next thing happen."""
+        """Run the next event."""
         at, _, event = heappop(self.events)
         self.clock.seconds = max(at, self.clock.seconds)
         event()
@@ -83,7 +83,7 @@ class CoreFleet:
         return self._timeline.clock.seconds
 
     def connect(self) -> None:
-        """Be at the broker, which tells who is there."""
+        """Connect to the broker, which reports the connected robots."""
         self._take(self.core.on_broker(connected=True, now=self.now))
         for robot in self._robots.values():
             self._take(self.core.on_factsheet(robot.key, robot.factsheet(), self.now))
@@ -95,7 +95,7 @@ class CoreFleet:
         self._take(self.core.on_connection(robot.key, message, self.now))
 
     def report(self, robot: DrivingRobot) -> None:
-        """Let a robot report its state."""
+        """Deliver a robot's state."""
         state = robot.state(self.now)
         if robot.key not in self.away:
             self._wire.bring(("state", robot.key), lambda: self._heard(robot, state))

@@ -9,7 +9,7 @@ from nena_shared.fleet_api.operations import Refusal
 
 
 class RefusedError(Exception):
-    """A request is refused; the text says why, and what to do."""
+    """A request is refused; the text has the reason, and what to do."""
 
     refusal: ClassVar[Refusal]
 

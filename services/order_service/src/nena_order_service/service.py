@@ -84,7 +84,7 @@ class OrderService:
         return self.engine.store
 
     async def begin(self, start: Callable[..., asyncio.Task[None]]) -> None:
-        """Take up what is in the store, then let all parts run; ``start`` starts their tasks."""
+        """Restore the store's content, then start all parts; ``start`` starts their tasks."""
         await self.hosts.load()
         await asyncio.to_thread(self.engine.prepare)
         await self.engine.start(self.fleet)
@@ -197,9 +197,9 @@ def _mounted(
 
 
 def _client_id(settings: OrderServiceSettings, epoch: int) -> str:
-    """Name the program to the broker; of one name, an old and a new one would push each other out.
+    """Return the client ID for the broker, unique per start.
 
-    Nor can anybody else push it out, who does not know the name.
+    Two clients with the same ID would disconnect each other, and no other client can guess it to do so.
     """
     name = f"nena-order-service-{settings.interface_name.replace('/', '-')}-{token_hex(4)}"
     return f"{name}-{epoch}" if epoch else name
@@ -372,7 +372,7 @@ class ServiceRunner:
         await service.end()
 
     async def _keep(self, model: PlantModel) -> None:
-        """Commit the model, however long the store takes."""
+        """Commit the model, waiting as long as the store needs."""
         given = model.model_dump_json(by_alias=True, exclude_none=True, exclude_unset=True)
         stored = StoredPlant(file=self._file.digest, model=given)
         await self._commit(stored.model_dump_json())
