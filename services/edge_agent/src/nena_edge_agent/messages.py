@@ -68,7 +68,10 @@ class HeaderMaker:
         self._reserved: dict[Topic, int] = {}
 
     def reserve(self) -> Reserved:
-        """Return the first unreserved id of each topic; reserve more when half of them are used."""
+        """Return the first unreserved headerId of each topic (VDA 5050 3.0 section 7.2).
+
+        Reserve more at half use.
+        """
         for topic in TOPICS:
             left = (self._reserved.get(topic, 0) - self._counts[topic]) % WRAP
             if not RESERVE // 2 <= left <= RESERVE:
@@ -76,7 +79,10 @@ class HeaderMaker:
         return tuple(self._reserved.items())
 
     def make(self, topic: Topic) -> dict[str, Any]:
-        """Return the header of the next message under ``topic``, by its neutral names."""
+        """Return the header of the next message under ``topic``, by its neutral names.
+
+        VDA 5050 3.0 section 7.2.
+        """
         number = self._counts[topic]
         self._counts[topic] = (number + 1) % WRAP
         return self.form(number)
@@ -126,11 +132,11 @@ class RobotMessages:
         self.headers = HeaderMaker(robot, version=settings.version, clock=clock, reserved=reserved)
 
     def topic(self, topic: Topic) -> str:
-        """Name a topic of the robot."""
+        """Return a topic of the robot (VDA 5050 3.0 section 4.2)."""
         return self._topics.of(self._robot, topic)
 
     def header(self, topic: Topic) -> dict[str, Any]:
-        """Return the header of the next message under ``topic``."""
+        """Return the header of the next message under ``topic`` (VDA 5050 3.0 section 7.2)."""
         return self.headers.make(topic)
 
     def connection(self, state: ConnectionState) -> Outbound:
@@ -210,7 +216,7 @@ class Inbox:
         self.counts = InboxCounts()
 
     def handlers(self, *, zones: bool) -> dict[Topic, Handler]:
-        """Return the handler of each topic; those for zones only if ``zones``."""
+        """Return the handler of each topic (VDA 5050 3.0 section 4.3); those for zones only if ``zones``."""
         always: dict[Topic, Handler] = {
             Topic.ORDER: self.take_order,
             Topic.INSTANT_ACTIONS: self.take_instant_actions,
@@ -222,26 +228,26 @@ class Inbox:
         return always | of_zones if zones else always
 
     def take_order(self, message: Inbound) -> None:
-        """Read a message under the order topic."""
+        """Read a message under the order topic (VDA 5050 3.0 section 7.3)."""
         order = self._read(Order, message, Topic.ORDER)
         if order is not None:
             self._log.info("order received", order=order.order_id, update=order.order_update_id)
             self._put(OrderReceived(order, self._clock.now(), dated=self._dated))
 
     def take_instant_actions(self, message: Inbound) -> None:
-        """Read a message under the instantActions topic."""
+        """Read a message under the instantActions topic (VDA 5050 3.0 section 7.4)."""
         actions = self._read(InstantActions, message, Topic.INSTANT_ACTIONS)
         if actions is not None:
             self._put(InstantActionsReceived(actions))
 
     def take_zone_set(self, message: Inbound) -> None:
-        """Read a message under the zoneSet topic."""
+        """Read a message under the zoneSet topic (VDA 5050 3.0 section 7.6)."""
         transfer = self._read(ZoneSetTransfer, message, Topic.ZONE_SET)
         if transfer is not None:
             self._put(ZoneSetReceived(transfer))
 
     def take_responses(self, message: Inbound) -> None:
-        """Read a message under the responses topic."""
+        """Read a message under the responses topic (VDA 5050 3.0 section 7.5)."""
         responses = self._read(Responses, message, Topic.RESPONSES)
         if responses is not None:
             self._put(ResponsesReceived(responses, self._clock.now()))

@@ -32,7 +32,7 @@ class ActionStatus(StrEnum):
 
     @property
     def ended(self) -> bool:
-        """Return whether the action has ended: FINISHED or FAILED."""
+        """Return whether the action has ended (section 6.6.9): FINISHED or FAILED."""
         return self in (ActionStatus.FINISHED, ActionStatus.FAILED)
 
 
@@ -65,7 +65,7 @@ class Action(WireObject):
     retriable: bool | None = None
 
     def parameter(self, key: str) -> JsonValue:
-        """Return the value under ``key``, or None."""
+        """Return the value under ``key``, or None (section 7.3.1)."""
         return next((each.value for each in self.action_parameters if each.key == key), None)
 
 

@@ -16,7 +16,10 @@ J = TypeVar("J", bound=JsonValue)
 
 
 class WireObject(BaseModel):
-    """An immutable JSON object; unknown fields are passed over, no value is guessed from another type."""
+    """An immutable JSON object (section 7.1).
+
+    Unknown fields are passed over, no value is guessed from another type.
+    """
 
     model_config = ConfigDict(
         frozen=True,
@@ -111,7 +114,7 @@ class Header(WireObject):
 
 
 class CommandHeader(Header):
-    """The header of a command from fleet control to a robot."""
+    """The header of a command from fleet control to a robot (section 7.2)."""
 
     nena_epoch: Epoch | None = None
     """NeNa's addition to the standard: an order service that replaces another one sends a greater number."""

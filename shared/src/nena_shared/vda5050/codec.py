@@ -55,20 +55,19 @@ class Codec:
 
     @property
     def major_version(self) -> str:
-        """The topic level of the version, e.g. ``v2``."""
+        """The topic level of the version (section 4.2), e.g. ``v2``."""
         return "v" + self.version.split(".", 1)[0]
 
     @property
     def kinds(self) -> dict[Topic, type[Header]]:
-        """The topics that the version has, with their neutral messages."""
+        """The topics that the version has, with their neutral messages (section 4.3)."""
         return {topic: kind for topic, kind in KINDS.items() if kind in self.forms}
 
     def decode(self, kind: type[M], payload: bytes) -> M:
-        """Read a message.
+        """Read a message (section 7.1).
 
         Raises:
             MalformedMessageError: it breaks the schema or the graph rules, or has another major version.
-
         """
         if len(payload) > MAXIMUM_PAYLOAD:
             raise MalformedMessageError(kind.__name__, [f"longer than {MAXIMUM_PAYLOAD} bytes"])

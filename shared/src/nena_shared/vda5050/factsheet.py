@@ -160,14 +160,14 @@ class ProtocolFeatures(WireObject):
 
 
 class Envelope2dPoint(WireObject):
-    """A corner of the footprint, m in the robot's frame."""
+    """A corner of the footprint, m in the robot's frame (section 7.10)."""
 
     x: float
     y: float
 
 
 class Envelope2d(WireObject):
-    """A footprint."""
+    """A footprint (section 7.10)."""
 
     envelope2d_id: Annotated[str, Field(alias="envelope2dId")]
     vertices: tuple[Envelope2dPoint, ...]
@@ -175,7 +175,7 @@ class Envelope2d(WireObject):
 
 
 class Envelope3d(WireObject):
-    """An outline in space, in a format of the maker's, here or under an address."""
+    """An outline in space, in a format of the maker's, here or under an address (section 7.10)."""
 
     envelope3d_id: Annotated[str, Field(alias="envelope3dId")]
     format: str
@@ -185,7 +185,7 @@ class Envelope3d(WireObject):
 
 
 class WheelPosition(WireObject):
-    """Where a wheel is, m and rad in the robot's frame."""
+    """Position of a wheel, m and rad in the robot's frame (section 7.10)."""
 
     x: float
     y: float
@@ -193,7 +193,7 @@ class WheelPosition(WireObject):
 
 
 class WheelDefinition(WireObject):
-    """A wheel; m."""
+    """A wheel (section 7.10); m."""
 
     type: str
     is_active_driven: bool
@@ -214,7 +214,10 @@ class MobileRobotGeometry(WireObject):
 
 
 class LoadSet(WireObject):
-    """A kind of load that the robot handles, and how it drives with it; kg, m, rad, m/s, m/s², s."""
+    """A kind of load that the robot handles, and how it drives with it (section 7.10).
+
+    Kg, m, rad, m/s, m/s², s.
+    """
 
     set_name: str
     load_type: str
@@ -244,14 +247,14 @@ class LoadSpecification(WireObject):
 
 
 class VersionEntry(WireObject):
-    """Version of one part of the robot."""
+    """Version of one part of the robot (section 7.10)."""
 
     key: str
     value: str
 
 
 class Network(WireObject):
-    """How the robot is set up to reach the broker."""
+    """Network configuration of the robot (section 7.10)."""
 
     dns_servers: tuple[str, ...] | None = None
     ntp_servers: tuple[str, ...] | None = None
@@ -261,7 +264,7 @@ class Network(WireObject):
 
 
 class BatteryCharging(WireObject):
-    """When to charge: percent of the battery's charge, and s."""
+    """When to charge (section 7.10): percent of the battery's charge, and s."""
 
     critical_low_charging_level: Percent | None = None
     minimum_desired_charging_level: Percent | None = None

@@ -34,7 +34,10 @@ class ReleaseLossBehavior(StrEnum):
 
 
 class AllowedDeviationXY(WireObject):
-    """An ellipse around a node: semi-axes ``a`` and ``b`` in m, ``theta`` the turn of a from x, in rad."""
+    """An ellipse around a node: semi-axes ``a`` and ``b`` in m, ``theta`` the turn of a from x, in rad.
+
+    VDA 5050 3.0 section 7.3.
+    """
 
     a: NotNegative
     b: NotNegative

@@ -45,7 +45,10 @@ class ZoneRequest(WireObject):
 
 
 class EdgeRequest(WireObject):
-    """A request about an edge of the order; the id is unique over all active requests of the robot."""
+    """A request about an edge of the order (section 6.9).
+
+    The id is unique over all active requests of the robot.
+    """
 
     request_id: Identifier
     request_type: EdgeRequestType

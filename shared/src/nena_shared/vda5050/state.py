@@ -36,12 +36,12 @@ class OperatingMode(StrEnum):
 
     @property
     def takes_orders(self) -> bool:
-        """Whether fleet control may send orders in this mode."""
+        """Return whether fleet control may send orders in this mode (section 6.6.6)."""
         return self in (OperatingMode.AUTOMATIC, OperatingMode.SEMIAUTOMATIC, OperatingMode.INTERVENED)
 
     @property
     def fleet_controls(self) -> bool:
-        """Whether it is fleet control that moves the robot in this mode."""
+        """Return whether fleet control moves the robot in this mode (section 6.6.6)."""
         return self in (OperatingMode.AUTOMATIC, OperatingMode.SEMIAUTOMATIC)
 
     @property
@@ -117,7 +117,10 @@ class EdgeState(WireObject):
 
 
 class MobileRobotPosition(WireObject):
-    """Where the robot is: m and rad in the frame of the map; ``localized`` False means do not trust it."""
+    """Position of the robot (section 7.8): m and rad in the frame of the map.
+
+    ``localized`` False: not to be trusted.
+    """
 
     x: float
     y: float
@@ -192,7 +195,7 @@ class Information(WireObject):
 
 
 class PathPoint(WireObject):
-    """A point of a polyline, m and rad, and when the robot will be there."""
+    """A point of a polyline, m and rad, and when the robot will be there (section 7.8)."""
 
     x: float
     y: float

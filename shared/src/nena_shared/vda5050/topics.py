@@ -32,7 +32,10 @@ class RobotKey(NamedTuple):
 
 
 class TopicScheme(NamedTuple):
-    """Builds and reads the topics of one interface and major version; the interface name may have levels."""
+    """Builds and reads the topics of one interface and major version (section 4.2).
+
+    The interface name may have levels.
+    """
 
     interface_name: str
     major_version: str = "v2"

@@ -39,7 +39,7 @@ class ZoneReleaseLossBehavior(StrEnum):
 
 
 class DirectedLimitation(StrEnum):
-    """How strictly a robot keeps to the direction of a DIRECTED zone."""
+    """How strictly a robot keeps to the direction of a DIRECTED zone (section 7.6)."""
 
     SOFT = "SOFT"
     RESTRICTED = "RESTRICTED"
@@ -47,14 +47,14 @@ class DirectedLimitation(StrEnum):
 
 
 class BidirectedLimitation(StrEnum):
-    """How strictly a robot keeps to the two directions of a BIDIRECTED zone."""
+    """How strictly a robot keeps to the two directions of a BIDIRECTED zone (section 7.6)."""
 
     SOFT = "SOFT"
     RESTRICTED = "RESTRICTED"
 
 
 class Vertex(WireObject):
-    """A corner of a zone, m in the project-wide frame of the map."""
+    """A corner of a zone, m in the project-wide frame of the map (section 7.6)."""
 
     x: float
     y: float
@@ -95,7 +95,10 @@ def _by_type(schema: dict[str, Any], kind: type[WireObject]) -> None:
 
 
 class Zone(WireObject):
-    """An area of a map: a simple closed polygon, counter-clockwise; speeds in m/s, directions in rad."""
+    """An area of a map (section 7.6): a simple closed polygon, counter-clockwise.
+
+    Speeds in m/s, directions in rad.
+    """
 
     model_config = ConfigDict(json_schema_extra=_by_type)
 

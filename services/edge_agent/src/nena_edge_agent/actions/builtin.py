@@ -103,7 +103,10 @@ class LogReportSettings(SettingsGroup):
 
 
 class LogReport:
-    """Writes the newest lines of the log; the file's name is the action's result."""
+    """Writes the newest lines of the log (VDA 5050 3.0 section 6.2.3).
+
+    The file's name is the action's result.
+    """
 
     declaration = ActionDeclaration(
         "logReport",
@@ -164,7 +167,10 @@ ENVELOPE = "zoneSet"
 
 
 class ZoneSetDownload:
-    """Downloads a zone set: the standard's zoneSet object as JSON, alone or in a whole message."""
+    """Downloads a zone set: the standard's zoneSet object as JSON, alone or in a whole message.
+
+    VDA 5050 3.0 section 6.2.3.
+    """
 
     declaration = ActionDeclaration(
         DOWNLOAD_ZONE_SET,

@@ -47,7 +47,9 @@ Change = Callable[[str, str, Action], Awaitable[None]]
 def map_actions(
     store: MapStore, settings: DownloadSettings, places: DrivePort | None = None
 ) -> Iterable[ActionPlugin]:
-    """Return the three actions on one robot's ``store``; they change it one after the other.
+    """Return the three actions on one robot's ``store`` (VDA 5050 3.0 section 6.2.3).
+
+    They change it one after the other.
 
     With ``places`` enabling a map can set the robot's position on it.
     """

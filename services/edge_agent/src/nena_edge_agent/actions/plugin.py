@@ -192,7 +192,10 @@ class PluginUnavailableError(Exception):
 
 
 class RunningAction(Protocol):
-    """One running action. Every method returns at once; the outcome is reported."""
+    """One running action (VDA 5050 3.0 section 6.6.9).
+
+    Every method returns at once; the outcome is reported.
+    """
 
     def pause(self) -> None:
         """Pause the action; report PAUSED. Called only if the declaration allows it."""
@@ -212,11 +215,16 @@ class ActionPlugin(Protocol):
 
     @property
     def declaration(self) -> ActionDeclaration:
-        """Return the action's declaration, for the checks of orders and for the factsheet."""
+        """Return the action's declaration, for the checks of orders and for the factsheet.
+
+        VDA 5050 3.0 section 7.10.
+        """
         ...
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:
-        """Begin ``action``, with ``loads`` on the robot; report RUNNING, and in the end FINISHED or FAILED.
+        """Begin ``action``, with ``loads`` on the robot (VDA 5050 3.0 section 6.6.9).
+
+        Report RUNNING, and in the end FINISHED or FAILED.
 
         Returns at once. An exception fails the action with its text.
         """

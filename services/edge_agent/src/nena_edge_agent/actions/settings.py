@@ -24,7 +24,10 @@ FieldValues = dict[str, JsonValue]
 
 
 class ParameterSettings(SettingsGroup):
-    """A parameter of an action in orders: for the factsheet, the checks, and messages."""
+    """A parameter of an action in orders: for the factsheet, the checks, and messages.
+
+    VDA 5050 3.0 section 7.10.
+    """
 
     key: str = Field(
         pattern=r"^[A-Za-z_][A-Za-z0-9_]*$", max_length=100, description="Action type in orders."
@@ -184,7 +187,10 @@ class SignalOperationSettings(RosOperationSettings):
 
 
 class ChargeOperationSettings(RosOperationSettings):
-    """Starts or stops charging: by a message or a service if needed, until the battery reports it."""
+    """Starts or stops charging: by a message or a service if needed, until the battery reports it.
+
+    VDA 5050 3.0 section 6.2.3.
+    """
 
     kind: Literal["charge"]
     action_type: str = Field(

@@ -103,7 +103,7 @@ class ActionStates:
 
     @property
     def states(self) -> tuple[ActionState, ...]:
-        """As the state message shows them."""
+        """Return the action states for the state message (section 6.6.9)."""
         if self._states is None:
             self._states = tuple(self._shown.get(key) or self._show(key) for key in self._records)
         return self._states
@@ -140,12 +140,15 @@ STANDING = (BlockingType.SOFT, BlockingType.HARD)
 
 
 def lets_drive(actions: Iterable[Action]) -> bool:
-    """Return whether none of ``actions`` needs the robot to stop (blockingType SOFT or HARD)."""
+    """Return whether none of ``actions`` needs the robot to stop: blockingType SOFT or HARD.
+
+    VDA 5050 3.0 section 6.2.2.
+    """
     return all(action.blocking_type not in STANDING for action in actions)
 
 
 class ActionQueue:
-    """The actions of the nodes reached and edges entered that have not ended, in their order."""
+    """The queue of actions of reached nodes and entered edges that have not ended (section 6.2.2)."""
 
     def __init__(self) -> None:
         self._actions: dict[str, BlockingType] = {}
@@ -167,7 +170,7 @@ class ActionQueue:
 
     @property
     def driving_allowed(self) -> bool:
-        """Whether no SOFT or HARD action is left."""
+        """Return whether no SOFT or HARD action is left (section 6.2.2)."""
         return all(blocking not in STANDING for blocking in self._actions.values())
 
     def runnable(self) -> list[str]:

@@ -33,7 +33,10 @@ CoreAction = Callable[[RobotState, Action], tuple[ActionStatus, str | None]]
 
 
 def enqueue(robot: RobotState, actions: Sequence[Action]) -> None:
-    """Queue the actions of a reached node or an entered edge, and start those whose turn it is."""
+    """Queue the actions of a reached node or an entered edge, and start those whose turn it is.
+
+    VDA 5050 3.0 section 6.2.2.
+    """
     robot.queue.append(actions)
     schedule(robot)
 
@@ -47,7 +50,7 @@ def schedule(robot: RobotState) -> None:
 
 
 def apply_report(robot: RobotState, report: ActionReport) -> None:
-    """Apply the report of a plug-in about an action of the order or an instant action."""
+    """Apply the report of a plug-in about an action of the order or an instant action (section 6.6.9)."""
     states = robot.actions if report.action_id in robot.actions else robot.instant_actions
     status = ActionStatus.RETRIABLE if _is_retriable(robot, report) else report.status
     if not states.change(report.action_id, status, report.result):
@@ -102,7 +105,10 @@ def cancel_all(robot: RobotState) -> None:
 
 
 def end_with_edge(robot: RobotState, edge: Edge) -> None:
-    """End the actions of ``edge``, which the robot has left; one that cannot be cancelled runs to its end."""
+    """End the actions of ``edge``, which the robot has left (section 6.6.2).
+
+    One that cannot be cancelled runs to its end.
+    """
     for action in edge.actions:
         record = robot.actions.get(action.action_id)
         if record and not record.status.ended:
@@ -123,7 +129,10 @@ def continue_after_restart(robot: RobotState) -> None:
 
 
 def retry(robot: RobotState, action: Action) -> str | None:
-    """Start the RETRIABLE action that ``action`` names again; return why that is refused, if it is."""
+    """Start the RETRIABLE action that ``action`` names again (section 6.2.3).
+
+    Return why that is refused, if it is.
+    """
     record, problem = _retriable(robot, action)
     if record is None:
         return problem
@@ -136,7 +145,10 @@ def retry(robot: RobotState, action: Action) -> str | None:
 
 
 def skip_retry(robot: RobotState, action: Action) -> str | None:
-    """Fail the RETRIABLE action that ``action`` names, and continue; return why that is refused, if it is."""
+    """Fail the RETRIABLE action that ``action`` names, and continue (section 6.2.3).
+
+    Return why that is refused, if it is.
+    """
     record, problem = _retriable(robot, action)
     if record is None:
         return problem
@@ -169,7 +181,10 @@ def release(robot: RobotState, trigger_type: str) -> bool:
 
 
 def clear_instant_actions(robot: RobotState, _: Action) -> tuple[ActionStatus, str | None]:
-    """Remove ended instant actions from the state; the clearing itself is shown until the next one."""
+    """Remove ended instant actions from the state (section 6.2.3).
+
+    The clearing itself is shown until the next one.
+    """
     robot.instant_actions.remove(lambda record: record.status.ended)
     return ActionStatus.FINISHED, None
 

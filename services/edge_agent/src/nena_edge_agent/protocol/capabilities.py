@@ -98,7 +98,7 @@ class Capabilities:
 
     @property
     def zones(self) -> frozenset[ZoneType]:
-        """The types of zones that the robot supports."""
+        """Return the types of zones that the robot supports (section 6.10)."""
         if not self.rules.zones:
             return frozenset()
         limit = {ZoneType.SPEED_LIMIT} if self.limits_speed else set()
@@ -158,7 +158,9 @@ TOLERABLE: frozenset[str] = frozenset({ZONE_SET, *DEMANDS})
 
 
 def supported(capabilities: Capabilities, tolerance: float | None = None) -> tuple[OptionalParameter, ...]:
-    """Return the optional fields for the factsheet; fields that it does not list are unsupported.
+    """Return the optional fields for the factsheet (section 6.10).
+
+    Fields that it does not list are unsupported.
 
     ``tolerance`` is the distance in m from a goal within which navigation counts it as reached.
     """
@@ -178,7 +180,10 @@ def supported(capabilities: Capabilities, tolerance: float | None = None) -> tup
 
 
 def unsupported(order: Order, capabilities: Capabilities) -> tuple[str, Edge | None] | None:
-    """Return the first optional field that the robot cannot act on, and its edge, if any."""
+    """Return the first optional field that the robot cannot act on, and its edge, if any.
+
+    VDA 5050 3.0 section 6.1.4.2.
+    """
     if order.zone_set_id and ZONE_SET not in capabilities.tolerated_parameters:
         return ZONE_SET, None
     return next(_unsupported(order, capabilities), None)

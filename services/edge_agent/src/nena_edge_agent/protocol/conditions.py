@@ -33,7 +33,7 @@ SWITCHING = (STOP_ROS_SESSION, CONFIGURE_ROS_SESSION)
 
 
 def check_conditions(robot: RobotState) -> None:
-    """Report or withdraw the errors of present conditions."""
+    """Report or withdraw the errors of present conditions (section 6.6.5)."""
     robot.errors.set_condition(ErrorType.LOCALIZATION_ERROR, _localization(robot))
     robot.errors.set_condition(ErrorType.NAVIGATION_NOT_AVAILABLE, _navigation(robot))
     robot.errors.set_condition(ROBOT_NOT_STOPPED, _not_stopped(robot))

@@ -41,7 +41,10 @@ class Parameter:
     choices: tuple[JsonValue, ...] = ()
 
     def problem(self, value: JsonValue) -> str | None:
-        """Return what is wrong with ``value``, None if nothing is; None and [] mean that it is missing."""
+        """Return what is wrong with ``value``, None if nothing is (section 7.3.1).
+
+        None and [] mean that it is missing.
+        """
         if value is None or (value == [] and self.data_type is ValueDataType.ARRAY):
             return f"parameter '{self.key}' is missing" if self.required else None
         if not _fits(value, self.data_type):

@@ -103,7 +103,10 @@ def arrived(robot: RobotState, event: Arrived) -> None:
 
 
 def failed(robot: RobotState, event: DriveFailed) -> None:
-    """Retry later, or stop and report the failure; the order stays, and fleet control decides."""
+    """Retry later, or stop and report the failure (section 6.6.5.1).
+
+    The order stays, and fleet control decides.
+    """
     if not robot.goal.is_current(event.generation):
         return
     robot.goal.settle()

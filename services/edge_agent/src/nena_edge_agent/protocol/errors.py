@@ -49,7 +49,7 @@ class ActiveErrors:
         """The level of the worst error that a person or device has reported and not withdrawn."""
 
     def report(self, error: ErrorEntry, until: Until) -> None:
-        """Add ``error``, in place of an older one of the same type and references."""
+        """Add ``error``, in place of an older one of the same type and references (section 6.6.5)."""
         key = error_key(error)
         if self._active.get(key) == (error, until):
             return
@@ -60,7 +60,7 @@ class ActiveErrors:
         self._changed()
 
     def end(self, *causes: Until) -> None:
-        """Remove every error that one of ``causes`` ends."""
+        """Remove every error that one of ``causes`` ends (section 6.6.5)."""
         ended = [key for key, (_, until) in self._active.items() if until in causes]
         for key in ended:
             del self._active[key]
@@ -78,7 +78,10 @@ class ActiveErrors:
         return self.worst_reported in (ErrorLevel.CRITICAL, ErrorLevel.FATAL)
 
     def set_condition(self, kind: ErrorType | str, error: ErrorEntry | None) -> None:
-        """Report ``error`` as the only one of its ``kind`` while its cause lasts; None ends it."""
+        """Report ``error`` as the only one of its ``kind`` while its cause lasts (section 6.6.5).
+
+        None ends it.
+        """
         if error is None and not self._active:
             return
         if error is None or self._other_than(error):

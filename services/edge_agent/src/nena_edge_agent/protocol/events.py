@@ -24,7 +24,7 @@ class Started:
 
 @dataclass(frozen=True, slots=True)
 class OrderReceived:
-    """A well-formed order or order update for this robot, received at ``utc``, if known.
+    """A well-formed order or order update for this robot, received at ``utc``, if known (section 7.3).
 
     ``dated``: its timestamp could be read.
     """
@@ -58,7 +58,7 @@ class ResponsesReceived:
 
 @dataclass(frozen=True, slots=True)
 class MapsReport:
-    """The maps that the robot holds, all of them."""
+    """The maps that the robot holds, all of them (section 6.3)."""
 
     maps: tuple[Map, ...]
 
@@ -102,7 +102,10 @@ class OperatingModeSwitched:
 
 @dataclass(frozen=True, slots=True)
 class SafetyReport:
-    """Present state of emergency stop and protective field; the robot stops while either is active."""
+    """Present state of emergency stop and protective field (section 7.8).
+
+    The robot stops while either is active.
+    """
 
     emergency_stop: EmergencyStop = EmergencyStop.NONE
     field_violation: bool = False
@@ -110,14 +113,17 @@ class SafetyReport:
 
 @dataclass(frozen=True, slots=True)
 class PauseButton:
-    """The robot's pause button was pressed, or released; a pause of fleet control is another matter."""
+    """The robot's pause button was pressed, or released (section 7.8).
+
+    Independent of fleet control's pause.
+    """
 
     pressed: bool
 
 
 @dataclass(frozen=True, slots=True)
 class ErrorSwitched:
-    """A person or a device reports an error, or (``active`` False) withdraws it.
+    """A person or a device reports an error (section 6.6.5.1), or (``active`` False) withdraws it.
 
     While an error of the level CRITICAL or FATAL is active the robot stops, and with FATAL it accepts no
     orders. Type and references identify the error.
@@ -129,14 +135,14 @@ class ErrorSwitched:
 
 @dataclass(frozen=True, slots=True)
 class LocalTrigger:
-    """A person at the robot has released the actions that wait for a trigger of this type."""
+    """A person at the robot has released the actions that wait for a trigger of this type (section 6.2.3)."""
 
     trigger_type: str = "LOCAL"
 
 
 @dataclass(frozen=True, slots=True)
 class LoadSensed:
-    """Whether the robot carries something, by its sensor."""
+    """Whether the robot carries something, by its sensor (section 7.8)."""
 
     loaded: bool
 
@@ -164,7 +170,7 @@ class SubscriptionsReport:
 
 @dataclass(frozen=True, slots=True)
 class LinkReport:
-    """Whether the robot is connected to the broker; it is not until the first report."""
+    """Whether the robot is connected to the broker (section 4.1); it is not until the first report."""
 
     connected: bool
 
@@ -262,12 +268,12 @@ class CancelAction:
 
 @dataclass(frozen=True, slots=True)
 class SendFactsheet:
-    """Publish the factsheet."""
+    """Publish the factsheet (section 6.10)."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReportState:
-    """Publish a state, as soon as the minimum interval allows."""
+    """Publish a state, as soon as the minimum interval allows (section 6.6.1)."""
 
 
 Effect = (

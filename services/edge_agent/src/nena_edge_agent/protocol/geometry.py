@@ -122,7 +122,10 @@ def distance(pose: Pose, position: NodePosition) -> float:
 
 
 def in_place(pose: Pose, position: NodePosition, default: float) -> bool:
-    """Return whether ``pose`` lies within the allowed ellipse around ``position``, on its map."""
+    """Return whether ``pose`` lies within the allowed ellipse around ``position``, on its map.
+
+    VDA 5050 3.0 section 6.6.2.
+    """
     if pose.map_id != position.map_id:
         return False
     allowed = position.allowed_deviation_xy
@@ -135,7 +138,10 @@ def in_place(pose: Pose, position: NodePosition, default: float) -> bool:
 
 
 def heading_fits(pose: Pose, position: NodePosition, default: float) -> bool:
-    """Return whether the robot's heading fits ``position``; any heading does without a theta."""
+    """Return whether the robot's heading fits ``position`` (section 6.6.2).
+
+    Any heading does without a theta.
+    """
     if position.theta is None:
         return True
     return abs(turn(position.theta, pose.theta)) <= (position.allowed_deviation_theta or default)

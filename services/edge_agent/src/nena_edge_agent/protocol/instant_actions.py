@@ -211,7 +211,10 @@ def _initialize_position(robot: RobotState, action: Action) -> None:
 
 
 def position_initialized(robot: RobotState, answer: PositionInitialized) -> None:
-    """End it with the localisation's answer, and set the node given with the position."""
+    """End initializePosition with the localisation's answer, and set the node given with it.
+
+    VDA 5050 3.0 section 6.2.3.
+    """
     request, robot.position_request = robot.position_request, None
     if request is None:
         return
@@ -230,7 +233,7 @@ def position_interrupted(robot: RobotState) -> None:
 
 
 def advance_position(robot: RobotState) -> None:
-    """Fail if the localisation takes too long."""
+    """Fail initializePosition (section 6.2.3) if the localisation takes too long."""
     request = robot.position_request
     if request and robot.now - request.requested_at >= POSITION_TIMEOUT:
         robot.position_request = None

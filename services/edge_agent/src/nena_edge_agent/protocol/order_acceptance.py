@@ -28,7 +28,7 @@ from nena_shared.vda5050.state import OperatingMode
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """What the decision about an order depends on.
+    """What the decision about an order depends on (section 6.1.2).
 
     ``off`` is why the robot's ROS session keeps it from accepting orders, empty if it does not. ``fatal``: a
     reported error keeps the robot from accepting orders. ``cancelled``: the held order was cancelled, or is
@@ -267,7 +267,7 @@ def repeated_action_fault(order: Order, used: frozenset[str], *, skip: int = 0) 
 
 
 def stands_on(node: Node, situation: Situation, capabilities: Capabilities) -> bool:
-    """Return whether the robot is at ``node``, and was not driven away from it by hand."""
+    """Return whether the robot is at ``node``, and was not driven away from it by hand (section 6.1.4.7)."""
     pose, position = situation.pose, node.node_position
     strayed = pose and position and distance(pose, position) > radius(position, 0.0) + STRAY
     if situation.stands_on and situation.stands_on == node.node_id and not strayed:
@@ -298,7 +298,10 @@ def refusal(
 
 
 def update_fault(order: Order, situation: Situation, capabilities: Capabilities) -> ErrorEntry | None:
-    """Return what is wrong with an update of the held order that no general check has found."""
+    """Return what is wrong with an update of the held order that no general check has found.
+
+    VDA 5050 3.0 section 6.1.2.
+    """
     fault = _outdated_fault(order, situation)
     if fault is None and repeats(order, situation):
         return _same_id_fault(order, situation, capabilities)
@@ -410,7 +413,7 @@ class Update:
 
 @dataclass(frozen=True, slots=True)
 class Duplicate:
-    """The order was accepted before: do nothing."""
+    """The order was accepted before (section 6.1.4.5): do nothing."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -248,7 +248,7 @@ class Ahead(NamedTuple):
 
 
 class OrderProgress:
-    """Nodes and edges that are still to be driven, and the last reached node.
+    """Nodes and edges that are still to be driven, and the last reached node (section 6.6.2).
 
     ``nodes`` never contains the node where the robot is. ``edges`` begins with the edge that the robot is on
     (``edge_entered``) or will enter next. ``decision_point`` is the last released node, as nodeId and
@@ -278,7 +278,7 @@ class OrderProgress:
         self._edge_states: dict[int, EdgeState] = {}
 
     def begin(self, order: Order) -> None:
-        """Begin a new order; its first node counts as reached."""
+        """Begin a new order (section 6.6.2); its first node counts as reached."""
         self.order_id, self.order_update_id = order.order_id, order.order_update_id
         self.cancelled = self.cleared = False
         self.nodes.clear()
@@ -287,7 +287,7 @@ class OrderProgress:
         self._reach(order.nodes[0])
 
     def extend(self, order: Order) -> None:
-        """Append an update that begins at the decision point, in place of the old horizon."""
+        """Append an update that begins at the decision point, in place of the old horizon (section 6.1.2)."""
         self.order_update_id = order.order_update_id
         if self.cleared:
             self.cleared = False
@@ -310,7 +310,7 @@ class OrderProgress:
         return bool(self.nodes) and not self.nodes[-1].released
 
     def enter_edge(self) -> Edge:
-        """Begin the next edge."""
+        """Begin the next edge (section 6.6.2)."""
         self.edge_entered = True
         self.revision += 1
         return self.edges[0]
@@ -322,7 +322,7 @@ class OrderProgress:
             self.revision += 1
 
     def traverse(self) -> tuple[Node, Edge]:
-        """Count the next node as traversed; return it, and the edge that led there."""
+        """Count the next node as traversed (section 6.6.2); return it, and the edge that led there."""
         node, edge = self.nodes.popleft(), self.edges.popleft()
         before = self._ahead
         self._reach(node)
@@ -331,7 +331,7 @@ class OrderProgress:
         return node, edge
 
     def clear(self, *, cancelled: bool) -> None:
-        """End the order early; IDs and the last node stay.
+        """End the order early (section 6.6.7); IDs and the last node stay.
 
         One that was ``cancelled`` accepts no update; else one may follow where the base ended.
         """

@@ -146,7 +146,10 @@ def _records(nodes: Iterable[Node], edges: Iterable[Edge]) -> list[ActionRecord]
 
 
 def cancel(robot: RobotState, action: Action) -> None:
-    """Begin to cancel; a second request joins the first, and one without an order to cancel fails."""
+    """Begin to cancel (section 6.1.3).
+
+    A second request joins the first, and one without an order to cancel fails.
+    """
     if robot.idle or _order_to_cancel(robot, action) not in (None, robot.progress.order_id):
         _refuse_cancel(robot, action)
         return
@@ -208,7 +211,7 @@ def advance_clearing(robot: RobotState) -> None:
 
 
 def switch_mode(robot: RobotState, event: OperatingModeSwitched) -> None:
-    """Start to change the mode; the new mode decides at once what fleet control may send."""
+    """Start to change the mode (section 6.6.6); the new mode decides at once what fleet control may send."""
     if event.mode is robot.next_mode:
         return
     robot.wanted_mode = event.mode
@@ -220,7 +223,10 @@ def switch_mode(robot: RobotState, event: OperatingModeSwitched) -> None:
 
 
 def advance_mode(robot: RobotState) -> None:
-    """Report the new mode once the order is cleared, and forget a last node that the robot has left."""
+    """Report the new mode once the order is cleared, and forget a last node that the robot has left.
+
+    VDA 5050 3.0 section 6.6.7.
+    """
     if robot.wanted_mode and not robot.clearing:
         robot.operating_mode, robot.wanted_mode = robot.wanted_mode, None
         if robot.operating_mode in robot.capabilities.rules.node_forgotten_in:

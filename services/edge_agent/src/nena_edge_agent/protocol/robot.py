@@ -108,11 +108,14 @@ class RobotCore:
         return tuple(robot.effects)
 
     def state(self, header: dict[str, Any]) -> State:
-        """Make the state message under ``header``, its five header fields by their neutral names."""
+        """Make the state message under ``header``, its five header fields by their neutral names.
+
+        VDA 5050 3.0 section 7.8.
+        """
         return make_state(header, self._robot)
 
     def visualization(self, header: dict[str, Any], state_header_id: int) -> Visualization:
-        """Make the visualization message that belongs to the state of ``state_header_id``."""
+        """Make the visualization message that belongs to the state of ``state_header_id`` (section 7.9)."""
         return make_visualization(header, self._robot, state_header_id=state_header_id)
 
     @property
@@ -134,7 +137,7 @@ class RobotCore:
 
     @property
     def header_ids(self) -> tuple[tuple[Topic, int], ...]:
-        """The headerId of each topic that the next run of the program begins with."""
+        """Return the first headerId of each topic for the next run of the program (section 7.2)."""
         return self._robot.header_ids
 
     @header_ids.setter

@@ -68,7 +68,10 @@ class Reports:
 
     @property
     def unsafe(self) -> bool:
-        """Whether an emergency stop or the protective field keeps the robot from moving."""
+        """Return whether an emergency stop or the protective field keeps the robot from moving.
+
+        VDA 5050 3.0 section 7.8.
+        """
         return self.safety.field_violation or self.safety.emergency_stop is not EmergencyStop.NONE
 
     @property
@@ -165,7 +168,7 @@ class CurrentGoal:
 
 @dataclass(slots=True)
 class LinkWatch:
-    """Time in s since which the link to the broker is lost, None: connected.
+    """Time in s since which the link to the broker is lost (section 4.1), None: connected.
 
     The robot may drive without it for ``timeout`` seconds.
     """
@@ -292,12 +295,15 @@ class RobotState:
 
     @property
     def next_mode(self) -> OperatingMode:
-        """The mode that a person has selected, also before the state reports it."""
+        """Return the selected mode, also before the state reports it (section 6.6.6)."""
         return self.wanted_mode or self.operating_mode
 
     @property
     def fatal(self) -> bool:
-        """Whether a reported error or the disk keeps the robot from taking orders."""
+        """Return whether a reported error or the disk keeps the robot from accepting orders.
+
+        VDA 5050 3.0 section 6.6.5.1.
+        """
         return self.errors.worst_reported is ErrorLevel.FATAL or bool(self.journal_problem)
 
     @property

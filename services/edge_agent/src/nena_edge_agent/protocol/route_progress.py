@@ -61,7 +61,7 @@ def advance(robot: RobotState) -> None:
 
 
 def since_node(robot: RobotState) -> float | None:
-    """Return the metres driven since the last node, None before the first one."""
+    """Return the metres driven since the last node, None before the first one (section 7.8)."""
     return robot.route.since_node if robot.progress.last_node_id else None
 
 
@@ -94,7 +94,10 @@ def current_plan(robot: RobotState) -> PlanReport | None:
 
 
 def information(robot: RobotState) -> tuple[Information, ...]:
-    """Return the information entry with the progress of goal and order, in metres and percent."""
+    """Return the information entry with the progress of goal and order, in metres and percent.
+
+    VDA 5050 3.0 section 6.6.4.
+    """
     distances = {"goal": to_goal(robot), "order": to_end(robot)}
     known = {name: distance for name, distance in distances.items() if distance}
     if not known:

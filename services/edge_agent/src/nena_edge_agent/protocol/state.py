@@ -97,7 +97,7 @@ def as_recorded(state: State, before: State) -> State:
 
 
 def make_visualization(header: dict[str, Any], robot: RobotState, *, state_header_id: int) -> Visualization:
-    """Make the visualization message; ``header`` as in :func:`make_state`."""
+    """Make the visualization message (section 7.9); ``header`` as in :func:`make_state`."""
     return Visualization(
         **header,
         reference_state_header_id=state_header_id,
@@ -109,7 +109,7 @@ def make_visualization(header: dict[str, Any], robot: RobotState, *, state_heade
 
 
 def position(reports: Reports) -> MobileRobotPosition | None:
-    """Return the robot's position, None before the first pose."""
+    """Return the robot's position, None before the first pose (section 7.8)."""
     if reports.pose is None:
         return None
     pose = reports.pose.pose
@@ -123,7 +123,7 @@ def position(reports: Reports) -> MobileRobotPosition | None:
 
 
 def velocity(reports: Reports) -> Velocity | None:
-    """Return the robot's velocity, None if it is not known."""
+    """Return the robot's velocity, None if it is not known (section 7.8)."""
     if reports.velocity.vx is None:
         return None
     return Velocity(vx=reports.velocity.vx, vy=0.0, omega=reports.velocity.omega)

@@ -43,7 +43,7 @@ class ZoneSetRefusedError(Exception):
 
 
 class DuplicateZoneSetError(ZoneSetRefusedError):
-    """A set with this id exists: the content of a zoneSetId never changes."""
+    """A set with this id exists (section 6.4.1): the content of a zoneSetId never changes."""
 
 
 class NoRoomForZoneSetError(ZoneSetRefusedError):
@@ -52,7 +52,7 @@ class NoRoomForZoneSetError(ZoneSetRefusedError):
 
 @dataclass(frozen=True, slots=True)
 class EnabledZone:
-    """A zone of an enabled zone set; ``contour`` in m in the frame of the map."""
+    """A zone of an enabled zone set (section 6.4.2); ``contour`` in m in the frame of the map."""
 
     map_id: str
     zone_set_id: str
@@ -67,7 +67,7 @@ class EnabledZone:
 
 
 class ZoneSets:
-    """Zone sets by their id; at most one of each map is enabled."""
+    """Zone sets by their id (section 6.4.2); at most one of each map is enabled."""
 
     def __init__(self, supported: frozenset[ZoneType]) -> None:
         self._supported = supported
@@ -89,11 +89,10 @@ class ZoneSets:
         self._changed()
 
     def add(self, zone_set: ZoneSet) -> None:
-        """Add a set, DISABLED.
+        """Add a set, DISABLED (section 6.4).
 
         Raises:
             ZoneSetRefusedError: it is not accepted.
-
         """
         if zone_set.zone_set_id in self._sets:
             message = f"the robot already has a zone set '{zone_set.zone_set_id}'"
@@ -107,7 +106,7 @@ class ZoneSets:
         self._changed()
 
     def enable(self, zone_set_id: str) -> None:
-        """Enable a set in place of the enabled one of its map.
+        """Enable a set in place of the enabled one of its map (section 6.4.2).
 
         Raises:
             ZoneSetRefusedError: the robot does not have it.
@@ -117,7 +116,7 @@ class ZoneSets:
         self._changed()
 
     def delete(self, zone_set_id: str) -> None:
-        """Delete a set.
+        """Delete a set (section 6.2.3).
 
         Raises:
             ZoneSetRefusedError: the robot does not have it, or it is enabled.
@@ -181,7 +180,7 @@ ZoneKey = tuple[str, str]
 
 @dataclass(frozen=True, slots=True)
 class AccessRequest:
-    """One request; ``lease_expiry`` (UTC) is when a grant expires, None: never."""
+    """One request (section 6.9); ``lease_expiry`` (UTC) is when a grant expires, None: never."""
 
     zone_set_id: str
     zone_id: str
@@ -200,7 +199,7 @@ class AccessRequest:
 
 
 class ZoneRequests:
-    """The active requests, at most one for each zone; their ids are not used twice."""
+    """The active requests, at most one for each zone (section 6.9); their ids are not used twice."""
 
     def __init__(self, requests: Iterable[AccessRequest] = (), last_number: int = 0) -> None:
         self._requests = {each.key: each for each in requests}
@@ -238,7 +237,7 @@ class ZoneRequests:
         return request.status if request else None
 
     def apply(self, response: Response, inside: frozenset[ZoneKey], now: float) -> None:
-        """Apply a response at the time ``now`` (s); the robot is in the zones ``inside``.
+        """Apply a response at the time ``now``, s (section 6.9); the robot is in the zones ``inside``.
 
         A response to a request that is no longer active is ignored.
         """
@@ -259,7 +258,10 @@ class ZoneRequests:
                 pass  # the request stays REQUESTED: 3.0.0 has no other status for it
 
     def request(self, zones: Iterable[EnabledZone], now: float) -> None:
-        """Request each of ``zones`` that has no request yet, unless it was rejected a moment ago."""
+        """Request each of ``zones`` that has no request yet, unless it was rejected a moment ago.
+
+        VDA 5050 3.0 section 6.4.3.
+        """
         self._refused = {k: since for k, since in self._refused.items() if now - since < PAUSE_AFTER_REFUSAL}
         for zone in zones:
             if zone.key not in self._requests and zone.key not in self._refused:
@@ -273,7 +275,7 @@ class ZoneRequests:
                 self._remove(key)
 
     def expire(self, utc: datetime, inside: frozenset[ZoneKey]) -> None:
-        """End the grants that have expired at ``utc``."""
+        """End the grants that have expired at ``utc`` (section 6.9)."""
         for request in list(self._requests.values()):
             over = request.lease_expiry is not None and request.lease_expiry <= utc
             if over and request.status is RequestStatus.GRANTED:

@@ -41,7 +41,7 @@ _ERROR_TYPES: dict[type[ZoneSetRefusedError], ErrorType] = {
 
 
 def accept(robot: RobotState, zone_set: ZoneSet) -> str | None:
-    """Add a zone set from a message or a download; return why it is refused, if it is."""
+    """Add a zone set from a message or a download (section 6.4); return why it is refused, if it is."""
     try:
         robot.zone_sets.add(zone_set)
     except ZoneSetRefusedError as problem:
@@ -52,12 +52,12 @@ def accept(robot: RobotState, zone_set: ZoneSet) -> str | None:
 
 
 def enable(robot: RobotState, action: Action) -> tuple[ActionStatus, str | None]:
-    """Enable the zone set that ``action`` names; return how the action ends."""
+    """Enable the zone set that ``action`` names (section 6.2.3); return how the action ends."""
     return _change(robot.zone_sets.enable, action)
 
 
 def delete(robot: RobotState, action: Action) -> tuple[ActionStatus, str | None]:
-    """Delete the zone set that ``action`` names; return how the action ends."""
+    """Delete the zone set that ``action`` names (section 6.2.3); return how the action ends."""
     return _change(robot.zone_sets.delete, action)
 
 
@@ -83,7 +83,10 @@ def _refusal(zone_set_id: str, problem: ZoneSetRefusedError) -> ErrorEntry:
 
 
 def apply_responses(robot: RobotState, message: Responses, utc: datetime) -> None:
-    """Apply fleet control's responses, received at ``utc``; a grant that has expired is ignored."""
+    """Apply fleet control's responses, received at ``utc`` (section 6.9).
+
+    A grant that has expired is ignored.
+    """
     robot.utc = (utc, robot.now)
     inside = _possibly_inside(robot)
     for response in message.responses:
@@ -92,7 +95,7 @@ def apply_responses(robot: RobotState, message: Responses, utc: datetime) -> Non
 
 
 def expire(robot: RobotState) -> None:
-    """End the grants whose lease has expired."""
+    """End the grants whose lease has expired (section 6.9)."""
     now = robot.utc_now
     if now is not None and robot.zone_requests.waits:
         robot.zone_requests.expire(now, _possibly_inside(robot))
@@ -145,7 +148,7 @@ def first_barred(robot: RobotState, start: Pose | NodePosition, end: NodePositio
 
 
 def must_stop(robot: RobotState) -> bool:
-    """Return whether a zone keeps the robot from driving on from where it is."""
+    """Return whether a zone keeps the robot from driving on from where it is (section 6.4)."""
     pose, node = robot.reports.localized_pose, robot.progress.next_node
     if not robot.zone_sets.enabled or pose is None:
         return False
@@ -155,7 +158,7 @@ def must_stop(robot: RobotState) -> bool:
 
 
 def keep_out(robot: RobotState) -> None:
-    """Make navigation plan around the BLOCKED zones of the enabled sets."""
+    """Make navigation plan around the BLOCKED zones of the enabled sets (section 6.4)."""
     if not robot.capabilities.keeps_out or robot.zone_sets.revision == robot.areas_revision:
         return
     robot.areas_revision = robot.zone_sets.revision
@@ -167,7 +170,10 @@ def keep_out(robot: RobotState) -> None:
 
 
 def speed_limits(robot: RobotState) -> list[float]:
-    """Return the limits of the SPEED_LIMIT zones that the robot is in or has to slow down for, m/s."""
+    """Return the limits of the SPEED_LIMIT zones that the robot is in or has to slow down for, m/s.
+
+    VDA 5050 3.0 section 6.4.
+    """
     pose, node = robot.reports.localized_pose, robot.progress.next_node
     if pose is None or not robot.zone_sets.enabled:
         return []

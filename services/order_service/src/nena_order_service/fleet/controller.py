@@ -73,7 +73,7 @@ class RobotControl:
         yield from self._advance(now)
 
     def on_connection(self, message: Connection, now: float) -> Iterator[FleetOutput]:
-        """Handle a connection message."""
+        """Handle a connection message (section 6.5)."""
         if self.robot.take_connection(message, now):
             self._instant_actions.reconnected()
             if self._run and self.robot.stale:
@@ -81,7 +81,7 @@ class RobotControl:
         yield from self._advance(now)
 
     def on_factsheet(self, message: Factsheet, now: float) -> Iterator[FleetOutput]:
-        """Handle a factsheet."""
+        """Handle a factsheet (section 7.10)."""
         self.robot.take_factsheet(message)
         yield from self._advance(now)
 
@@ -92,7 +92,7 @@ class RobotControl:
         yield from self._tell_change(now)
 
     def on_state(self, message: State, now: float) -> Iterator[FleetOutput]:
-        """Handle a state; instant actions first, for a VDA order may end by one."""
+        """Handle a state (section 6.6); instant actions first, because they may end a VDA order."""
         placed = self.robot.placed
         if not self.robot.take_state(message, now):
             return
@@ -139,7 +139,9 @@ class RobotControl:
         return self._advance(now)
 
     def extend(self, vda_order: VdaOrder, now: float) -> Iterator[FleetOutput]:
-        """Update the robot's VDA order to a newer plan; does nothing if the order has ended meanwhile.
+        """Update the robot's VDA order to a newer plan (section 6.1.2).
+
+        Does nothing if the order has ended meanwhile.
 
         Raises BaseChangedError, before anything is taken from the iterator.
         """
@@ -162,13 +164,16 @@ class RobotControl:
         )
 
     def cancel(self, now: float) -> Iterator[FleetOutput]:
-        """End the VDA order early."""
+        """End the VDA order early (section 6.1.3)."""
         if self._run:
             yield from self._run.begin_cancel()
             yield from self._advance(now)
 
     def instruct(self, action: Action, now: float) -> Iterator[FleetOutput]:
-        """Send an instant action, unless it is certain that the robot would not receive or accept it."""
+        """Send an instant action, unless it is certain that the robot would not receive or accept it.
+
+        VDA 5050 3.0 section 6.2.1.
+        """
         yield from self._instant_actions.request(action, now)
         yield from self._advance(now)
 
@@ -406,12 +411,12 @@ class FleetController:
         self._instant_actions = ReleaseManager(settings, utc_now)
 
     def on_connection(self, robot: RobotKey, message: Connection, now: float) -> Outputs:
-        """Handle a connection message."""
+        """Handle a connection message (section 6.5)."""
         control = self._control(robot)
         return self._told(control, control.on_connection(message, now))
 
     def on_state(self, robot: RobotKey, message: State, now: float) -> Outputs:
-        """Handle a state message; one that is repeated or out of order changes nothing."""
+        """Handle a state message (section 6.6); one that is repeated or out of order changes nothing."""
         control = self._control(robot)
         outputs = self._told(control, control.on_state(message, now))
         if message.zone_requests or message.edge_requests or self._instant_actions.busy:
@@ -420,7 +425,7 @@ class FleetController:
         return outputs
 
     def on_factsheet(self, robot: RobotKey, message: Factsheet, now: float) -> Outputs:
-        """Handle a factsheet."""
+        """Handle a factsheet (section 7.10)."""
         control = self._control(robot)
         return self._told(control, control.on_factsheet(message, now))
 
@@ -484,12 +489,18 @@ class FleetController:
         return self._told(control, control.extend(vda_order, now))
 
     def cancel_vda_order(self, robot: RobotKey, now: float) -> Outputs:
-        """End the robot's VDA order early: cancelOrder, awaited to its end. Without one nothing happens."""
+        """End the robot's VDA order early (section 6.1.3): cancelOrder, awaited to its end.
+
+        No-op without one.
+        """
         control = self._control(robot)
         return self._told(control, control.cancel(now))
 
     def instant_action(self, robot: RobotKey, action: Action, now: float) -> Outputs:
-        """Send an instant action and follow it to InstantActionEnded; it waits for no absent robot."""
+        """Send an instant action and follow it to InstantActionEnded (section 6.2.1).
+
+        Offline robots get none.
+        """
         control = self._control(robot)
         return self._told(control, control.instruct(action, now))
 

@@ -1,4 +1,4 @@
-"""Resend a message until a state echoes it: growing pauses, a bounded number of times."""
+"""Resend a message until a state echoes it (section 6.1.2): growing pauses, a bounded number of times."""
 
 from __future__ import annotations
 

@@ -75,7 +75,7 @@ def with_details(reason: str, details: Iterable[str]) -> str:
 
 
 def fatal(errors: Iterable[ErrorEntry]) -> ErrorEntry | None:
-    """Return the first error that needs a person, if there is one."""
+    """Return the first error that needs a person, if there is one (section 6.6.5.1)."""
     return next((error for error in errors if error.error_level is ErrorLevel.FATAL), None)
 
 
@@ -87,7 +87,7 @@ def no_navigation(errors: Iterable[ErrorEntry]) -> ErrorEntry | None:
 def refusals(
     errors: Iterable[ErrorEntry], vda_order: VdaOrder, before: frozenset[ErrorIdentity]
 ) -> tuple[ErrorEntry, ...]:
-    """Return the errors by which the robot refuses the VDA order.
+    """Return the errors by which the robot refuses the VDA order (section 6.1.4).
 
     They name its orderId; or they have the type of a refusal, name neither an order nor another action, and
     were not there ``before`` the VDA order was sent (2.x has no duty to name anything).
@@ -104,7 +104,7 @@ def _refuses(error: ErrorEntry, vda_order: VdaOrder, before: frozenset[ErrorIden
 
 
 def is_named(error: ErrorEntry, vda_order: VdaOrder) -> bool:
-    """Return whether an error names the VDA order or one of its actions."""
+    """Return whether an error names the VDA order or one of its actions (section 6.6.5.2)."""
     return vda_order.order_id in _referenced(error, "orderId") or bool(
         _referenced(error, "actionId") & vda_order.action_ids
     )
@@ -123,12 +123,12 @@ def of_another_action(error: ErrorEntry, vda_order: VdaOrder) -> bool:
 
 
 def name_actions(errors: Iterable[ErrorEntry]) -> bool:
-    """Return whether errors name actions."""
+    """Return whether errors name actions (section 6.6.5.2)."""
     return any(_referenced(error, "actionId") for error in errors)
 
 
 def refuses_update(error: ErrorEntry, order_id: str, update_id: int) -> bool:
-    """Return whether an error means that the robot refuses an update of its present order.
+    """Return whether an error means that the robot refuses an update of its present order (section 6.1.4).
 
     An update is identified by its number; in 2.x an error that names no order may be about it.
     """
@@ -140,21 +140,27 @@ def refuses_update(error: ErrorEntry, order_id: str, update_id: int) -> bool:
 
 
 def names_update(error: ErrorEntry) -> bool:
-    """Return whether an error names an update, of whichever order."""
+    """Return whether an error names an update, of whichever order (section 6.6.5.2)."""
     return bool(_referenced(error, "orderUpdateId"))
 
 
 def about(
     errors: Iterable[ErrorEntry], vda_order: VdaOrder, before: frozenset[ErrorIdentity]
 ) -> tuple[ErrorEntry, ...]:
-    """Return the errors that mean that the robot, which has the VDA order, cannot continue it."""
+    """Return the errors that mean that the robot, which has the VDA order, cannot continue it.
+
+    VDA 5050 3.0 section 6.6.5.1.
+    """
     return tuple(error for error in _new_stops(errors, before) if _is_about(error, vda_order) is True)
 
 
 def unexplained(
     errors: Iterable[ErrorEntry], vda_order: VdaOrder, before: frozenset[ErrorIdentity]
 ) -> tuple[ErrorEntry, ...]:
-    """Return the errors that stop a robot and leave open whether they are about the VDA order."""
+    """Return the errors that stop a robot and leave open whether they are about the VDA order.
+
+    VDA 5050 3.0 section 6.6.5.1.
+    """
     return tuple(error for error in _new_stops(errors, before) if _is_about(error, vda_order) is None)
 
 

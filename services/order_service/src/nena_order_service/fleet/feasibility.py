@@ -37,10 +37,12 @@ P = TypeVar("P", bound=BaseModel)
 def fitted(vda_order: VdaOrder, abilities: Abilities | None) -> VdaOrder:
     """Remove the optional fields that the robot does not support, and fill those that it requires.
 
+    VDA 5050 3.0 section 7.1.1.
+
     Without a factsheet only speed limits are removed, because such a robot may refuse them.
 
-    What would change the order stays as it is, and :mod:`nena_order_service.fleet.feasibility` reports it: a
-    position, and the heading at a coordinate.
+    What would change the order stays as it is, and :func:`order_problem` reports it: a position,
+    and the heading at a coordinate.
     """
     nodes = vda_order.nodes
     if abilities is None:
@@ -239,12 +241,15 @@ _LONGEST_HEADER: Final[Mapping[str, Any]] = MappingProxyType(
 
 
 def order_problem(vda_order: VdaOrder, abilities: Abilities) -> str | None:
-    """Return why the robot cannot execute a fitted VDA order; None if no reason is known."""
+    """Return why the robot cannot execute a fitted VDA order (section 7.10); None if no reason is known."""
     return next(_order_problems(vda_order, abilities), None)
 
 
 def instant_action_problem(action: Action, abilities: Abilities) -> str | None:
-    """Return why the robot cannot execute a fitted instant action; None if no reason is known."""
+    """Return why the robot cannot execute a fitted instant action (section 7.10).
+
+    None if no reason is known.
+    """
     if action.action_type in ALWAYS_THERE:
         return None
     return next(_instant_problems(action, abilities), None)

@@ -32,7 +32,7 @@ class Outcome:
 
 
 class InstantRun:
-    """Follows one instant action; ``outcome`` is set once, when it has ended.
+    """Follows one instant action (section 6.2.1); ``outcome`` is set once, when it has ended.
 
     ``requested`` is whether a caller outside of fleet control waits for its end.
     """
@@ -140,7 +140,10 @@ FACTSHEET_TIMEOUT: Final = 2.0
 
 
 class InstantActionManager:
-    """Sends instant actions and follows each to its end; ``broker`` is whether our own link is up."""
+    """Sends instant actions and follows each to its end (section 6.2.1).
+
+    ``broker`` is whether our own link is up.
+    """
 
     def __init__(
         self, robot: Robot, settings: FleetSettings, new_id: Callable[[], str], *, broker: bool
@@ -189,7 +192,10 @@ class InstantActionManager:
             self._begin(action, requested=True)
 
     def cancel(self, order_id: str) -> InstantRun:
-        """Begin to end an order, which is named where the robot's version can."""
+        """Begin to cancel an order, with its orderId if the robot's version has that parameter.
+
+        VDA 5050 3.0 section 6.1.3.
+        """
         rules = self._robot.rules
         named = order_id if rules and rules.cancel_names_order else None
         return self._begin(cancel_order(self._new_id(), named), requested=False)

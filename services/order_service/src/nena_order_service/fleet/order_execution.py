@@ -91,12 +91,15 @@ class Progress:
 
 
 def knows(state: State, vda_order: VdaOrder, update_id: int) -> bool:
-    """Return whether the robot's order is this VDA order, with all updates up to ``update_id``."""
+    """Return whether the robot's order is this VDA order, with all updates up to ``update_id``.
+
+    VDA 5050 3.0 section 6.1.2.
+    """
     return state.order_id == vda_order.order_id and state.order_update_id == update_id
 
 
 def read(state: State, vda_order: VdaOrder) -> Progress:
-    """Read the progress from a state that :func:`knows` the VDA order.
+    """Read the progress from a state that :func:`knows` the VDA order (section 6.6.2).
 
     A node counts as traversed only if it is no longer among the coming nodes: not every robot resets
     lastNodeSequenceId at once when it accepts a new order.
@@ -179,11 +182,10 @@ class OrderExecution:
         return self.phase in (VdaOrderPhase.WAITING, VdaOrderPhase.SENT) and self._delivery.due(now)
 
     def extend(self, plan: VdaOrder) -> None:
-        """Change the order to ``plan``: its base continues the present base.
+        """Change the order to ``plan`` (section 6.1.2): its base continues the present base.
 
         Raises:
             BaseChangedError: it does not.
-
         """
         newest = self._plan or (self._pending.plan if self._pending else self.vda_order)
         plan = grown(newest, plan)
@@ -205,7 +207,7 @@ class OrderExecution:
         return self._pending.delivery.due(now) if self._pending else self._plan is not None
 
     def send_update(self, errors: Iterable[ErrorEntry], now: float) -> PublishOrder:
-        """Send the update; ``errors`` are those that the robot reports already."""
+        """Send the update (section 6.1.2); ``errors`` are those that the robot reports already."""
         if self._pending is None and self._plan is not None:
             plan, self._plan = self._plan, None
             message = update_of(self.vda_order, plan)
@@ -251,24 +253,27 @@ class OrderExecution:
             self._pending.delivery.hold()
 
     def begin_cancel(self) -> Iterator[FleetOutput]:
-        """End the VDA order early on request; at once if the robot cannot have it."""
+        """End the VDA order early on request (section 6.1.3); at once if the robot cannot have it."""
         if self.phase is VdaOrderPhase.WAITING and not self._adopted:
             yield from self._end_early()
         else:
             self.phase = VdaOrderPhase.CANCELLING
 
     def wants_cancel(self, state: State | None) -> bool:
-        """Return whether cancelOrder must be sent to end the VDA order."""
+        """Return whether cancelOrder must be sent to end the VDA order (section 6.1.3)."""
         waiting = self.phase is VdaOrderPhase.CANCELLING and self.cancel is None
         return waiting and state is not None and self._may_be_at_robot(state)
 
     def on_event(self, event: FleetOutput) -> None:
-        """Handle the retry of an action: if it is RETRIABLE again, it has failed once more."""
+        """Handle the retry of an action: if it is RETRIABLE again, it has failed once more.
+
+        VDA 5050 3.0 section 6.2.3.
+        """
         if isinstance(event, InstantActionEnded) and event.action.action_type == RETRY:
             self._retriable -= {event.action.parameter("actionId")}
 
     def on_state(self, state: State, now: float) -> Iterator[FleetOutput]:
-        """Follow a new state of the robot."""
+        """Follow a new state of the robot (section 6.6)."""
         self._take_echo(state)
         if self._known_in(state):
             yield from self._follow(state, now)

@@ -14,7 +14,7 @@ from nena_shared.vda5050.zone_set import ZoneSet
 
 @dataclass(frozen=True, slots=True)
 class PublishOrder:
-    """Send a VDA order or an update of one; the sender adds the header."""
+    """Send a VDA order or an update of one (section 7.3); the sender adds the header."""
 
     robot: RobotKey
     vda_order: VdaOrder
@@ -23,7 +23,7 @@ class PublishOrder:
 
 @dataclass(frozen=True, slots=True)
 class PublishInstantActions:
-    """Send instant actions; header fields are the sender's."""
+    """Send instant actions (section 7.4); header fields are the sender's."""
 
     robot: RobotKey
     actions: tuple[Action, ...]
@@ -31,7 +31,7 @@ class PublishInstantActions:
 
 @dataclass(frozen=True, slots=True)
 class PublishResponses:
-    """Answer requests of the robot; header fields are the sender's."""
+    """Answer requests of the robot (section 7.5); header fields are the sender's."""
 
     robot: RobotKey
     responses: tuple[Response, ...]
@@ -39,7 +39,7 @@ class PublishResponses:
 
 @dataclass(frozen=True, slots=True)
 class PublishZoneSet:
-    """Bring the robot a zone set; header fields are the sender's."""
+    """Send the robot a zone set (section 7.6); header fields are the sender's."""
 
     robot: RobotKey
     zone_set: ZoneSet
@@ -61,7 +61,7 @@ class RobotChanged:
 
 @dataclass(frozen=True, slots=True)
 class VdaOrderAccepted:
-    """The robot's state echoes the VDA order: it has it and will do it."""
+    """The robot's state echoes the VDA order (section 6.1.2): the robot has accepted it."""
 
     robot: RobotKey
     order_id: str
@@ -69,7 +69,7 @@ class VdaOrderAccepted:
 
 @dataclass(frozen=True, slots=True)
 class NodePassed:
-    """The robot has traversed a node, or is on the first one; in order, without gaps."""
+    """The robot has traversed a node, or is on the first one (section 6.6.2); in order, without gaps."""
 
     robot: RobotKey
     order_id: str
@@ -95,7 +95,7 @@ class OperationStarted:
 
 @dataclass(frozen=True, slots=True)
 class VdaOrderFinished:
-    """The robot has done all of it. It may also be the end of a VDA order that was cancelled too late."""
+    """The robot has finished the VDA order (section 6.6.8)."""
 
     robot: RobotKey
     order_id: str
@@ -131,7 +131,7 @@ class ActionRetriable:
 
 @dataclass(frozen=True, slots=True)
 class VdaOrderCancelled:
-    """The VDA order has ended because cancelled; the robot has confirmed it or never had it."""
+    """The VDA order was cancelled (section 6.1.3); the robot has confirmed it or never had it."""
 
     robot: RobotKey
     order_id: str
@@ -139,7 +139,7 @@ class VdaOrderCancelled:
 
 @dataclass(frozen=True, slots=True)
 class InstantActionEnded:
-    """A requested instant action has ended.
+    """A requested instant action has ended (section 6.2.1).
 
     ``status`` is FINISHED or FAILED as reported by the robot, FAILED for one that was not sent, None if the
     robot never reported it; ``reason`` describes what happened, ``result`` is the robot's own.

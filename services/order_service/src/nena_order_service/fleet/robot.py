@@ -39,7 +39,7 @@ POSITION_WITHIN: Final = 30.0
 
 
 class MessageOrder:
-    """Checks the headers of one robot's messages on one topic.
+    """Checks the headers of one robot's messages on one topic (section 7.2).
 
     A message is old if neither its headerId nor its timestamp is higher than the last one's. A sender that
     restarts counts from 0 with a later timestamp, so its message is new; one whose clock was also set back is
@@ -57,7 +57,10 @@ class MessageOrder:
         self._last = None
 
     def is_new(self, header_id: int, timestamp: datetime, now: float) -> bool:
-        """Return whether a message that arrives at ``now`` is new; if so, later ones are compared with it."""
+        """Return whether a message that arrives at ``now`` is new (section 7.2).
+
+        If so, later ones are compared with it.
+        """
         last = self._last
         if last is not None and header_id <= last[0] and timestamp <= last[1]:
             repeated = (header_id, timestamp) == last
@@ -173,7 +176,7 @@ LISTS: Final = frozenset({"nodes", "edges"})
 
 
 class Abilities:
-    """What a robot supports according to its factsheet.
+    """What a robot supports according to its factsheet (section 7.10).
 
     An empty list counts as not reported, not as a robot without any ability.
     """
@@ -185,7 +188,10 @@ class Abilities:
 
     @cached_property
     def required_fields(self) -> tuple[str, ...]:
-        """The paths, within an order, of the optional fields that the robot demands."""
+        """Return the paths, within an order, of the optional fields that the robot requires.
+
+        VDA 5050 3.0 section 7.10.
+        """
         features = self.factsheet.protocol_features
         paths = (each.parameter for each in features.optional_parameters if each.support is Support.REQUIRED)
         return tuple(
@@ -195,7 +201,10 @@ class Abilities:
         )
 
     def takes_field(self, path: str) -> bool:
-        """Return whether an optional field, such as ``nodes.nodePosition.theta``, may be sent."""
+        """Return whether an optional field, such as ``nodes.nodePosition.theta``, may be sent.
+
+        VDA 5050 3.0 section 7.1.1.
+        """
         taken = self._taken.get(path)
         if taken is None:
             listed = self.factsheet.protocol_features.optional_parameters
@@ -291,6 +300,8 @@ class Robot:
     def take_connection(self, message: Connection, now: float) -> bool:
         """Update the connection state, and return whether the robot has connected or disconnected.
 
+        VDA 5050 3.0 section 6.5.
+
         A last will has an old header, so its age does not count here.
 
         A repeated or retained message is no new connection: an old state after it stays old. Nor is ONLINE
@@ -347,7 +358,7 @@ class Robot:
             self.unreadable = problem  # the quoted value may change with every message
 
     def take_factsheet(self, message: Factsheet) -> None:
-        """Note what the robot can do, and how often it reports."""
+        """Store a factsheet: what the robot supports, and how often it reports (section 7.10)."""
         self.abilities = Abilities(message)
         interval = message.protocol_limits.timing.default_state_interval or 0.0
         self._silent_after = max(self.settings.silent_after, self.settings.silent_intervals * interval)
@@ -366,7 +377,7 @@ class Robot:
 
     @property
     def silent_from(self) -> float | None:
-        """After which moment it counts as silent if nothing more is heard of it; None: it is not there."""
+        """Return when it counts as silent unless it reports again (section 6.5); None: it is offline."""
         if not self.reachable or self._heard_at is None:
             return None
         last = self._unreadable_at if self.unreadable else self._heard_at
@@ -390,13 +401,13 @@ class Robot:
 
     @property
     def most_instant_actions(self) -> int:
-        """Return how many instant actions one message may hold, according to the factsheet."""
+        """Return how many instant actions one message may hold, according to the factsheet (section 7.10)."""
         limit = self.factsheet.protocol_limits.maximum_array_lengths.instant_actions if self.factsheet else 0
         return limit or INSTANT_ACTIONS_LIMIT
 
     @property
     def clears_instant_actions_from(self) -> int:
-        """Number of ended instant actions from which on it gets clearInstantActions, well below its limit."""
+        """Return the number of ended instant actions at which clearInstantActions is sent (section 6.2.3)."""
         limits = self.factsheet.protocol_limits.maximum_array_lengths if self.factsheet else None
         room = limits.state_instant_action_states if limits else None
         usual = self.settings.clear_instant_actions_from
@@ -404,7 +415,7 @@ class Robot:
 
     @property
     def least_order_interval(self) -> float:
-        """Seconds that must lie between two orders, by the factsheet."""
+        """Return the minimum interval between two orders by the factsheet, seconds (section 7.10)."""
         return self.factsheet.protocol_limits.timing.minimum_order_interval if self.factsheet else 0.0
 
 

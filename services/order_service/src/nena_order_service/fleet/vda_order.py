@@ -26,10 +26,10 @@ G = TypeVar("G", Node, Edge)
 
 
 class VdaOrder(WireObject):
-    """One drive order as a VDA 5050 order graph, all of it released.
+    """One drive order as a VDA 5050 order graph, all of it released (section 6.1.1).
 
-    It is made once and then sent unchanged as often as needed, so that its JSON is the same after a
-    restart: the ids of its actions must not change.
+    It is made once and then sent unchanged as often as needed, so that its JSON is the same after a restart:
+    the ids of its actions must not change.
     """
 
     order_id: Identifier = Field(
@@ -206,7 +206,7 @@ def build_vda_order(
     actions: tuple[Action, ...] = (),
     speed_limit: SpeedLimit = unlimited,
 ) -> VdaOrder:
-    """Build the VDA order called ``name``: along the route, if any, then to the coordinate, if any.
+    """Build the VDA order called ``name`` (section 6.1.1): along the route, then to the coordinate, if any.
 
     It begins where the robot is; if that is no point of the plant, at a temporary node at its own pose.
     Points that are passed have no heading, so that the robot need not stop; the last one has that of the
@@ -328,7 +328,7 @@ def _edges(stops: list[_Stop]) -> Iterator[Edge]:
 
 
 class BaseChangedError(ValueError):
-    """The plan changes the robot's base, which cannot be taken back."""
+    """The plan changes the robot's base, which cannot be taken back (section 6.1.2)."""
 
     def __init__(self, order_id: str, problem: str) -> None:
         super().__init__(f"VDA order {order_id!r} cannot be changed like this: {problem}")
@@ -355,9 +355,10 @@ def grown(held: VdaOrder, plan: VdaOrder) -> VdaOrder:
 def update_of(held: VdaOrder, plan: VdaOrder) -> VdaOrder:
     """Return what must be sent to a robot that has ``held`` so that it has ``plan``, from its base's end on.
 
+    VDA 5050 3.0 section 6.1.2.
+
     Raises:
         BaseChangedError: as :func:`grown`.
-
     """
     whole, begin = grown(held, plan), _base_length(held) - 1
     return VdaOrder(order_id=whole.order_id, nodes=whole.nodes[begin:], edges=whole.edges[begin:])
@@ -371,7 +372,7 @@ def released_to(plan: VdaOrder, sequence_id: int) -> VdaOrder:
 
 
 def held_by(state: State, plan: VdaOrder) -> VdaOrder:
-    """Return the part of the plan that a robot with an older update reports as its base."""
+    """Return the part of the plan that a robot with an older update reports as its base (section 6.1.2)."""
     base = [each.sequence_id for each in state.node_states if each.released]
     return released_to(plan, base[-1] if base else state.last_node_sequence_id)
 
@@ -398,6 +399,8 @@ def _released(part: G, *, released: bool) -> G:
 
 def with_other_horizon(held: VdaOrder, base_end: int, tail: VdaOrder) -> VdaOrder:
     """Return ``held`` up to its node ``base_end``, and from there on ``tail``, which begins at that node.
+
+    VDA 5050 3.0 section 6.1.2.
 
     Every field of the base stays as it was sent; the first node of ``tail`` only marks the place to continue
     from. The actions behind the base are those of ``tail``: their IDs must be new, because IDs are not reused

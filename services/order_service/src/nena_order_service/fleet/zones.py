@@ -57,7 +57,7 @@ class ReleaseManager:
     _asked: dict[Place, list[_Asked]] = field(default_factory=dict)
 
     def on_state(self, robot: RobotKey, state: State) -> None:
-        """Handle a robot's requests."""
+        """Handle a robot's requests (section 6.9)."""
         requests = {(_place(each), each.request_id): each for each in _requests(state)}
         for place, asked in list(self._asked.items()):
             asked[:] = [each for each in asked if each.robot != robot or (place, each.request_id) in requests]
@@ -69,7 +69,10 @@ class ReleaseManager:
     def answers(
         self, now: float, *, all_known: bool, reachable: Callable[[RobotKey], bool]
     ) -> Iterator[PublishResponses]:
-        """Yield what is to be answered now; ``all_known``: every connected robot has reported its state."""
+        """Yield the answers due now (section 6.9).
+
+        ``all_known``: every connected robot has reported its state.
+        """
         by_robot: dict[RobotKey, list[Response]] = {}
         for asked in self._asked.values():
             for each in asked:

@@ -22,13 +22,13 @@ from nena_shared.vda5050.wire_names import Absent
 
 
 class EdgeV20(EdgeV21):
-    """The connection between two nodes; 2.0 has no corridors."""
+    """The connection between two nodes (2.0 section 6.7); 2.0 has no corridors."""
 
     corridor: Absent = None
 
 
 class OrderV20(OrderV21):
-    """A graph of nodes and edges to drive."""
+    """A graph of nodes and edges to drive (2.0 section 6.7)."""
 
     edges: tuple[EdgeV20, ...]
 
@@ -37,19 +37,19 @@ WholePercent = Annotated[Percent, PlainSerializer(round, return_type=int, when_u
 
 
 class ErrorEntryV20(ErrorEntryV21):
-    """An error; 2.0 has no hints."""
+    """An error (2.0 section 6.10.5); 2.0 has no hints."""
 
     error_hint: Absent = None
 
 
 class PowerSupplyV20(PowerSupplyV21):
-    """The battery; its health is a whole number."""
+    """The battery (2.0 section 6.10.6); its health is a whole number."""
 
     battery_health: WholePercent | None = None
 
 
 class StateV20(StateV21):
-    """The state of the robot; 2.0 has no maps."""
+    """The state of the robot (2.0 section 6.10.6); 2.0 has no maps."""
 
     maps: Absent = None
     errors: tuple[ErrorEntryV20, ...]
@@ -57,14 +57,14 @@ class StateV20(StateV21):
 
 
 class PhysicalParametersV20(PhysicalParametersV21):
-    """Speeds, accelerations and sizes."""
+    """Speeds, accelerations and sizes (2.0 section 7)."""
 
     minimum_angular_speed: Absent = None
     maximum_angular_speed: Absent = None
 
 
 class MaximumArrayLengthsV20(MaximumArrayLengthsV21):
-    """Most entries per array; the text has another name for one of the arrays."""
+    """Maximum entries per array (2.0 section 7); the text has another name for one of the arrays."""
 
     state_information: Annotated[
         UInt32 | None,
@@ -83,7 +83,7 @@ class MaximumArrayLengthsV20(MaximumArrayLengthsV21):
 
 
 class ProtocolLimitsV20(ProtocolLimitsV21):
-    """What messages must keep to."""
+    """Limits of messages (2.0 section 7)."""
 
     maximum_array_lengths: Annotated[MaximumArrayLengthsV20, Field(alias="maxArrayLens")]
 
@@ -95,14 +95,14 @@ class MobileRobotActionV20(MobileRobotActionV21):
 
 
 class ProtocolFeaturesV20(ProtocolFeaturesV21):
-    """Optional fields and actions; without fields that 2.0 does not have."""
+    """Optional fields and actions (2.0 section 7); without fields that 2.0 does not have."""
 
     missing: ClassVar[frozenset[str]] = missing_names(OrderV20, NodeV21, EdgeV20, CorridorV21, ActionV21)
     mobile_robot_actions: Annotated[tuple[MobileRobotActionV20, ...], Field(alias="agvActions")]
 
 
 class FactsheetV20(FactsheetV21):
-    """What a robot is and can do."""
+    """Properties and abilities of a robot (2.0 section 7)."""
 
     physical_parameters: PhysicalParametersV20
     protocol_limits: ProtocolLimitsV20

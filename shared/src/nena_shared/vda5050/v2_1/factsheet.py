@@ -48,7 +48,7 @@ KINEMATICS = {"DIFF": "DIFFERENTIAL", "OMNI": "OMNIDIRECTIONAL", "THREEWHEEL": "
 
 
 class TypeSpecificationV21(TypeSpecification):
-    """The robot's class."""
+    """The robot's class (2.1 section 6.15)."""
 
     mobile_robot_kinematics: Annotated[
         str,
@@ -68,7 +68,7 @@ class TypeSpecificationV21(TypeSpecification):
 
 
 class PhysicalParametersV21(PhysicalParameters):
-    """Speeds, accelerations and sizes."""
+    """Speeds, accelerations and sizes (2.1 section 6.15)."""
 
     minimum_speed: Annotated[NotNegative, Field(alias="speedMin")]
     maximum_speed: Annotated[NotNegative, Field(alias="speedMax")]
@@ -81,7 +81,7 @@ class PhysicalParametersV21(PhysicalParameters):
 
 
 class MaximumStringLengthsV21(MaximumStringLengths):
-    """Most characters."""
+    """Maximum numbers of characters (2.1 section 6.15)."""
 
     maximum_message_length: Annotated[UInt32 | None, Field(alias="msgLen")] = None
     maximum_topic_serial_length: Annotated[UInt32 | None, Field(alias="topicSerialLen")] = None
@@ -91,7 +91,7 @@ class MaximumStringLengthsV21(MaximumStringLengths):
 
 
 class MaximumArrayLengthsV21(MaximumArrayLengths):
-    """Most entries per array."""
+    """Maximum entries per array (2.1 section 6.15)."""
 
     zone_set_zones: Absent = None
     state_instant_action_states: Absent = None
@@ -99,14 +99,14 @@ class MaximumArrayLengthsV21(MaximumArrayLengths):
 
 
 class TimingV21(Timing):
-    """Seconds between messages."""
+    """Seconds between messages (2.1 section 6.15)."""
 
     minimum_order_interval: Annotated[NotNegative, Field(alias="minOrderInterval")]
     minimum_state_interval: Annotated[NotNegative, Field(alias="minStateInterval")]
 
 
 class ProtocolLimitsV21(ProtocolLimits):
-    """What messages must keep to."""
+    """Limits of messages (2.1 section 6.15)."""
 
     maximum_string_lengths: Annotated[MaximumStringLengthsV21, Field(alias="maxStringLens")]
     maximum_array_lengths: Annotated[MaximumArrayLengthsV21, Field(alias="maxArrayLens")]
@@ -172,7 +172,7 @@ def _neutral(path: str, info: ValidationInfo) -> str:
 
 
 class OptionalParameterV21(OptionalParameter):
-    """An optional field of the order, by its 2.x path."""
+    """An optional field of the order, by its 2.x path (2.1 section 6.15)."""
 
     parameter: Annotated[
         str,
@@ -182,7 +182,7 @@ class OptionalParameterV21(OptionalParameter):
 
 
 class ProtocolFeaturesV21(ProtocolFeatures):
-    """Optional fields and actions; without fields that 2.1 does not have."""
+    """Optional fields and actions (2.1 section 6.15); without fields that 2.1 does not have."""
 
     missing: ClassVar[frozenset[str]] = missing_names(OrderV21, NodeV21, EdgeV21, CorridorV21, ActionV21)
     optional_parameters: tuple[OptionalParameterV21, ...]
@@ -194,27 +194,27 @@ class ProtocolFeaturesV21(ProtocolFeatures):
 
 
 class Envelope3dV21(Envelope3d):
-    """An outline in space."""
+    """An outline in space (2.1 section 6.15)."""
 
     envelope3d_id: Annotated[str, Field(alias="set")]
 
 
 class Envelope2dV21(Envelope2d):
-    """A footprint."""
+    """A footprint (2.1 section 6.15)."""
 
     envelope2d_id: Annotated[str, Field(alias="set")]
     vertices: Annotated[tuple[Envelope2dPoint, ...], Field(alias="polygonPoints")]
 
 
 class MobileRobotGeometryV21(MobileRobotGeometry):
-    """The robot's outline and wheels."""
+    """The robot's outline and wheels (2.1 section 6.15)."""
 
     envelopes2d: Annotated[tuple[Envelope2dV21, ...] | None, Field(alias="envelopes2d")] = None
     envelopes3d: Annotated[tuple[Envelope3dV21, ...] | None, Field(alias="envelopes3d")] = None
 
 
 class LoadSetV21(LoadSet):
-    """A kind of load that the robot handles."""
+    """A kind of load that the robot handles (2.1 section 6.15)."""
 
     maximum_weight: Annotated[NotNegative | None, Field(alias="maxWeight")] = None
     minimum_loadhandling_height: Annotated[NotNegative | None, Field(alias="minLoadhandlingHeight")] = None
@@ -229,19 +229,19 @@ class LoadSetV21(LoadSet):
 
 
 class LoadSpecificationV21(LoadSpecification):
-    """What the robot can carry."""
+    """What the robot can carry (2.1 section 6.15)."""
 
     load_sets: tuple[LoadSetV21, ...] | None = None
 
 
 class MobileRobotConfigurationV21(MobileRobotConfiguration):
-    """How this very robot is set up."""
+    """Configuration of this robot (2.1 section 6.15)."""
 
     battery_charging: Absent = None
 
 
 class FactsheetV21(Factsheet):
-    """What a robot is and can do."""
+    """Properties and abilities of a robot (2.1 section 6.15)."""
 
     header_id: UInt32 = 0
     timestamp: TimestampOrNow

@@ -110,7 +110,7 @@ DEFAULT_DEGREE = 1
 
 
 class TrajectoryV21(Trajectory):
-    """A NURBS from the start to the end of an edge; what is left out is filled in with 3.0's defaults.
+    """A NURBS from the start to the end of an edge (2.1 section 6.6.6); omitted fields get 3.0's defaults.
 
     Too few control points for the degree make no curve, so they get no knots.
     """
@@ -159,13 +159,13 @@ DeviationRadius = Annotated[
 
 
 class NodePositionV21(NodePosition):
-    """Where a node is; the deviation is a radius."""
+    """Position of a node (2.1 section 6.6.6); the deviation is a radius."""
 
     allowed_deviation_xy: Annotated[DeviationRadius | None, Field(alias="allowedDeviationXY")] = None
 
 
 class NodeV21(Node):
-    """A place that the order passes."""
+    """A node of an order (2.1 section 6.6.6)."""
 
     node_descriptor: Annotated[str | None, Field(alias="nodeDescription")] = None
     node_position: NodePositionV21 | None = None
@@ -193,7 +193,7 @@ def _free_to_use(corridor: object) -> object:
 
 
 class EdgeV21(Edge):
-    """The way between two nodes, which it names."""
+    """The connection between two nodes, with their IDs (2.1 section 6.6.6)."""
 
     edge_descriptor: Annotated[str | None, Field(alias="edgeDescription")] = None
     start_node_id: Identifier
@@ -210,7 +210,7 @@ class EdgeV21(Edge):
 
 
 class OrderV21(Order):
-    """A graph of nodes and edges to drive."""
+    """A graph of nodes and edges to drive (2.1 section 6.6.6)."""
 
     timestamp: TimestampV2
     order_description: Absent = None
@@ -244,7 +244,7 @@ class OrderV21(Order):
 
 
 class InstantActionsV21(InstantActions):
-    """Actions to run at once."""
+    """Actions to execute immediately (2.1 section 6.9)."""
 
     timestamp: TimestampV2
     actions: tuple[ActionV21, ...]

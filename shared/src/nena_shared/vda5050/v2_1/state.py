@@ -85,7 +85,10 @@ PARAMETER: Final = "parameter"
 
 
 class ErrorReferenceV21(ErrorReference):
-    """What an error is about; parameters of the order have their 2.x names, as key or as value."""
+    """The subject of an error (2.1 section 7.1).
+
+    Parameters of the order have their 2.x names, as key or as value.
+    """
 
     @staticmethod
     def finish_record(record: Any) -> Mapping[str, object]:  # noqa: ANN401 - it has the fields of the form
@@ -107,7 +110,7 @@ class ErrorReferenceV21(ErrorReference):
 
 
 class ErrorEntryV21(ErrorEntry):
-    """An error; 2.1 has the levels WARNING and FATAL, and its own names."""
+    """An error (2.1 section 6.10.5); 2.1 has the levels WARNING and FATAL, and its own names."""
 
     error_level: Annotated[ErrorLevel, writes({"URGENT": "WARNING", "CRITICAL": "FATAL"}, ErrorLevel)]
     error_references: tuple[ErrorReferenceV21, ...] = ()
@@ -152,27 +155,27 @@ class PositionOfNodeStateV21(NodePosition):
 
 
 class NodeStateV21(NodeState):
-    """A node that is still to be traversed."""
+    """A node that is still to be traversed (2.1 section 6.10.6)."""
 
     node_descriptor: Annotated[str | None, Field(alias="nodeDescription")] = None
     node_position: PositionOfNodeStateV21 | None = None
 
 
 class EdgeStateV21(EdgeState):
-    """An edge that is still to be driven to its end."""
+    """An edge that is still to be driven to its end (2.1 section 6.10.6)."""
 
     edge_descriptor: Annotated[str | None, Field(alias="edgeDescription")] = None
     trajectory: TrajectoryV21 | None = None
 
 
 class MobileRobotPositionV21(MobileRobotPosition):
-    """Where the robot is."""
+    """Position of the robot (2.1 section 6.10.6)."""
 
     localized: Annotated[bool, Field(alias="positionInitialized")]
 
 
 class PowerSupplyV21(PowerSupply):
-    """The battery."""
+    """The battery (2.1 section 6.10.6)."""
 
     state_of_charge: Annotated[Percent, Field(alias="batteryCharge")]
     battery_current: Absent = None
@@ -180,7 +183,7 @@ class PowerSupplyV21(PowerSupply):
 
 
 class SafetyStateV21(SafetyState):
-    """Emergency stop and protective field.
+    """Emergency stop and protective field (2.1 section 6.10.6).
 
     A stop with automatic acknowledgement is a field violation in 3.0.
     """
@@ -196,7 +199,7 @@ class SafetyStateV21(SafetyState):
 
 
 class InformationV21(Information):
-    """A remark for people."""
+    """Information for people (2.1 section 6.10.6)."""
 
     info_descriptor: Annotated[str | None, Field(alias="infoDescription")] = None
 
@@ -262,7 +265,7 @@ ConnectionStateV21 = Annotated[
 
 
 class ConnectionV21(Connection):
-    """CONNECTION_BROKEN without the underscore; a hibernating robot is still connected."""
+    """CONNECTION_BROKEN without the underscore (2.1 section 6.14); a hibernating robot is still connected."""
 
     timestamp: TimestampV2
     connection_state: ConnectionStateV21

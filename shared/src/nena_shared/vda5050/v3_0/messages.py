@@ -62,7 +62,7 @@ ActionTypeV30 = Annotated[Identifier, reads({"initPosition": "initializePosition
 
 
 class ActionV30(Action):
-    """An action."""
+    """An action (section 7.3)."""
 
     action_type: ActionTypeV30
 
@@ -75,38 +75,38 @@ def _half_turn(theta: float) -> float:
 
 
 class AllowedDeviationXYV30(AllowedDeviationXY):
-    """An ellipse around a node; its turn is sent within the bounds of the schema."""
+    """An ellipse around a node (section 7.3); its theta is limited to the schema's range."""
 
     theta: Annotated[Angle, PlainSerializer(_half_turn, return_type=float, when_used="json")] = 0.0
 
 
 class NodePositionV30(NodePosition):
-    """Where a node is."""
+    """Position of a node (section 7.3)."""
 
     allowed_deviation_xy: Annotated[AllowedDeviationXYV30 | None, Field(alias="allowedDeviationXY")] = None
 
 
 class NodeV30(Node):
-    """A place that the order passes."""
+    """A node of an order (section 7.3)."""
 
     node_position: NodePositionV30 | None = None
     actions: tuple[ActionV30, ...]
 
 
 class ControlPointV30(ControlPoint):
-    """A point that shapes a trajectory; one without weight would not."""
+    """A point that shapes a trajectory (section 7.3); a weight of 0 has no effect."""
 
     weight: Annotated[float, Field(gt=0)] | None = None
 
 
 class TrajectoryV30(Trajectory):
-    """A NURBS from the start to the end of an edge."""
+    """A NURBS from the start to the end of an edge (section 7.3)."""
 
     control_points: tuple[ControlPointV30, ...]
 
 
 class CorridorV30(Corridor):
-    """How far a robot may leave a trajectory."""
+    """How far a robot may leave a trajectory (section 7.3)."""
 
     corridor_reference_point: (
         Annotated[CorridorReferencePoint, reads({"KINEMATICCENTER": "KINEMATIC_CENTER"})] | None
@@ -114,7 +114,10 @@ class CorridorV30(Corridor):
 
 
 class EdgeV30(Edge):
-    """The way between two nodes; the schema has another name for the speed of rotation."""
+    """The connection between two nodes (section 7.3).
+
+    The schema has another name for the speed of rotation.
+    """
 
     maximum_rotation_speed: Annotated[
         NotNegative | None, Field(validation_alias=AliasChoices("maximumRotationSpeed", "maxRotationSpeed"))
@@ -125,7 +128,7 @@ class EdgeV30(Edge):
 
 
 class OrderV30(Order):
-    """A graph of nodes and edges to drive."""
+    """A graph of nodes and edges to drive (section 7.3)."""
 
     zone_set_id: Absent = None
     nodes: tuple[NodeV30, ...]
@@ -143,7 +146,7 @@ class InstantActionV30(ActionV30):
 
 
 class InstantActionsV30(InstantActions):
-    """Actions to run at once."""
+    """Actions to execute immediately (section 7.4)."""
 
     actions: tuple[InstantActionV30, ...]
 
@@ -153,26 +156,26 @@ RequestStatusV30 = Annotated[RequestStatus, writes({"QUEUED": "REQUESTED"}, Requ
 
 
 class PositionOfNodeStateV30(NodePosition):
-    """Position of a node; the allowed deviation is only in the order."""
+    """Position of a node (section 7.8); the allowed deviation is only in the order."""
 
     allowed_deviation_xy: Absent = None
     allowed_deviation_theta: Absent = None
 
 
 class NodeStateV30(NodeState):
-    """A node that is still to be traversed."""
+    """A node that is still to be traversed (section 7.8)."""
 
     node_position: PositionOfNodeStateV30 | None = None
 
 
 class EdgeStateV30(EdgeState):
-    """An edge that is still to be driven to its end."""
+    """An edge that is still to be driven to its end (section 7.8)."""
 
     trajectory: TrajectoryV30 | None = None
 
 
 class PlannedPathV30(PlannedPath):
-    """The way that the robot means to drive at least to the end of its base."""
+    """The path that the robot plans, at least to the end of its base (section 7.8)."""
 
     trajectory: TrajectoryV30
 
@@ -184,14 +187,14 @@ class ActionStateV30(ActionState):
 
 
 class ZoneRequestV30(ZoneRequest):
-    """A request about a zone."""
+    """A request about a zone (section 6.9)."""
 
     request_status: RequestStatusV30
     trajectory: TrajectoryV30 | None = None
 
 
 class EdgeRequestV30(EdgeRequest):
-    """A request about an edge of the order."""
+    """A request about an edge of the order (section 6.9)."""
 
     request_status: RequestStatusV30
 
@@ -203,7 +206,7 @@ class ErrorEntryV30(ErrorEntry):
 
 
 class StateV30(State):
-    """Everything about the robot."""
+    """The whole state of the robot (section 7.8)."""
 
     zone_set_id: Absent = None
     node_states: tuple[NodeStateV30, ...]
@@ -219,7 +222,7 @@ class StateV30(State):
 
 
 class VisualizationV30(Visualization):
-    """Position and way at a higher rate than the state."""
+    """Position and planned path at a higher rate than the state (section 7.9)."""
 
     planned_path: PlannedPathV30 | None = None
 
@@ -237,7 +240,7 @@ KINEMATICS = {"DIFF": "DIFFERENTIAL", "OMNI": "OMNIDIRECTIONAL", "THREEWHEEL": "
 
 
 class TypeSpecificationV30(TypeSpecification):
-    """The robot's class and how it finds its way; the schema of 3.0.0 demands a misspelt name."""
+    """The robot's class and navigation types (section 7.10); the schema of 3.0.0 demands a misspelt name."""
 
     mobile_robot_kinematics: Annotated[
         str,
@@ -254,7 +257,7 @@ class ActionParameterDescriptionV30(ActionParameterDescription):
 
 
 class MobileRobotActionV30(MobileRobotAction):
-    """An action that the robot can do."""
+    """An action of the robot (section 7.10)."""
 
     action_type: ActionTypeV30
     action_parameters: tuple[ActionParameterDescriptionV30, ...] | None = None
@@ -266,20 +269,20 @@ def _right_name(path: str) -> str:
 
 
 class OptionalParameterV30(OptionalParameter):
-    """An optional field of the order."""
+    """An optional field of the order (section 7.10)."""
 
     parameter: Annotated[str, AfterValidator(_right_name)]
 
 
 class ProtocolFeaturesV30(ProtocolFeatures):
-    """Optional fields and actions."""
+    """Optional fields and actions (section 7.10)."""
 
     optional_parameters: tuple[OptionalParameterV30, ...]
     mobile_robot_actions: tuple[MobileRobotActionV30, ...]
 
 
 class MobileRobotConfigurationV30(MobileRobotConfiguration):
-    """How this very robot is set up; the schema of 3.0.0 has a blank behind one name."""
+    """Configuration of this robot (section 7.10); the schema of 3.0.0 has a blank behind one name."""
 
     battery_charging: Annotated[
         BatteryCharging | None, Field(validation_alias=AliasChoices("batteryCharging", "batteryCharging "))
@@ -287,7 +290,7 @@ class MobileRobotConfigurationV30(MobileRobotConfiguration):
 
 
 class FactsheetV30(Factsheet):
-    """What a robot is and can do."""
+    """Properties and abilities of a robot (section 7.10)."""
 
     type_specification: TypeSpecificationV30
     protocol_features: ProtocolFeaturesV30
@@ -304,7 +307,7 @@ def _of_zone_type(zone_type: ZoneType) -> BeforeValidator:
 
 
 class ZoneActionV30(ZoneAction):
-    """An action that a zone triggers."""
+    """An action that a zone triggers (section 7.6)."""
 
     action_type: ActionTypeV30
 
@@ -341,13 +344,13 @@ class ZoneV30(Zone):
 
 
 class ZoneSetV30(ZoneSet):
-    """Zones of one map."""
+    """Zones of one map (section 7.6)."""
 
     zones: tuple[ZoneV30, ...]
 
 
 class ZoneSetTransferV30(ZoneSetTransfer):
-    """Brings a zone set to a robot."""
+    """Transfer of a zone set to a robot (section 7.6)."""
 
     zone_set: ZoneSetV30
 
@@ -359,6 +362,6 @@ class ResponseV30(Response):
 
 
 class ResponsesV30(Responses):
-    """Answers to the requests in a robot's state."""
+    """Answers to the requests in a robot's state (section 7.5)."""
 
     responses: tuple[ResponseV30, ...]
