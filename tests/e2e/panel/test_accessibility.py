@@ -173,7 +173,7 @@ async def test_the_language_is_switched_and_kept(hall: Hall, browser: Browser) -
             facts = page.locator("nena-robot-page .facts")
             await expect(facts).to_contain_text("x 3.00 m")
             await page.get_by_label("Language").select_option("de")
-            await expect(page.get_by_role("heading", name="Warum steht er?")).to_be_visible()
+            await expect(page.get_by_role("heading", name="Warum fährt er nicht?")).to_be_visible()
             await expect(facts).to_contain_text("x 3,00 m")
             await page.reload()
             await expect(page.get_by_label("Sprache")).to_have_value("de")

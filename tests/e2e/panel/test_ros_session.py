@@ -21,8 +21,8 @@ pytestmark = [pytest.mark.e2e, pytest.mark.broker, pytest.mark.ros]
 ROBOT = "#/robots/NeNa%2Frobot-01"
 WORDS = {
     "en-GB": ("Connect ROS", "Disconnect ROS", "ROS settings …"),
-    "nl-NL": ("ROS verbinden", "ROS loskoppelen", "ROS-instellingen …"),
-    "de-DE": ("ROS verbinden", "ROS trennen", "ROS-Einstellungen …"),
+    "nl-NL": ("Met ROS verbinden", "Van ROS loskoppelen", "ROS-instellingen …"),
+    "de-DE": ("Mit ROS verbinden", "Von ROS trennen", "ROS-Einstellungen …"),
 }
 AGENT = """
 driver = "nav2"
