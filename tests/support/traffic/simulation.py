@@ -12,7 +12,7 @@ from random import Random
 from nena_order_service.routing.graph import Route
 from nena_order_service.routing.router import Router
 from nena_order_service.traffic.manager import TrafficManager
-from nena_order_service.traffic.traffic_control import Displacement, Evasion, RouteRequest, nobody
+from nena_order_service.traffic.traffic_control import Displacement, Evasion, RouteRequest, no_vehicle
 from nena_shared.plant import PlantModel
 
 SPEED = 1000.0
@@ -166,7 +166,7 @@ class Simulation:
             decided = list(self.traffic.decide(self._movable))
             self.evasions += sum(isinstance(each, Evasion) for each in decided)
             ending = {each.vehicle for each in decided if isinstance(each, Displacement)}
-            for name in ending.union(self.traffic.stuck(self._movable, nobody)):
+            for name in ending.union(self.traffic.stuck(self._movable, no_vehicle)):
                 self._end_way_here(name)
             if not ending:
                 return

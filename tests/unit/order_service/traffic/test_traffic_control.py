@@ -9,14 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from nena_order_service.traffic.evasion import CANDIDATES_TRIED
 from nena_order_service.traffic.resources import ResourceSet, conflict
 from nena_order_service.traffic.scheduler import UnknownOccupantError
-from nena_order_service.traffic.traffic_control import (
-    CANDIDATES_TRIED,
-    Evader,
-    RouteRequest,
-    overlap,
-)
+from nena_order_service.traffic.traffic_control import Evader, RouteRequest, overlap
 from nena_shared.plant import PlantModel
 from nena_shared.plant.model import Block, BlockType
 from nena_shared.plant.track import Point, PointType

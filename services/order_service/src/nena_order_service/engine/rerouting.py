@@ -162,7 +162,7 @@ class Rerouting:
         """
         leg = self._leg(under_way)
         refusal = self._claim_leg(under_way, leg)
-        if refusal and refusal.hindrance is WaitReason.RESTING:
+        if refusal and refusal.reason is WaitReason.RESTING:
             try:
                 leg = self._leg(under_way, self._occupied(refusal) - {under_way.base_end})
             except NoRouteError:

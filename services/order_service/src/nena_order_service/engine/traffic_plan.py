@@ -98,7 +98,7 @@ class TrafficPlans:
         return TrafficWait(
             vehicles=refusal.vehicles,
             at=refusal.resource,
-            cause=CAUSES[refusal.hindrance],
+            cause=CAUSES[refusal.reason],
             turn_back=turn_back_mm / MM_PER_M if turn_back_mm else None,
             reason=reason or f"it {refusal.in_words(turn_back_mm)}",
         )

@@ -3,7 +3,7 @@
 from collections import OrderedDict
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import chain, pairwise
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from nena_order_service.routing.graph import (
     CostEvaluator,
@@ -167,6 +167,29 @@ class Router:
             known = {**plant.points_by_name, **plant.paths_by_name, **plant.locations_by_name}
             raise UnknownObjectError(ObjectKind.RESOURCE, min(set(names) - set(known)), known)
         return [*points, *(link.point for location in locations for link in location.links)], paths
+
+
+class Routes(Protocol):
+    """Finds routes of vehicles, by their names, between points of the plant."""
+
+    def route(
+        self,
+        vehicle: str,
+        start: str,
+        goal: str,
+        *,
+        avoid: Collection[str] = frozenset(),
+        burden: Mapping[str, float] | None = None,
+    ) -> Route:
+        """Return the cheapest route; raises NoRouteError.
+
+        ``burden`` names edges and points that cost more now, each with the share of its cost that is added.
+        """
+        ...
+
+    def costs(self, vehicle: str, start: str) -> Mapping[str, float]:
+        """Return the cost of each point that can be reached from ``start``."""
+        ...
 
 
 class _Way(NamedTuple):

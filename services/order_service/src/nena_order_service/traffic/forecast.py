@@ -109,11 +109,7 @@ class Forecast:
         if any(self._holds.others(name, following.uses)):
             return True
         refusal = course.drive.refusal
-        if (
-            not refusal
-            or refusal.hindrance is not WaitReason.ORDER
-            or course.reached > course.drive.allocated
-        ):
+        if not refusal or refusal.reason is not WaitReason.ORDER or course.reached > course.drive.allocated:
             return False
         return any(self._is_to_pass(other, refusal.resource) for other in refusal.vehicles)
 

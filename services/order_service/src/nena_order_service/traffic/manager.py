@@ -6,19 +6,18 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import TypeVar
 
 from nena_order_service.routing.graph import Step
+from nena_order_service.routing.router import Routes
+from nena_order_service.traffic.evasion import Evasion, no_vehicle
 from nena_order_service.traffic.resources import Found, OccupancyFinder, Resources, ResourceSet
 from nena_order_service.traffic.scheduler import Refusal, Scheduler, WaitReason
 from nena_order_service.traffic.traffic_control import (
     Displacement,
-    Evasion,
     Journey,
     MoreClaimed,
     RouteGrant,
     RouteRejection,
     RouteRequest,
-    Routes,
     TrafficControl,
-    nobody,
 )
 from nena_shared.plant import PlantModel
 from nena_shared.plant.track import BoundingBox
@@ -178,7 +177,7 @@ class TrafficManager:
         return self._control.displaces(RouteRequest(vehicle, goal))
 
     def decide(
-        self, movable: Callable[[str], bool], lost: Callable[[str], bool] = nobody
+        self, movable: Callable[[str], bool], lost: Callable[[str], bool] = no_vehicle
     ) -> Iterator[RouteGrant | Evasion | RouteRejection | Displacement | MoreClaimed]:
         """Grant routes to vehicles; see :meth:`TrafficControl.decide`.
 
@@ -210,7 +209,7 @@ class TrafficManager:
 
     def _waits_for(self, vehicle: str, lost: Callable[[str], bool]) -> bool:
         why = self._control.why_waiting(vehicle)
-        return why is not None and why.hindrance is WaitReason.RESTING and any(map(lost, why.vehicles))
+        return why is not None and why.reason is WaitReason.RESTING and any(map(lost, why.vehicles))
 
     def _departed(self, granted: D) -> D:
         self._left_at.pop(granted.vehicle, None)
@@ -256,7 +255,7 @@ class TrafficManager:
         """Return whether a vehicle at rest keeps this one from continuing its route."""
         journey = self._journeys.get(vehicle)
         refusal = journey.refusal if journey else None
-        return refusal is not None and refusal.hindrance is WaitReason.RESTING
+        return refusal is not None and refusal.reason is WaitReason.RESTING
 
     def ahead(self, vehicle: str) -> int:
         """Return how many sets a vehicle holds in front of it; raises UnknownOccupantError."""
@@ -331,7 +330,7 @@ class TrafficManager:
         if refusal is None:
             self._told.pop(vehicle, None)
             return ""
-        cause = refusal.hindrance, refusal.vehicles, refusal.resource
+        cause = refusal.reason, refusal.vehicles, refusal.resource
         told = self._told.get(vehicle)
         if told is None or told[0] != cause:
             told = self._told[vehicle] = cause, self.turn_back_mm(refusal)

@@ -26,7 +26,7 @@ class WaitReason(Enum):
 class Refusal:
     """Why a vehicle must wait, and for whom."""
 
-    hindrance: WaitReason
+    reason: WaitReason
     vehicles: tuple[str, ...]
     resource: str
     between: tuple[str, ...] = ()
@@ -43,7 +43,7 @@ class Refusal:
         ``turn_back_mm`` is how far the other one would have to turn back if this one went first.
         """
         names, one = ", ".join(self.vehicles), len(self.vehicles) == 1
-        match self.hindrance:
+        match self.reason:
             case WaitReason.HELD:
                 return f"waits for {names}, which {'passes' if one else 'pass'} {self.resource!r} first"
             case WaitReason.RESTING:

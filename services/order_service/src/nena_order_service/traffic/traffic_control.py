@@ -1,172 +1,60 @@
-"""Who may begin a route or continue, and who must make room (decision 0038)."""
+"""Traffic control: which vehicle may begin its route or go on, and which ones must make room (decision 0038).
+
+This is prioritised planning, as in multi-agent path finding (MAPF), over resources that are claimed before
+they are allocated, as in openTCS. :mod:`.scheduler` keeps it safe: it gives a resource to one vehicle at a
+time, and refuses each claim that could end in a deadlock. The rules here decide who claims what, and when;
+they guarantee that each request is granted in the end:
+
+1. **Turns.** The oldest request is served first. A vehicle keeps its turn until it reaches its goal.
+2. **Sections.** A vehicle claims only the next section of its route, up to a point where it can wait without
+   blocking others. Claims are short, so vehicles follow each other closely.
+3. **Right of way.** The oldest vehicle that has to wait reserves its next section: no other may claim a way
+   that ends there. So the section becomes free, however many younger requests there are.
+4. **Making room.** Vehicles that rest on the route of another are sent to a free place (:mod:`.evasion`).
+   Only the right of way moves a vehicle that itself wants to go somewhere, unless it waits for itself.
+5. **Letting out.** A vehicle that made room for one which it had enclosed does not return before that one
+   has left. Without this rule the two would move to and fro for ever.
+6. **Detours.** A route avoids points and paths with much traffic, and leads around vehicles at rest if that
+   is not much longer.
+
+A *way* is a route as resource sets, in driving order: what the vehicle needs to reach each of its points.
+"""
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
-from typing import Protocol
 
 from nena_order_service.routing.graph import NoRouteError, Route
-from nena_order_service.traffic.resources import Resources, ResourceSet, conflict
+from nena_order_service.routing.router import Routes
+from nena_order_service.traffic.evasion import Evader, Evasion, VehicleTest, no_vehicle, overlap
+from nena_order_service.traffic.resources import Resources, ResourceSet
 from nena_order_service.traffic.scheduler import Refusal, Scheduler, WaitReason
 from nena_shared.plant import PlantModel
-from nena_shared.plant.track import PointType
 
-
-class Routes(Protocol):
-    """Finds routes for vehicles, by their names, between points of the plant."""
-
-    def route(
-        self,
-        vehicle: str,
-        start: str,
-        goal: str,
-        *,
-        avoid: Collection[str] = frozenset(),
-        burden: Mapping[str, float] | None = None,
-    ) -> Route:
-        """Return the cheapest way; raises NoRouteError.
-
-        ``burden`` names edges and points that are dearer now, each with the share of its cost that is added.
-        """
-        ...
-
-    def costs(self, vehicle: str, start: str) -> Mapping[str, float]:
-        """Return what it costs to reach each point that can be reached from ``start``."""
-        ...
-
-
-CANDIDATES_TRIED = 8
-"""Places looked at for one vehicle; what is farther away is hardly better."""
-
-
-@dataclass(frozen=True, slots=True)
-class Evasion:
-    """A vehicle's way out of the way; it is claimed already."""
-
-    vehicle: str
-    route: Route
-    way: tuple[ResourceSet, ...]
-    lets_out: str | None = None
-    """A vehicle that was enclosed by this one, and is to make room next."""
-
-
-class Evader:
-    """Finds places where vehicles that rest can wait without being in the way."""
-
-    def __init__(self, plant: PlantModel, resources: Resources, scheduler: Scheduler, ways: Routes) -> None:
-        self._plant = plant
-        self._resources = resources
-        self._scheduler = scheduler
-        self._ways = ways
-
-    def evade(
-        self,
-        blockers: Iterable[str],
-        kept_free: Iterable[ResourceSet],
-        movable: Callable[[str], bool],
-        enclosing: set[str] | None = None,
-    ) -> Iterator[Evasion]:
-        """Send those of the ``blockers`` that can go to places outside of ``kept_free``.
-
-        A blocker that is itself enclosed by vehicles at rest makes these go first, and goes on a later call.
-        Those that cannot be sent are added to ``enclosing``.
-        """
-        asked: set[str] = set()
-        yield from self._evade(blockers, list(kept_free), movable, asked)
-        if enclosing is not None:
-            enclosing.update(asked)
-
-    def _evade(
-        self,
-        blockers: Iterable[str],
-        kept_free: list[ResourceSet],
-        movable: Callable[[str], bool],
-        asked: set[str],
-        lets_out: str | None = None,
-    ) -> Iterator[Evasion]:
-        for vehicle in blockers:
-            if vehicle in asked:
-                continue
-            if not movable(vehicle):
-                if lets_out:
-                    asked.add(vehicle)
-                continue
-            asked.add(vehicle)
-            enclosed: tuple[tuple[str, ...], list[ResourceSet]] | None = None
-            for route, sets in self._ways_out(vehicle, kept_free):
-                refusal = self._scheduler.claim(vehicle, sets)
-                if refusal is None:
-                    yield Evasion(vehicle, route, tuple(sets), lets_out)
-                    break
-                if refusal.hindrance is WaitReason.RESTING and enclosed is None:
-                    enclosed = refusal.vehicles, sets
-            else:
-                if enclosed:
-                    ring = [*kept_free, *enclosed[1]]
-                    yield from self._evade(enclosed[0], ring, movable, asked, lets_out=vehicle)
-
-    def _ways_out(
-        self, vehicle: str, kept_free: list[ResourceSet]
-    ) -> Iterator[tuple[Route, list[ResourceSet]]]:
-        """Yield ways to free places, the best first: where vehicles park, then near ones."""
-        occupant = self._scheduler.occupant(vehicle)
-        costs = self._ways.costs(vehicle, occupant.point)
-        kept = {resource for each in kept_free for resource in each.uses} | {occupant.point}
-        free = (name for name in costs if name not in kept and not self._scheduler.users(name))
-        tried = 0
-        for place in sorted(free, key=lambda name: (not self._parks(name), costs[name])):
-            route = self._ways.route(vehicle, occupant.point, place)
-            sets = self._resources.way(route.steps, start=occupant.held[-1], entry=occupant.entry)
-            if around := self._around(vehicle, sets, place):
-                route = around
-                sets = self._resources.way(route.steps, start=occupant.held[-1], entry=occupant.entry)
-            if not overlap(self._scheduler.end_of(vehicle, sets), kept_free):
-                yield route, sets
-                tried += 1
-                if tried == CANDIDATES_TRIED:
-                    return
-
-    def _around(self, vehicle: str, way: Sequence[ResourceSet], place: str) -> Route | None:
-        """Return a route around vehicles resting on the cheapest one; None: no such vehicle, or no route."""
-        resting = self._scheduler.resting_on(vehicle, way)
-        if not resting:
-            return None
-        avoid = {each.point for name in resting for each in self._scheduler.occupant(name).held}
-        try:
-            start = self._scheduler.occupant(vehicle).point
-            return self._ways.route(vehicle, start, place, avoid=avoid - {start, place})
-        except NoRouteError:
-            return None
-
-    def _parks(self, point: str) -> bool:
-        return self._plant.point(point).type is PointType.PARK_POSITION
-
-
-def overlap(some: Iterable[ResourceSet], others: Iterable[ResourceSet]) -> str | None:
-    """Return a resource that two vehicles with these sets would both need; None: there is none."""
-    uses: dict[str, set[str | None]] = {}
-    for each in others:
-        for resource, direction in each.uses.items():
-            uses.setdefault(resource, set()).add(direction)
-    for each in some:
-        for resource, direction in each.uses.items():
-            if any(conflict(direction, other) for other in uses.get(resource, ())):
-                return resource
-    return None
-
+SECTION = 4
+"""How many resource sets a vehicle claims ahead of what it holds; more where it cannot wait there."""
 
 LONGEST_DETOUR = 1.5
-"""How many times the cheapest way a detour around vehicles at rest may cost."""
+"""How many times the cost of the cheapest route a detour around vehicles at rest may cost."""
+
+CONGESTION = 0.1
+"""The share of its cost that a step costs more for each other vehicle whose route leads to the same point."""
+
+ONCOMING = 0.3
+"""The share that a step costs more for each other vehicle that will drive its path in the other direction."""
+
+VEHICLES_PER_SEARCH = 10
+"""Traffic is counted again after one route search for each this many vehicles under way."""
 
 
 @dataclass(frozen=True, slots=True)
 class RouteRequest:
-    """A vehicle at rest requests to drive to ``goal`` and to use ``location`` there, if one is named.
+    """A vehicle at rest wants to drive to ``goal``, and to use ``location`` there if one is named.
 
-    With ``straight_mm`` it drives that far straight, off the paths, to a place that is nearest to ``goal``.
+    With ``straight_mm`` it drives this far straight, off the paths, to the place nearest to ``goal``.
     ``avoid`` names points, paths and locations that its route must not use.
     """
 
@@ -179,7 +67,7 @@ class RouteRequest:
 
 @dataclass(frozen=True, slots=True)
 class RouteGrant:
-    """A vehicle may begin its way; it is claimed. A straight way has no route."""
+    """A vehicle may begin its route; its first section is claimed. A straight drive has no route."""
 
     route_request: RouteRequest
     route: Route | None
@@ -193,41 +81,32 @@ class RouteGrant:
 
 @dataclass(frozen=True, slots=True)
 class RouteRejection:
-    """A vehicle's route request is dropped: no route leads to its goal any more."""
+    """A vehicle's request is dropped: no route leads to its goal any more."""
 
     vehicle: str
     error: NoRouteError
 
 
 @dataclass(frozen=True, slots=True)
-class _Senior:
-    """The vehicle that has waited longest, and the way that it waits for."""
+class MoreClaimed:
+    """A vehicle under way claims more of its route than before."""
 
     vehicle: str
-    way: list[ResourceSet]
 
 
-CONGESTION = 0.1
-"""By which share of its cost a step is dearer for each other vehicle whose way leads to the same point."""
+@dataclass(frozen=True, slots=True)
+class Displacement:
+    """A vehicle under way waits where another one has to pass: its route ends there, so it can make room."""
 
-ONCOMING = 0.3
-"""By which share a step is dearer for each other vehicle that is to drive the same path the other way."""
-
-BURDEN_KEPT = 10
-"""Traffic is counted again after a route for each so many vehicles under way."""
-
-SECTION = 4
-"""How many sets a vehicle claims ahead of what it holds; more where it cannot wait there."""
+    vehicle: str
 
 
-def nobody(_vehicle: str) -> bool:
-    """Return False for every vehicle."""
-    return False
+Decision = RouteGrant | RouteRejection | MoreClaimed | Evasion | Displacement
 
 
 @dataclass(slots=True)
 class Journey:
-    """A route under way: its sets, how many of them are allocated, and how many the vehicle has reached."""
+    """A way under way: its sets, how many of them are allocated, and how many the vehicle has reached."""
 
     way: tuple[ResourceSet, ...]
     allocated: int = 0
@@ -242,20 +121,26 @@ class Journey:
 
 
 @dataclass(frozen=True, slots=True)
-class Displacement:
-    """A vehicle under way blocks an older one.
-
-    Its route ends where it is, so that it can make room.
-    """
+class _RightOfWay:
+    """The oldest vehicle that has to wait, and the section that it reserves."""
 
     vehicle: str
+    section: list[ResourceSet]
 
 
 @dataclass(frozen=True, slots=True)
-class _RefusedSection:
-    """Why a vehicle under way was refused to claim more; so it is until one of these vehicles changes."""
+class _Refused:
+    """Why a vehicle could not claim, and what it wanted to claim."""
 
-    refused: tuple[Refusal, list[ResourceSet]]
+    refusal: Refusal
+    way: list[ResourceSet]
+
+
+@dataclass(frozen=True, slots=True)
+class _KnownRefusal:
+    """What a vehicle under way was refused; valid until one of the vehicles that caused it changes."""
+
+    refused: _Refused
     versions: dict[str, int]
 
 
@@ -268,198 +153,249 @@ class _LetOut:
     requester: str
 
 
-@dataclass(frozen=True, slots=True)
-class MoreClaimed:
-    """A vehicle under way claims more of its way than before."""
-
-    vehicle: str
-
-
-def _oncoming(plant: PlantModel) -> dict[tuple[str, str], list[str]]:
-    """Return the edges that lead back, for each path and the point to which it is driven."""
-    edges: defaultdict[tuple[str, str], list[str]] = defaultdict(list)
-    for each in plant.edges():
-        edges[each.source, each.destination].append(each.id)
-    return {
-        (each.path.name, each.destination): edges[each.destination, each.source]
-        for each in plant.edges()
-        if (each.destination, each.source) in edges
-    }
-
-
 class TrafficControl:
-    """Grants routes, oldest request first, and each of them section by section.
+    """Answers route requests and extends claims; the rules are those of the module."""
 
-    A vehicle claims its route as far as :data:`SECTION` sets ahead, to a point where it can wait without
-    keeping others from passing it on a two-way track; beyond that its route is only planned. So claims are
-    short, vehicles follow each other closely, and a vehicle that stops only stops those behind it.
-
-    The oldest waiting request has the right of way: no vehicle comes to rest on its section any more, and any
-    vehicle resting there makes room, even with a request of its own. So every request is granted eventually.
-    """
-
-    def __init__(self, plant: PlantModel, ways: Routes, resources: Resources | None = None) -> None:
+    def __init__(self, plant: PlantModel, routes: Routes, resources: Resources | None = None) -> None:
         self.resources = resources or Resources(plant)
         self.scheduler = Scheduler()
         self.journeys: dict[str, Journey] = {}
         """The vehicles under way."""
-        self._ways = ways
-        self._drivable = {*plant.points_by_name, *plant.paths_by_name}
-        self._evader = Evader(plant, self.resources, self.scheduler, ways)
+        self._routes = _RouteSearch(plant, routes, self.scheduler, self.journeys)
+        self._evader = Evader(plant, self.resources, self.scheduler, routes)
+        self._turns = _Turns()
         self._requests: dict[str, RouteRequest] = {}
         self._refusals: dict[str, Refusal] = {}
-        self._oncoming = _oncoming(plant)
-        self._routes: dict[str, tuple[tuple[str, RouteRequest], Route]] = {}
-        """The routes that vehicles wait for, and for which requests they were found."""
-        self._burden: dict[str, float] = {}
-        self._burden_age = 0
-        """How many routes were searched with this burden."""
-        self._refused_sections: dict[str, _RefusedSection] = {}
-        self._asked: set[str] = set()
+        self._known_refusals: dict[str, _KnownRefusal] = {}
+        self._in_the_way: set[str] = set()
+        """The vehicles on which the last attempt to claim a section depended."""
         self._lets_out: dict[str, _LetOut] = {}
         """Vehicles that made room for one which they enclosed."""
-        self._turns: dict[str, tuple[int, str]] = {}
-        """When the request of each vehicle came and for which goal, also while its way is granted."""
-        self._last_turn = 0
 
     def request_route(self, route_request: RouteRequest, *, first: bool = False) -> None:
-        """Queue a vehicle's request; it replaces the vehicle's earlier request, and keeps its place.
+        """Accept a vehicle's request; it replaces an earlier one of the same vehicle, but not its turn.
 
-        A vehicle that had its turn, but could not reach its goal, keeps that turn; one that is ``first`` and
-        had none goes to the front.
+        A vehicle that had its turn and could not reach its goal keeps that turn. One that is ``first`` and
+        had none comes before all others.
         """
-        vehicle = route_request.vehicle
-        turn, goal = self._turns.get(vehicle, (None, ""))
-        if goal != route_request.goal:
+        vehicle, goal = route_request.vehicle, route_request.goal
+        if self._turns.goal(vehicle) != goal:
             self._lets_out.pop(vehicle, None)
-        if first and turn is None:
-            turn = min((each for each, _ in self._turns.values()), default=0) - 1
-        elif turn is None or not (first or vehicle in self._requests or goal == route_request.goal):
-            self._last_turn += 1
-            turn = self._last_turn
-        self._turns[vehicle] = turn, route_request.goal
+        self._turns.take(vehicle, goal, first=first, waits=vehicle in self._requests)
         self._requests[vehicle] = route_request
 
     def drop(self, vehicle: str) -> None:
-        """Forget what a vehicle wants."""
+        """Drop a vehicle's request; its turn stays."""
         self._requests.pop(vehicle, None)
         self._refusals.pop(vehicle, None)
-        self._routes.pop(vehicle, None)
+        self._routes.forget(vehicle)
 
     def end_turn(self, vehicle: str, point: str | None) -> None:
-        """End the turn of a vehicle that has arrived at ``point``, if that was its goal."""
+        """End the turn of a vehicle that has reached ``point``, if that was its goal."""
         self.forget_refusal(vehicle)
-        if vehicle not in self._requests and self._turns.get(vehicle, (0, ""))[1] == point:
-            del self._turns[vehicle]
+        if vehicle not in self._requests and self._turns.goal(vehicle) == point:
+            self._turns.end(vehicle)
 
     def forget_refusal(self, vehicle: str) -> None:
-        """Forget why a vehicle could not go on; its way has changed or ended."""
+        """Forget why a vehicle could not go on: its route has changed or ended."""
         self._refusals.pop(vehicle, None)
 
     def forget(self, vehicle: str) -> None:
         """Forget a vehicle and its turn."""
         self.drop(vehicle)
-        self._turns.pop(vehicle, None)
+        self._turns.end(vehicle)
         self._lets_out.pop(vehicle, None)
+
+    def forget_routes(self) -> None:
+        """Search again for the routes that vehicles wait for: the plant has changed."""
+        self._routes.forget_all()
+        self._known_refusals.clear()
 
     @property
     def requesting(self) -> tuple[str, ...]:
         """The vehicles with a route request, oldest first."""
-        return tuple(sorted(self._requests, key=self._turn))
-
-    def _turn(self, vehicle: str) -> int:
-        return self._turns.get(vehicle, (0, ""))[0]
+        return tuple(sorted(self._requests, key=self._turns.number))
 
     def why_waiting(self, vehicle: str) -> Refusal | None:
-        """Return why the request of a vehicle is not granted yet, or no more of its way."""
+        """Return why a vehicle's request is not granted yet, or why it cannot claim more of its route."""
         return self._refusals.get(vehicle)
 
+    def displaces(self, route_request: RouteRequest) -> bool:
+        """Return whether vehicles at rest, now or soon, would have to make room for this request."""
+        try:
+            route = self._routes.find(route_request)
+        except NoRouteError:
+            return False
+        way = self._way(route_request, route)
+        if route is None or not self.scheduler.rests_or_will_rest_on(route_request.vehicle, way):
+            return False
+        detour = self._detour(route_request, way, route.cost * LONGEST_DETOUR)
+        return detour is None or self.scheduler.rests_or_will_rest_on(
+            route_request.vehicle, self._way(route_request, detour)
+        )
+
+    def clear(
+        self, blockers: Sequence[str], way: Sequence[ResourceSet], movable: VehicleTest
+    ) -> Iterator[Evasion]:
+        """Send away those of the ``blockers`` that rest on a way that is claimed already."""
+        yield from self._evader.evade(blockers, way, movable)
+
+    def claim_other_way(self, vehicle: str, ahead: Sequence[ResourceSet]) -> Refusal | None:
+        """Claim a section of another route from the end of what is held; return the refusal, if any."""
+        refused = self._claim_section(vehicle, ahead, None)
+        return refused.refusal if refused else None
+
     def decide(
-        self,
-        movable: Callable[[str], bool],
-        lost: Callable[[str], bool] = nobody,
-        extending: Iterable[str] = (),
-    ) -> Iterator[RouteGrant | Evasion | RouteRejection | Displacement | MoreClaimed]:
-        """Grant what can be granted, oldest first, and send away vehicles resting in the way.
+        self, movable: VehicleTest, lost: VehicleTest = no_vehicle, extending: Iterable[str] = ()
+    ) -> Iterator[Decision]:
+        """Grant what can be granted, oldest turn first, and send away the vehicles that rest in the way.
 
-        ``extending`` names the vehicles under way whose routes are not completely allocated.
+        Args:
+            movable: whether a vehicle at rest could drive away now: it does nothing else there.
+            lost: whether it is unknown when a vehicle at rest could drive away. A vehicle that waits for such
+                a one takes a detour of any length, and does not get the right of way: the others would wait
+                for it for ever.
+            extending: the vehicles under way with a part of their route that is not allocated yet.
 
-        ``movable`` returns whether a vehicle at rest could drive away now. ``lost`` returns whether it is
-        unknown when it could: a vehicle that waits for such a one does not hold up others, and takes a detour
-        of any length.
         """
-        senior: _Senior | None = None
-        for vehicle in sorted({*self._requests, *extending}, key=self._turn):
-            if vehicle in self.journeys:
-                claims = len(self.scheduler.occupant(vehicle).claimed)
-                refused = self._go_on(vehicle, senior)
-                if len(self.scheduler.occupant(vehicle).claimed) > claims:
+        right_of_way: _RightOfWay | None = None
+        for vehicle in sorted({*self._requests, *extending}, key=self._turns.number):
+            under_way = vehicle in self.journeys
+            if under_way:
+                claimed = len(self.scheduler.occupant(vehicle).claimed)
+                refused = self._extend_claim(vehicle, right_of_way)
+                if len(self.scheduler.occupant(vehicle).claimed) > claimed:
                     yield MoreClaimed(vehicle)
             else:
                 route_request = self._requests.get(vehicle)
-                if not route_request or not self._may_be_granted(route_request) or not movable(vehicle):
+                if not route_request or not self._can_be_granted(route_request) or not movable(vehicle):
                     continue
-                granted = self._grant(route_request, senior, lost)
-                if isinstance(granted, RouteGrant | RouteRejection):
+                answer = self._answer(route_request, right_of_way, lost)
+                if isinstance(answer, RouteGrant | RouteRejection):
                     self.drop(vehicle)
-                    yield granted
+                    yield answer
                     continue
-                refused = granted
+                refused = answer
             if refused is None:
                 continue
-            refusal, way = refused
-            self._refusals[vehicle] = refusal
-            if refusal.hindrance is WaitReason.RESTING and any(map(lost, refusal.vehicles)):
+            refusal = self._refusals[vehicle] = refused.refusal
+            blocked_at_rest = refusal.reason is WaitReason.RESTING
+            if blocked_at_rest and any(map(lost, refusal.vehicles)):
                 continue
-            if vehicle in self.journeys and not self.scheduler.occupant(vehicle).resting:
-                continue
-            senior = senior or _Senior(vehicle, way[: self._next_stop(way)])
-            if refusal.hindrance is WaitReason.RESTING:
-                first = senior.vehicle == vehicle
-                yield from self._make_room(vehicle, refusal, [*senior.way, *way], movable, first=first)
+            if under_way and not self.scheduler.occupant(vehicle).resting:
+                continue  # it still drives on what it holds
+            right_of_way = right_of_way or _RightOfWay(vehicle, self._next_section(refused.way))
+            if blocked_at_rest:
+                yield from self._make_room(vehicle, refused, right_of_way, movable)
 
-    def _may_be_granted(self, route_request: RouteRequest) -> bool:
+    # Route requests: the cheapest route, or a detour around vehicles at rest
+
+    def _can_be_granted(self, route_request: RouteRequest) -> bool:
         """Return whether the request is still current, and its vehicle rests."""
-        if (
-            self._requests.get(route_request.vehicle) is not route_request
-            or route_request.vehicle not in self.scheduler
-        ):
+        vehicle = route_request.vehicle
+        if self._requests.get(vehicle) is not route_request or vehicle not in self.scheduler:
             return False
-        return self.scheduler.occupant(route_request.vehicle).resting
+        return self.scheduler.occupant(vehicle).resting
 
-    def _go_on(self, vehicle: str, senior: _Senior | None) -> tuple[Refusal, list[ResourceSet]] | None:
-        """Claim more of a route under way; if nothing is claimed, return the refusal and what was wanted."""
+    def _answer(
+        self, route_request: RouteRequest, right_of_way: _RightOfWay | None, lost: VehicleTest
+    ) -> RouteGrant | RouteRejection | _Refused:
+        """Claim the first section of the cheapest route or of a detour; else why the cheapest was refused."""
+        vehicle = route_request.vehicle
+        try:
+            route = self._routes.find(route_request)
+        except NoRouteError as error:
+            return RouteRejection(vehicle, error)
+        way = self._way(route_request, route)
+        refused = self._claim_first_section(vehicle, way, right_of_way, lost)
+        if refused is None:
+            return RouteGrant(route_request, route, tuple(way))
+        if route and refused.refusal.reason is WaitReason.RESTING:
+            longest = inf if any(map(lost, refused.refusal.vehicles)) else route.cost * LONGEST_DETOUR
+            detour = self._detour(route_request, way, longest)
+            around = self._way(route_request, detour) if detour else []
+            if detour and self._claim_first_section(vehicle, around, right_of_way, lost) is None:
+                return RouteGrant(route_request, detour, tuple(around))
+        return refused
+
+    def _way(self, route_request: RouteRequest, route: Route | None) -> list[ResourceSet]:
+        """Return what the vehicle needs for a route, or for a straight drive to its goal."""
+        occupant, goal = self.scheduler.occupant(route_request.vehicle), route_request.goal
+        if route is None:
+            return [self.resources.on(goal, (goal,), length_mm=route_request.straight_mm or 0)]
+        return self.resources.way(
+            route.steps, start=occupant.held[-1], entry=occupant.entry, location=route_request.location
+        )
+
+    def _detour(self, route_request: RouteRequest, way: list[ResourceSet], longest: float) -> Route | None:
+        """Return a route around the vehicles that rest on a way, if it costs at most ``longest``."""
+        resting = self.scheduler.resting_on(route_request.vehicle, way)
+        held = (each for name in resting for each in self.scheduler.occupant(name).held)
+        occupied = {resource for each in held for resource in each.uses}
+        try:
+            detour = self._routes.find(route_request, without=occupied - {route_request.goal})
+        except NoRouteError:
+            return None
+        return detour if detour and detour.cost <= longest else None
+
+    def _claim_first_section(
+        self,
+        vehicle: str,
+        way: list[ResourceSet],
+        right_of_way: _RightOfWay | None,
+        lost: VehicleTest,
+    ) -> _Refused | None:
+        """Claim the first section of a way; return why not.
+
+        Where a lost vehicle rests on the way, the whole of it is claimed, so that this vehicle does not drive
+        up to that one and wait there. A vehicle that has let another out could enclose it again: the same.
+        """
+        if self._has_let_out(vehicle, lost) or any(map(lost, self.scheduler.resting_on(vehicle, way))):
+            refusal = self.scheduler.claim(vehicle, way)
+            return _Refused(refusal, way) if refusal else None
+        return self._claim_section(vehicle, way, right_of_way)
+
+    # Sections: how much of a way is claimed at once
+
+    def _extend_claim(self, vehicle: str, right_of_way: _RightOfWay | None) -> _Refused | None:
+        """Claim more of a way under way; return why not if the vehicle is left with no claim at all.
+
+        A refusal is not tried again until one of the vehicles that caused it has changed. One that the right
+        of way caused is: that may be another vehicle's by then.
+        """
         journey, claimed = self.journeys[vehicle], len(self.scheduler.occupant(vehicle).claimed)
         ahead = journey.way[journey.allocated :]
         if claimed == len(ahead) or claimed >= SECTION:
             self._refusals.pop(vehicle, None)
             return None
-        known = self._refused_sections.get(vehicle)
+        known = self._known_refusals.get(vehicle)
         if known and known.versions == self.scheduler.versions(known.versions):
-            refused: tuple[Refusal, list[ResourceSet]] | None = known.refused
+            refused: _Refused | None = known.refused
         else:
-            self._refused_sections.pop(vehicle, None)
-            self._asked = {vehicle}
-            refused = self._claim_section(vehicle, ahead, senior, more_than=claimed)
-            if refused and (not senior or senior.vehicle not in self._asked):
-                self._refused_sections[vehicle] = _RefusedSection(
-                    refused, self.scheduler.versions(self._asked)
-                )
+            self._known_refusals.pop(vehicle, None)
+            self._in_the_way = {vehicle}
+            refused = self._claim_section(vehicle, ahead, right_of_way, more_than=claimed)
+            if refused and (not right_of_way or right_of_way.vehicle not in self._in_the_way):
+                versions = self.scheduler.versions(self._in_the_way)
+                self._known_refusals[vehicle] = _KnownRefusal(refused, versions)
         if refused is None or claimed:
             self._refusals.pop(vehicle, None)
             return None
         return refused
 
-    def claim_other_way(self, vehicle: str, ahead: Sequence[ResourceSet]) -> Refusal | None:
-        """Claim a section of another route from the end of what is held; return the refusal, if any."""
-        refused = self._claim_section(vehicle, ahead, None)
-        return refused and refused[0]
-
     def _claim_section(
-        self, vehicle: str, ahead: Sequence[ResourceSet], senior: _Senior | None, *, more_than: int = 0
-    ) -> tuple[Refusal, list[ResourceSet]] | None:
-        """Claim the longest section available; return why the longest one wanted was refused."""
-        refused: tuple[Refusal, list[ResourceSet]] | None = None
+        self,
+        vehicle: str,
+        ahead: Sequence[ResourceSet],
+        right_of_way: _RightOfWay | None,
+        *,
+        more_than: int = 0,
+    ) -> _Refused | None:
+        """Claim the longest section that is available; return why the longest one wanted was refused.
+
+        Vehicles at rest count as the reason before all others: they can be sent away.
+        """
+        refused: _Refused | None = None
         sections = tuple(self._sections(ahead))
         free = self.scheduler.free_of_rest(vehicle, ahead[: sections[0]]) if sections else 0
         for count in sections:
@@ -468,83 +404,83 @@ class TrafficControl:
             if count > free and refused:
                 continue
             way = list(ahead[:count])
-            refusal = self._claim(vehicle, way, senior)
+            refusal = self._claim(vehicle, way, right_of_way)
             if refusal is None:
                 return None
-            self._asked.update(refusal.vehicles, refusal.between)
-            refused = refused or (refusal, way)
-            if refused[0].hindrance is not WaitReason.RESTING and refusal.hindrance is WaitReason.RESTING:
-                refused = refusal, way
+            self._in_the_way.update(refusal.vehicles, refusal.between)
+            refused = refused or _Refused(refusal, way)
+            if refused.refusal.reason is not WaitReason.RESTING and refusal.reason is WaitReason.RESTING:
+                refused = _Refused(refusal, way)
         return refused
 
-    def _next_stop(self, way: Sequence[ResourceSet]) -> int:
-        """Return how many sets lead to the first point of a way where a vehicle can wait."""
-        return next((index + 1 for index in range(len(way)) if self.resources.may_wait(way, index)), 0)
+    def _claim(
+        self, vehicle: str, way: list[ResourceSet], right_of_way: _RightOfWay | None
+    ) -> Refusal | None:
+        """Claim a way, unless it ends on the section of the vehicle with the right of way; return why not."""
+        if right_of_way and right_of_way.vehicle != vehicle:
+            resource = overlap(self.scheduler.end_of(vehicle, way), right_of_way.section)
+            if resource:
+                return Refusal(WaitReason.ORDER, (right_of_way.vehicle,), resource)
+        return self.scheduler.claim(vehicle, way)
 
     def _sections(self, ahead: Sequence[ResourceSet]) -> Iterator[int]:
-        """Yield how many sets may be claimed at once, the wanted number first, then less and less."""
-        ends = [index + 1 for index in range(len(ahead)) if self.resources.may_wait(ahead, index)]
+        """Yield how many sets may be claimed at once: the first end beyond SECTION, then shorter ones."""
+        ends = self._waiting_places(ahead)
         wanted = next((index for index, end in enumerate(ends) if end >= SECTION), len(ends) - 1)
         yield from reversed(ends[: wanted + 1])
         if not ahead:
             yield 0
 
-    def displaces(self, route_request: RouteRequest) -> bool:
-        """Return whether vehicles at rest, now or soon, would have to make room for this request."""
-        try:
-            route = self._route(route_request)
-        except NoRouteError:
-            return False
-        way = self._sets(route_request, route)
-        if route is None or not self.scheduler.rests_or_will_rest_on(route_request.vehicle, way):
-            return False
-        detour = self._detour(route_request, way, route.cost * LONGEST_DETOUR)
-        return detour is None or self.scheduler.rests_or_will_rest_on(
-            route_request.vehicle, self._sets(route_request, detour)
-        )
+    def _next_section(self, way: list[ResourceSet]) -> list[ResourceSet]:
+        """Return the sets of a way up to the first point where a vehicle can wait."""
+        return way[: next(iter(self._waiting_places(way)), 0)]
 
-    def clear(
-        self, blockers: Sequence[str], way: Sequence[ResourceSet], movable: Callable[[str], bool]
-    ) -> Iterator[Evasion]:
-        """Send away those of the ``blockers`` that rest on a route that is already claimed."""
-        yield from self._evader.evade(blockers, way, movable)
+    def _waiting_places(self, way: Sequence[ResourceSet]) -> list[int]:
+        """Return the numbers of sets after which a vehicle can wait without blocking others."""
+        return [index + 1 for index in range(len(way)) if self.resources.may_wait(way, index)]
+
+    # Making room: sending away the vehicles that rest in the way
 
     def _make_room(
-        self,
-        requester: str,
-        refusal: Refusal,
-        kept_free: list[ResourceSet],
-        movable: Callable[[str], bool],
-        *,
-        first: bool,
+        self, requester: str, refused: _Refused, right_of_way: _RightOfWay, movable: VehicleTest
     ) -> Iterator[Evasion | Displacement]:
+        """Send away those that rest on the requester's way, and end the routes of those that wait on it.
+
+        A vehicle with a request of its own is only sent away for the right of way, or if it waits for itself
+        (by others in between), so that it would never go. A vehicle under way that encloses a vehicle which
+        has to make room gives way if nobody else could be sent.
+        """
+        has_right_of_way = right_of_way.vehicle == requester
+
         def may_be_sent(other: str) -> bool:
             if not movable(other) or other in self.journeys:
                 return False
-            return other not in self._requests or first or self._wait_in_ring(other)
+            return other not in self._requests or has_right_of_way or self._waits_for_itself(other)
 
-        under_way = [other for other in refusal.vehicles if other in self.journeys]
+        blockers = refused.refusal.vehicles
+        under_way = [other for other in blockers if other in self.journeys]
+        kept_free = [*right_of_way.section, *refused.way]
         enclosing, sent = set[str](), False
-        for evasion in self._evader.evade(refusal.vehicles, kept_free, may_be_sent, enclosing):
+        for evasion in self._evader.evade(blockers, kept_free, may_be_sent, enclosing):
             sent = True
             self._refusals.pop(evasion.vehicle, None)
             if evasion.lets_out:
                 at = self.scheduler.occupant(evasion.lets_out).point
                 self._lets_out[evasion.vehicle] = _LetOut(evasion.lets_out, at, requester)
             yield evasion
-        yield from (Displacement(other) for other in under_way if self._wait_in_ring(other))
+        yield from (Displacement(other) for other in under_way if self._waits_for_itself(other))
         for other in () if sent else sorted(enclosing.intersection(self.journeys).difference(under_way)):
             if self.scheduler.occupant(other).resting and (
-                first or self._waits_for(other, enclosing | {requester})
+                has_right_of_way or self._waits_for(other, enclosing | {requester})
             ):
                 yield Displacement(other)
 
     def _waits_for(self, vehicle: str, others: set[str]) -> bool:
-        """Return whether others keep a vehicle from going on; else it merely pauses."""
+        """Return whether one of the others keeps a vehicle from going on; otherwise it merely pauses."""
         refusal = self._refusals.get(vehicle)
         return refusal is not None and not others.isdisjoint(refusal.vehicles)
 
-    def _wait_in_ring(self, vehicle: str) -> bool:
+    def _waits_for_itself(self, vehicle: str) -> bool:
         """Return whether a vehicle waits for itself through others, so that none of them can continue."""
         seen: set[str] = set()
         open_ends = [vehicle]
@@ -558,40 +494,7 @@ class TrafficControl:
                     open_ends.append(other)
         return False
 
-    def _grant(
-        self, route_request: RouteRequest, senior: _Senior | None, lost: Callable[[str], bool]
-    ) -> RouteGrant | RouteRejection | tuple[Refusal, list[ResourceSet]]:
-        """Claim the cheapest route or a detour; else return why the cheapest one was refused."""
-        try:
-            route = self._route(route_request)
-        except NoRouteError as error:
-            return RouteRejection(route_request.vehicle, error)
-        way = self._sets(route_request, route)
-        refused = self._claim_way(route_request.vehicle, way, senior, lost)
-        if refused is None:
-            return RouteGrant(route_request, route, tuple(way))
-        refusal, _ = refused
-        if route and refusal.hindrance is WaitReason.RESTING:
-            longest = inf if any(map(lost, refusal.vehicles)) else route.cost * LONGEST_DETOUR
-            detour = self._detour(route_request, way, longest)
-            around = self._sets(route_request, detour) if detour else []
-            if detour and self._claim_way(route_request.vehicle, around, senior, lost) is None:
-                return RouteGrant(route_request, detour, tuple(around))
-        return refused
-
-    def _claim_way(
-        self, vehicle: str, way: list[ResourceSet], senior: _Senior | None, lost: Callable[[str], bool]
-    ) -> tuple[Refusal, list[ResourceSet]] | None:
-        """Claim the first section of a route on which no vehicle rests whose departure time is unknown.
-
-        A vehicle that has let another one out must not enclose it again before that one has gone.
-        """
-        if self._has_let_out(vehicle, lost) or any(map(lost, self.scheduler.resting_on(vehicle, way))):
-            refusal = self.scheduler.claim(vehicle, way)
-            return (refusal, way) if refusal else None
-        return self._claim_section(vehicle, way, senior)
-
-    def _has_let_out(self, vehicle: str, lost: Callable[[str], bool]) -> bool:
+    def _has_let_out(self, vehicle: str, lost: VehicleTest) -> bool:
         """Return whether the vehicle that this one let out is still there, and still needs to go."""
         known = self._lets_out.get(vehicle)
         if known is None:
@@ -603,64 +506,108 @@ class TrafficControl:
         del self._lets_out[vehicle]
         return False
 
-    def _route(self, route_request: RouteRequest, avoid: frozenset[str] = frozenset()) -> Route | None:
+
+class _Turns:
+    """The order in which vehicles are served: a number and a goal for each, until it has reached the goal."""
+
+    def __init__(self) -> None:
+        self._turns: dict[str, tuple[int, str]] = {}
+        self._last = 0
+
+    def take(self, vehicle: str, goal: str, *, first: bool, waits: bool) -> None:
+        """Put a vehicle in line for ``goal``: behind the others, unless it keeps its turn or is ``first``.
+
+        It keeps its turn while it ``waits`` with a request, with an unchanged goal, and if it is ``first``.
+        """
+        number, before = self._turns.get(vehicle, (None, ""))
+        if first and number is None:
+            number = min((each for each, _ in self._turns.values()), default=0) - 1
+        elif number is None or not (first or waits or goal == before):
+            self._last += 1
+            number = self._last
+        self._turns[vehicle] = number, goal
+
+    def number(self, vehicle: str) -> int:
+        """Return the number of a vehicle's turn: a lower one goes first."""
+        return self._turns.get(vehicle, (0, ""))[0]
+
+    def goal(self, vehicle: str) -> str:
+        """Return the goal of a vehicle's turn; empty if it has none."""
+        return self._turns.get(vehicle, (0, ""))[1]
+
+    def end(self, vehicle: str) -> None:
+        """End a vehicle's turn, if it has one."""
+        self._turns.pop(vehicle, None)
+
+
+class _RouteSearch:
+    """Finds the routes of requests, away from traffic; a route is kept while its vehicle waits for it."""
+
+    def __init__(
+        self, plant: PlantModel, routes: Routes, scheduler: Scheduler, journeys: Mapping[str, Journey]
+    ) -> None:
+        self._routes = routes
+        self._scheduler = scheduler
+        self._journeys = journeys
+        self._drivable = {*plant.points_by_name, *plant.paths_by_name}
+        self._opposite_edges = _opposite_edges(plant)
+        self._found: dict[str, tuple[tuple[str, RouteRequest], Route]] = {}
+        """For each vehicle the start and request of its last search, and the route found."""
+        self._burden: dict[str, float] = {}
+        self._searched_with_burden = 0
+
+    def find(self, route_request: RouteRequest, without: Collection[str] = frozenset()) -> Route | None:
+        """Return the cheapest route, None for a straight drive; raises NoRouteError.
+
+        ``without`` names resources that it must not use, in addition to what the request avoids.
+        """
         if route_request.straight_mm is not None:
             return None
-        vehicle, goal = route_request.vehicle, route_request.goal
-        start, kept_off = self.scheduler.occupant(vehicle).point, route_request.avoid | avoid
-        if avoid:
-            return self._ways.route(vehicle, start, goal, avoid=kept_off)
-        known = self._routes.get(vehicle)
+        vehicle, goal, avoid = route_request.vehicle, route_request.goal, route_request.avoid
+        start = self._scheduler.occupant(vehicle).point
+        if not_driven := self._drivable.intersection(without):
+            return self._routes.route(vehicle, start, goal, avoid=avoid | not_driven)
+        known = self._found.get(vehicle)
         if known and known[0] == (start, route_request):
             return known[1]
-        if self._burden_age >= len(self.journeys) // BURDEN_KEPT:
-            self._burden, self._burden_age = self._count_burden(), 0
-        self._burden_age += 1
-        burden = self._burden
-        route = self._ways.route(vehicle, start, goal, avoid=kept_off, burden=burden)
-        self._routes[vehicle] = (start, route_request), route
+        route = self._routes.route(vehicle, start, goal, avoid=avoid, burden=self._burden_now())
+        self._found[vehicle] = (start, route_request), route
         return route
 
+    def forget(self, vehicle: str) -> None:
+        """Forget the route of one vehicle."""
+        self._found.pop(vehicle, None)
+
+    def forget_all(self) -> None:
+        """Forget all routes."""
+        self._found.clear()
+
+    def _burden_now(self) -> Mapping[str, float]:
+        """Return what traffic adds to costs; with many vehicles it is not counted for each search."""
+        if self._searched_with_burden >= len(self._journeys) // VEHICLES_PER_SEARCH:
+            self._burden, self._searched_with_burden = self._count_burden(), 0
+        self._searched_with_burden += 1
+        return self._burden
+
     def _count_burden(self) -> dict[str, float]:
-        """Return what vehicles under way make dearer: the points ahead, and what leads towards them."""
+        """Return the share added to the cost of points ahead of vehicles, and of edges towards vehicles."""
         burden: defaultdict[str, float] = defaultdict(float)
-        for journey in self.journeys.values():
+        for journey in self._journeys.values():
             for each in journey.way[journey.reached :]:
                 burden[each.point] += CONGESTION
                 for use in each.uses:
-                    for edge in self._oncoming.get((use, each.point), ()):
+                    for edge in self._opposite_edges.get((use, each.point), ()):
                         burden[edge] += ONCOMING
         return burden
 
-    def forget_routes(self) -> None:
-        """Search again for the routes that vehicles wait for: the plant has changed."""
-        self._routes.clear()
-        self._refused_sections.clear()
 
-    def _claim(self, vehicle: str, way: list[ResourceSet], senior: _Senior | None) -> Refusal | None:
-        end = self.scheduler.end_of(vehicle, way)
-        if senior and senior.vehicle != vehicle and (resource := overlap(end, senior.way)):
-            return Refusal(WaitReason.ORDER, (senior.vehicle,), resource)
-        return self.scheduler.claim(vehicle, way)
-
-    def _detour(self, route_request: RouteRequest, way: list[ResourceSet], longest: float) -> Route | None:
-        resting = self.scheduler.resting_on(route_request.vehicle, way)
-        held = (each for name in resting for each in self.scheduler.occupant(name).held)
-        avoid = {resource for each in held for resource in each.uses if resource in self._drivable}
-        try:
-            detour = self._route(route_request, frozenset(avoid - {route_request.goal}))
-        except NoRouteError:
-            return None
-        return detour if detour and detour.cost <= longest else None
-
-    def _sets(self, route_request: RouteRequest, route: Route | None) -> list[ResourceSet]:
-        occupant = self.scheduler.occupant(route_request.vehicle)
-        if route is None:
-            return [
-                self.resources.on(
-                    route_request.goal, (route_request.goal,), length_mm=route_request.straight_mm or 0
-                )
-            ]
-        return self.resources.way(
-            route.steps, start=occupant.held[-1], entry=occupant.entry, location=route_request.location
-        )
+def _opposite_edges(plant: PlantModel) -> dict[tuple[str, str], list[str]]:
+    """Return, for each path and the point to which it is driven, the edges in the opposite direction."""
+    edges: defaultdict[tuple[str, str], list[str]] = defaultdict(list)
+    for each in plant.edges():
+        edges[each.source, each.destination].append(each.id)
+    return {
+        (each.path.name, each.destination): edges[each.destination, each.source]
+        for each in plant.edges()
+        if (each.destination, each.source) in edges
+    }
