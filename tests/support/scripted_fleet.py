@@ -31,13 +31,13 @@ from nena_order_service.store.changes import Changes
 from nena_order_service.store.database import Unfinished
 from nena_order_service.store.store import Store
 from nena_order_service.vehicles.registry import VehicleRegistry
-from nena_shared.clock import ManualClock
 from nena_shared.fleet_api.transport_order import FailurePolicy, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleState
 from nena_shared.plant import PlantModel, Vehicle
 from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
+from support.clocks import ManualClock
 from support.fleet_examples import state
 
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from dataclasses import dataclass, field
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from typing import Protocol
 
 
@@ -31,29 +30,6 @@ class SystemClock:
     def now(self) -> datetime:
         """Return the time of day, in UTC."""
         return datetime.now(UTC)
-
-
-@dataclass
-class ManualClock:
-    """A clock that only moves when it is set: for tests, replay and simulation."""
-
-    seconds: float = 0.0
-    start: datetime = field(default=datetime(2026, 1, 1, tzinfo=UTC))
-
-    def monotonic(self) -> float:
-        """Seconds that the clock has been moved."""
-        return self.seconds
-
-    def now(self) -> datetime:
-        """Return the start plus what the clock has been moved."""
-        return self.start + timedelta(seconds=self.seconds)
-
-    def advance(self, seconds: float) -> None:
-        """Move the clock on by ``seconds`` (not negative)."""
-        if seconds < 0:
-            message = "a clock cannot go back"
-            raise ValueError(message)
-        self.seconds += seconds
 
 
 def in_utc(value: datetime) -> datetime:

@@ -20,6 +20,7 @@ from nena_shared.vda5050.state import OperatingMode, State
 from nena_shared.vda5050.topics import Topic
 from nena_shared.vda5050.versions import RULES, codec_for
 from support.broker import Broker
+from support.expressible import EXPRESSIBLE
 from support.loopback_bench import BenchRobot, idle, place, shared_robot
 from support.robot_core import MAP, action, order, position
 
@@ -87,7 +88,7 @@ async def refused(robot: BenchRobot, sent: Order, expected: Refusal, payload: by
     robot.fleet.peer.publish(
         robot.fleet.topic(Topic.ORDER), payload or codec_for(robot.version).encode(_addressed(robot, sent))
     )
-    names = RULES[robot.version].error_names
+    names = EXPRESSIBLE[robot.version].error_names
     references = {"orderId": sent.order_id, "orderUpdateId": str(sent.order_update_id), **expected.references}
 
     def found(state: State) -> ErrorEntry | None:
@@ -105,7 +106,9 @@ async def refused(robot: BenchRobot, sent: Order, expected: Refusal, payload: by
     after = await robot.state(found)
     error = found(after)
     assert error is not None
-    level = expected.level if expected.level in RULES[robot.version].error_levels else ErrorLevel.WARNING
+    level = (
+        expected.level if expected.level in EXPRESSIBLE[robot.version].error_levels else ErrorLevel.WARNING
+    )
     assert error.error_level is level
     assert error.error_description
     assert _held_by(after) == _held_by(before)
@@ -170,7 +173,7 @@ async def test_row_2_a_mode_that_takes_no_orders(robot: BenchRobot) -> None:
     await refused(robot, order("n0", "n1", order_id=new_id()), Refusal(ErrorType.MOBILE_ROBOT_NOT_AVAILABLE))
 
     await robot.command("operatingMode", mode="AUTOMATIC")
-    name = RULES[robot.version].error_names[ErrorType.MOBILE_ROBOT_NOT_AVAILABLE]
+    name = EXPRESSIBLE[robot.version].error_names[ErrorType.MOBILE_ROBOT_NOT_AVAILABLE]
     await robot.state(lambda state: name not in [each.error_type for each in state.errors])
 
 

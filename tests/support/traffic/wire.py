@@ -14,10 +14,10 @@ from nena_order_service.fleet.outputs import Outputs, PublishInstantActions, Pub
 from nena_order_service.fleet.robot import RobotView
 from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.fleet.vda_order import VdaOrder
-from nena_shared.clock import ManualClock
 from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.topics import RobotKey
+from support.clocks import ManualClock
 from support.fleet import hand_over
 from support.traffic.driving_robot import DrivingRobot
 

@@ -19,7 +19,6 @@ from nena_edge_agent.messages import (
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.events import Event, InstantActionsReceived, MessageRefused, OrderReceived
 from nena_edge_agent.settings import EdgeAgentSettings
-from nena_shared.clock import ManualClock
 from nena_shared.mqtt import Inbound
 from nena_shared.settings import MqttSettings
 from nena_shared.vda5050.action import InstantActions
@@ -30,6 +29,7 @@ from nena_shared.vda5050.topics import RobotKey, Topic
 from nena_shared.vda5050.v2_1 import CODEC
 from nena_shared.vda5050.versions import codec_for
 from nena_shared.vda5050.visualization import Visualization
+from support.clocks import ManualClock
 from support.robot_core import HEADER, action, order
 
 

@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_shared.clock import ManualClock, SystemClock, in_utc, iso
+from nena_shared.clock import SystemClock, in_utc, iso
+from support.clocks import ManualClock
 
 
 def test_manual_clock_moves_only_when_told() -> None:

@@ -2,8 +2,9 @@ from __future__ import annotations
 
 import asyncio
 
-from nena_shared.clock import ManualClock, SystemClock
+from nena_shared.clock import SystemClock
 from nena_shared.loop_lag import WINDOW, LoopLag
+from support.clocks import ManualClock
 from support.pausing import pass_time, turn_passes
 from support.waiting import awaited
 

@@ -139,15 +139,11 @@ class TypeAction(PlantRecord):
 
 
 class LoadRestriction(PlantRecord):
-    """Loads with which a path may be used; without load set names: any."""
+    """Loads with which a path may be used; without load set names: any. Routes do not depend on it."""
 
     unloaded: bool
     loaded: bool
     load_set_names: tuple[str, ...] = ()
-
-    def allows(self, *, loaded: bool) -> bool:
-        """Return whether a loaded or unloaded vehicle may drive here."""
-        return self.loaded if loaded else self.unloaded
 
 
 class TrajectoryPoint(PlantRecord):
@@ -198,12 +194,6 @@ class VehicleTypeOnPath(PlantRecord):
         """Whether vehicles drive here backwards."""
         tangential = self.orientation_type is PathOrientationType.TANGENTIAL
         return tangential and self.vehicle_orientation is not None and cos(self.vehicle_orientation) < 0
-
-    def allows(self, *, loaded: bool | None) -> bool:
-        """Return whether vehicles may drive here with this load; None: unknown load."""
-        if loaded is None or self.load_restriction is None:
-            return True
-        return self.load_restriction.allows(loaded=loaded)
 
 
 class PointType(StrEnum):

@@ -1,6 +1,6 @@
 """What a version of VDA 5050 requires of both sides beyond the form of its messages.
 
-A codec reads and writes the messages of its version; the rules define what they can express and mean. Each
+A codec reads and writes the messages of its version; the rules define what both sides do with them. Each
 version defines its rules in its own package, and ``codec.rules`` has them. Data only: code that depends on
 the version reads it here and never compares version numbers. If the strictest version's behaviour is allowed
 in all of them, it is used for all of them and there is no field.
@@ -8,12 +8,10 @@ in all of them, it is used for all of them and there is no field.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
-from nena_shared.vda5050.action import ActionStatus, BlockingType
-from nena_shared.vda5050.connection import ConnectionState
-from nena_shared.vda5050.error import ErrorLevel, ErrorType
+from nena_shared.vda5050.action import ActionStatus
+from nena_shared.vda5050.error import ErrorType
 from nena_shared.vda5050.state import OperatingMode
 
 
@@ -21,17 +19,9 @@ from nena_shared.vda5050.state import OperatingMode
 class Rules:
     """How one version decides where the others decide differently; section numbers are those of 3.0."""
 
-    blocking_types: frozenset[BlockingType]
     action_statuses: frozenset[ActionStatus]
-    error_levels: frozenset[ErrorLevel]
-    operating_modes: frozenset[OperatingMode]
-    connection_states: frozenset[ConnectionState]
-    error_names: Mapping[ErrorType, str]
-    """What each type of error is called on the wire (section 6.6.5.4)."""
-    instant_states_apart: bool
-    """Instant actions are reported in an array of their own, else among the order's actions."""
     instant_states_until_cleared: bool
-    """Their ended states stay until clearInstantActions, else until the next order is accepted."""
+    """Ended states of instant actions stay until clearInstantActions, else until an order is accepted."""
     first_update_id_is_zero: bool
     """A new order begins with orderUpdateId 0; one with another number is refused (section 6.1.1)."""
     equal_update_id_compared: bool

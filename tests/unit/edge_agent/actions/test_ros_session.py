@@ -10,10 +10,10 @@ from nena_edge_agent.driver.port import SessionReport
 from nena_edge_agent.nav2.session_control import SessionError, SessionManager
 from nena_edge_agent.nav2.settings import RosAddress, RosSettings
 from nena_edge_agent.protocol.events import ActionReport
-from nena_shared.clock import ManualClock
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.own_actions import CONFIGURE_ROS_SESSION, START_ROS_SESSION, STOP_ROS_SESSION
 from nena_shared.vda5050.topics import RobotKey
+from support.clocks import ManualClock
 from support.robot_core import action
 from support.waiting import until
 

@@ -21,8 +21,9 @@ from nena_edge_agent.nav2.poses import PoseReading
 from nena_edge_agent.nav2.presence import Lifecycle, Presence
 from nena_edge_agent.nav2.settings import RosSettings
 from nena_edge_agent.nav2.speed_limit import SpeedLimiter
-from nena_shared.clock import ManualClock, SystemClock
+from nena_shared.clock import SystemClock
 from nena_shared.program import StartError
+from support.clocks import ManualClock
 from support.pausing import turn_passes
 from support.waiting import until
 

@@ -19,8 +19,8 @@ from nena_edge_agent.nav2.session_control import (
     prepare_environment,
 )
 from nena_edge_agent.nav2.settings import RosAddress, RosSettings
-from nena_shared.clock import ManualClock
 from nena_shared.vda5050.topics import RobotKey
+from support.clocks import ManualClock
 from support.waiting import until
 
 

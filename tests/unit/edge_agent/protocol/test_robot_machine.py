@@ -48,6 +48,7 @@ from nena_shared.vda5050.order import Node, Order
 from nena_shared.vda5050.state import OperatingMode
 from nena_shared.vda5050.versions import RULES
 from support.examples import EXAMPLES
+from support.expressible import EXPRESSIBLE
 from support.robot_core import Bench, action, at, order
 from support.robot_oracle import Oracle
 
@@ -112,7 +113,7 @@ class RobotMachine(RuleBasedStateMachine):
 
     @rule(data=st.data(), back=st.booleans())
     def person_switches_the_mode(self, data: st.DataObject, back: bool) -> None:  # noqa: FBT001
-        modes = sorted(self.robot_rules.operating_modes)
+        modes = sorted(EXPRESSIBLE[self.version].operating_modes)
         mode = OperatingMode.AUTOMATIC if back else data.draw(st.sampled_from(modes))
         self.switch(mode)
 

@@ -8,13 +8,13 @@ import pytest
 
 from nena_order_service.api import statuses
 from nena_order_service.api.statuses import Heartbeat
-from nena_shared.clock import ManualClock
 from nena_shared.fleet_api.epoch import epoch_of
 from nena_shared.fleet_api.service_status import ServiceStatus
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.mqtt import Outbound
 from nena_shared.mqtt.link import LinkState
 from nena_shared.tasks import end
+from support.clocks import ManualClock
 from support.pausing import time_passes
 from support.waiting import until
 

@@ -4,10 +4,10 @@ import pytest
 
 from nena_order_service.api.mqtt import COMMANDS, REQUESTS_LIMIT, Command, MqttLimits, read_request, text_in
 from nena_order_service.settings import HostSettings
-from nena_shared.clock import ManualClock
 from nena_shared.findings import FINDINGS_SHOWN
 from nena_shared.fleet_api.transport_order import Problem
 from nena_shared.mqtt import Inbound
+from support.clocks import ManualClock
 
 
 def statuses(limits: MqttLimits, *hosts: str, in_work: int = 0) -> list[int | None]:

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 
 from nena_order_service.engine.driving import EVASION_PAUSE
 from nena_order_service.engine.engine import Engine
-from nena_shared.clock import ManualClock
 from nena_shared.fleet_api.transport_order import (
     OrderSequenceRequest,
     OrderSequenceStatus,
@@ -22,6 +21,7 @@ from nena_shared.fleet_api.transport_order import (
 )
 from nena_shared.fleet_api.vehicle import ProcessingState, VehicleStatus
 from nena_shared.plant import PlantModel, Vehicle
+from support.clocks import ManualClock
 from support.order_service import request
 from support.plants import path, point
 from support.scripted_fleet import MemoryStore, ScriptedFleet, make_engine

@@ -12,10 +12,10 @@ from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.idle import DISPLACES_AT_MOST
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.vehicles.parking import BARRED
-from nena_shared.clock import ManualClock
 from nena_shared.fleet_api.transport_order import TransportOrderState as S
 from nena_shared.plant import Link, Location, LocationType, PlantModel, Vehicle
 from nena_shared.plant.track import PointType
+from support.clocks import ManualClock
 from support.fleet_examples import power
 from support.order_service import request
 from support.plants import path, point

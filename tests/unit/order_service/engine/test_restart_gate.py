@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from nena_order_service.engine.context import EngineSettings
 from nena_order_service.engine.driving import RestartGate
-from nena_shared.clock import ManualClock
 from nena_shared.plant import PlantModel, Vehicle
+from support.clocks import ManualClock
 from support.scripted_fleet import ScriptedFleet, make_context
 
 PLANT = PlantModel(name="two", vehicles=(Vehicle(name="V1"), Vehicle(name="V2")))

@@ -7,13 +7,13 @@ import pytest
 from nena_order_service.fleet.failures import RobotBusyError
 from nena_order_service.fleet.link import KEY_LENGTH, FleetLink, RobotAddresses
 from nena_order_service.fleet.settings import FleetSettings
-from nena_shared.clock import ManualClock
 from nena_shared.mqtt import MqttLink
 from nena_shared.plant import Vehicle
 from nena_shared.settings import ConfigurationError, MqttSettings
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.topics import RobotKey, TopicScheme
 from nena_shared.vda5050.versions import codec_for
+from support.clocks import ManualClock
 from support.fleet import make_vda_order
 from support.honest_robot import HonestRobot
 

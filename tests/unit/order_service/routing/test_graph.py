@@ -40,8 +40,8 @@ def detour(*uses: Mapping[str, Any], types: tuple[str, ...] = ("t",)) -> PlantMo
     return lif.read(lif_of(*parts, *edges)).model
 
 
-def by_the_short_way(model: PlantModel, who: Vehicle | None, *, loaded: bool | None = None) -> bool:
-    return len(Router(model).route("A", "B", vehicle=who, loaded=loaded).steps) == 1
+def by_the_short_way(model: PlantModel, who: Vehicle | None) -> bool:
+    return len(Router(model).route("A", "B", vehicle=who).steps) == 1
 
 
 @pytest.mark.parametrize(
@@ -63,15 +63,6 @@ def test_a_point_is_open_to_the_types_that_it_names() -> None:
     assert router.route("A", "B", vehicle=vehicle("t")).steps
     with pytest.raises(NoRouteError):
         router.route("A", "B", vehicle=vehicle("u"))
-
-
-@pytest.mark.parametrize(("loaded", "short"), [(True, False), (False, True), (None, True)])
-def test_the_load_makes_a_difference_where_it_is_known(*, loaded: bool | None, short: bool) -> None:
-    model = detour(use("t", loadRestriction={"loaded": False, "unloaded": True}))
-    assert by_the_short_way(model, vehicle("t"), loaded=loaded) is short
-    router = Router(model)
-    assert len(router.route_through("A", [["B"]], vehicle=vehicle("t"), loaded=loaded)[0].steps) == 2 - short
-    assert router.costs_from("A", vehicle=vehicle("t"), loaded=loaded)["B"] == (1000 if short else 17_000)
 
 
 @pytest.mark.parametrize(("height_mm", "short"), [(1800, True), (1801, False)])
@@ -113,7 +104,7 @@ def test_only_points_on_allowed_maps_are_driven_to(maps: str, points: str) -> No
 
 def test_types_of_vehicles_make_no_difference_where_the_plant_makes_none() -> None:
     router = Router(plant(path("A B", max_reverse_velocity_mm_s=100)))
-    assert router.route("B", "A", vehicle=vehicle("t"), loaded=True).steps
+    assert router.route("B", "A", vehicle=vehicle("t")).steps
 
 
 PATH = path(

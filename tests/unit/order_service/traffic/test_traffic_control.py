@@ -359,20 +359,6 @@ def test_a_claim_that_is_given_up_leaves_what_is_held() -> None:
     assert scene.claim("w", "C") == ""
 
 
-def test_one_who_stands_for_good_keeps_the_way_to_the_next_point_alone() -> None:
-    scene = track("A B C D", v="A")
-    scene.claim("v", "D")
-    for _ in range(3):
-        scene.allocate("v")
-
-    scene.scheduler.stand("v")
-
-    assert scene.scheduler.users("A") == {"v"}
-    assert scene.scheduler.users("B") == {"v"}
-    assert scene.scheduler.users("C") == frozenset()
-    assert scene.scheduler.occupant("v").resting
-
-
 def test_a_refused_claim_leaves_the_one_before() -> None:
     scene = track("A B C D", v="A", w="D")
     scene.claim("v", "B")

@@ -10,7 +10,6 @@ from pydantic import ValidationError
 from nena_shared.plant import BACKWARD_SUFFIX, Orientation
 from nena_shared.plant.track import (
     BoundingBox,
-    LoadRestriction,
     PathOrientationType,
     Point,
     VehicleTypeAtPoint,
@@ -127,19 +126,3 @@ def test_who_looks_against_the_direction_of_the_path_drives_backward(
         vehicle_type_id="t", rotation_allowed=True, vehicle_orientation=orientation, orientation_type=kind
     )
     assert use.is_backward is backward
-
-
-@pytest.mark.parametrize(("loaded", "allowed"), [(True, False), (False, True), (None, True)])
-def test_a_restriction_counts_where_it_is_known_whether_there_is_a_load(
-    *, loaded: bool | None, allowed: bool
-) -> None:
-    use = VehicleTypeOnPath(
-        vehicle_type_id="t",
-        rotation_allowed=True,
-        load_restriction=LoadRestriction(unloaded=True, loaded=False),
-    )
-    assert use.allows(loaded=loaded) is allowed
-
-
-def test_without_a_restriction_every_load_may_pass() -> None:
-    assert VehicleTypeOnPath(vehicle_type_id="t", rotation_allowed=True).allows(loaded=True)

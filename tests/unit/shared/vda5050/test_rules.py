@@ -16,6 +16,7 @@ from nena_shared.vda5050.state import Map, MapStatus, OperatingMode, State
 from nena_shared.vda5050.topics import Topic
 from nena_shared.vda5050.v2_1 import CODEC
 from nena_shared.vda5050.versions import CODECS, RULES
+from support.expressible import EXPRESSIBLE
 
 EACH_VERSION = pytest.mark.parametrize("version", CODECS)
 
@@ -48,7 +49,7 @@ def test_operating_modes(version: str, neutral: State) -> None:
         for mode in OperatingMode
     ]
 
-    assert kept(OperatingMode, list(told)) == RULES[version].operating_modes
+    assert kept(OperatingMode, list(told)) == EXPRESSIBLE[version].operating_modes
 
 
 @pytest.mark.clause("6.6.9", "6.6.9/retriable")
@@ -73,9 +74,9 @@ def test_names_and_levels_of_errors(version: str, neutral: State) -> None:
     told = arrived(version, neutral.model_copy(update={"errors": (*errors, *own)})).errors
 
     names = {kind: each.error_type for kind, each in zip(ErrorType, told, strict=False)}
-    assert names == RULES[version].error_names
+    assert names == EXPRESSIBLE[version].error_names
     levels = [each.error_level for each in told[len(errors) :]]
-    assert kept(ErrorLevel, list(levels)) == RULES[version].error_levels
+    assert kept(ErrorLevel, list(levels)) == EXPRESSIBLE[version].error_levels
 
 
 @pytest.mark.clause("6.6.9/instant")
@@ -86,7 +87,7 @@ def test_where_states_of_instant_actions_are(version: str, neutral: State) -> No
 
     apart, among = told.instant_action_states, told.action_states
     assert [bool(apart), bool(among)] == (
-        [True, False] if RULES[version].instant_states_apart else [False, True]
+        [True, False] if EXPRESSIBLE[version].instant_states_apart else [False, True]
     )
 
 
@@ -125,7 +126,8 @@ def test_blocking_types_and_the_name_of_the_cancelled_order(version: str, order:
 
     arrived_actions = told.nodes[0].actions
     assert (
-        kept(BlockingType, [each.blocking_type for each in arrived_actions]) == RULES[version].blocking_types
+        kept(BlockingType, [each.blocking_type for each in arrived_actions])
+        == EXPRESSIBLE[version].blocking_types
     )
     named = [each.parameter("orderId") for each in arrived_actions]
     assert named == ["o1" if RULES[version].cancel_names_order else None] * len(BlockingType)
@@ -143,7 +145,7 @@ def test_connection_states(version: str, neutral: State) -> None:
         for each in ConnectionState
     ]
 
-    assert kept(ConnectionState, list(told)) == RULES[version].connection_states
+    assert kept(ConnectionState, list(told)) == EXPRESSIBLE[version].connection_states
 
 
 @pytest.mark.parametrize(("version", "strict"), [("2.0.0", False), ("2.1.0", False), ("3.0.0", True)])

@@ -17,7 +17,7 @@ from starlette.responses import JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 from structlog.testing import capture_logs
 
-from nena_shared.clock import ManualClock, SystemClock
+from nena_shared.clock import SystemClock
 from nena_shared.fleet_api.base import Role
 from nena_shared.settings import ConfigurationError
 from nena_shared.web import access
@@ -32,6 +32,7 @@ from nena_shared.web.access import (
 from nena_shared.web.oidc.issuer import LOOKS_AT_ONCE, AccessTokens
 from nena_shared.web.settings import HttpSettings, OidcSettings
 from nena_shared.web.users import User, UserBook, hash_of, write_users
+from support.clocks import ManualClock
 from support.oidc_issuer import AUDIENCE, DISCOVERY, LIFE, OidcIssuer, ec_key
 
 REQUESTS = 30

@@ -4,8 +4,8 @@ import asyncio
 
 from starlette.types import Message
 
-from nena_shared.clock import ManualClock
 from nena_shared.web.server_sent_events import LOOK_AFTER, EventRing, LastingAnswer
+from support.clocks import ManualClock
 from support.pausing import turn_passes
 from support.waiting import PATIENCE
 

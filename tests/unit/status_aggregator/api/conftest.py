@@ -7,10 +7,10 @@ from collections.abc import AsyncIterator
 import httpx
 import pytest
 
-from nena_shared.clock import ManualClock
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.api.app import make_app
 from nena_status_aggregator.settings import AggregatorHttpSettings, AggregatorSettings, EventSettings
+from support.clocks import ManualClock
 from support.fleet_examples import ROBOT, START, order_status
 from support.fleet_records import state
 

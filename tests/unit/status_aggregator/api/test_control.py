@@ -13,13 +13,13 @@ import httpx
 import pytest
 from pydantic import HttpUrl
 
-from nena_shared.clock import ManualClock
 from nena_shared.web.access import COOKIE
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.api.app import make_app
 from nena_status_aggregator.api.control import BODY_LIMIT
 from nena_status_aggregator.settings import AggregatorSettings, HistorySettings, OrderServiceSettings
 from support.broker import free_port
+from support.clocks import ManualClock
 from support.fleet_examples import START
 
 ORDER = {"destinations": [{"locationName": "A"}]}

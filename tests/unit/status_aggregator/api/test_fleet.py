@@ -3,12 +3,12 @@ from __future__ import annotations
 import httpx
 import pytest
 
-from nena_shared.clock import ManualClock
 from nena_shared.plant.model import PlantModel
 from nena_shared.vda5050 import v2_0, v2_1, v3_0
 from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_status_aggregator.aggregator import Aggregator
+from support.clocks import ManualClock
 from support.fleet_examples import ROBOT, factsheet, sample_plant
 
 

@@ -9,7 +9,6 @@ import httpx
 import pytest
 from structlog.testing import capture_logs
 
-from nena_shared.clock import ManualClock
 from nena_shared.web.access import COOKIE
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.api import oidc
@@ -21,6 +20,7 @@ from nena_status_aggregator.settings import (
     HistorySettings,
     PanelOidcSettings,
 )
+from support.clocks import ManualClock
 from support.fleet_examples import START
 from support.oidc_issuer import DISCOVERY, OidcIssuer, oidc_issuer
 

@@ -6,7 +6,6 @@ from pathlib import Path
 import httpx
 import pytest
 
-from nena_shared.clock import ManualClock
 from nena_shared.fleet_api.base import Role
 from nena_shared.web.access import COOKIE, WRONG_TOKENS_AT_ONCE
 from nena_shared.web.settings import HttpSettings
@@ -15,6 +14,7 @@ from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.api.app import make_app
 from nena_status_aggregator.api.session import make_rule
 from nena_status_aggregator.settings import AggregatorHttpSettings, AggregatorSettings, HistorySettings
+from support.clocks import ManualClock
 from support.fleet_examples import START
 
 SESSION = "/api/v1/session"

@@ -3,13 +3,13 @@ from __future__ import annotations
 from datetime import UTC, datetime
 from typing import Any
 
-from nena_shared.clock import ManualClock
 from nena_shared.fleet_api.transport_order import Coordinate, Destination, Hold
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_status_aggregator.fleet.orders import TrackedOrder
 from nena_status_aggregator.fleet.robot import Robot, Timestamp
 from nena_status_aggregator.fleet.view_builder import LIST_LIMIT, place, view_order, view_robot
 from nena_status_aggregator.fleet.views import RobotView
+from support.clocks import ManualClock
 from support.fleet_examples import ROBOT, START, factsheet, order_status
 from support.fleet_records import state
 from support.robot_maps import robot_map

@@ -10,13 +10,13 @@ from typing import Any
 import pytest
 from sqlalchemy import Engine
 
-from nena_shared.clock import ManualClock
 from nena_status_aggregator.fleet.events import Code, Event
 from nena_status_aggregator.history import database
 from nena_status_aggregator.history import writer as writer_module
 from nena_status_aggregator.history.database import HistoryEntry, HistoryError, HistoryFilter
 from nena_status_aggregator.history.writer import HistoryWriter
 from nena_status_aggregator.settings import HistorySettings
+from support.clocks import ManualClock
 from support.fleet_examples import START
 from support.postgres import Postgres
 from support.waiting import PATIENCE, until

@@ -10,7 +10,6 @@ import pytest
 from prometheus_client.metrics_core import Metric
 from prometheus_client.parser import text_string_to_metric_families
 
-from nena_shared.clock import ManualClock
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.metrics import Metric as Documented
 from nena_shared.vda5050.topics import RobotKey
@@ -19,6 +18,7 @@ from nena_status_aggregator.fleet.messages import MessageKind
 from nena_status_aggregator.metrics.exposition import SECTIONS, Exposition
 from nena_status_aggregator.metrics.robot_series import OF_ROBOT, OF_STATE, documented
 from nena_status_aggregator.settings import AggregatorSettings
+from support.clocks import ManualClock
 from support.fleet_examples import ROBOT, START, connection, order_status, position
 from support.fleet_records import state
 from support.pausing import turn_passes

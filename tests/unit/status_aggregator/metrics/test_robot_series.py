@@ -3,10 +3,10 @@ from __future__ import annotations
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
-from nena_shared.clock import ManualClock
 from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.fleet.robot import Robot, Timestamp
 from nena_status_aggregator.metrics.robot_series import RobotSeries
+from support.clocks import ManualClock
 from support.fleet_examples import ROBOT, START, connection, position, way
 from support.fleet_records import state
 

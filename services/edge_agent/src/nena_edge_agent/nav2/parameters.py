@@ -31,8 +31,6 @@ class Nav2Parameters:
     """
 
     xy_tolerance: float | None = None
-    yaw_tolerance: float | None = None
-    planner_tolerance: float | None = None
     approach: float | None = None
     server_timeout: float | None = None
     speed: float | None = None
@@ -63,23 +61,20 @@ class ParameterReader:
         """Build the clients."""
         names = self._settings.names
         self._session = session
-        self._controller, self._planner, self._navigator = (
+        self._controller, self._navigator = (
             node.create_client(GetParameters, f"{server}/get_parameters")
-            for server in (names.controller, names.planner, names.navigator)
+            for server in (names.controller, names.navigator)
         )
         self._costmap = node.create_client(GetParameters, f"{names.costmap}/get_parameters")
 
     async def read(self) -> Nav2Parameters:
         """Read all of them; takes at most two timeouts of a call."""
-        checker, follower, planner = await asyncio.gather(
+        checker, follower = await asyncio.gather(
             self._first(self._controller, "goal_checker_plugins", "general_goal_checker"),
             self._first(self._controller, "controller_plugins", "FollowPath"),
-            self._first(self._planner, "planner_plugins", "GridBased"),
         )
         numbers = await asyncio.gather(
             self._number(self._controller, f"{checker}.xy_goal_tolerance"),
-            self._number(self._controller, f"{checker}.yaw_goal_tolerance"),
-            self._number(self._planner, f"{planner}.tolerance"),
             self._number(self._controller, f"{follower}.approach_velocity_scaling_dist"),
             self._number(self._navigator, "default_server_timeout"),
         )

@@ -55,8 +55,6 @@ class SentOrder(BaseModel):
     """Whether it ends before its destination, and its order is to go on from there."""
     cancelled: bool = False
     """Whether the robot is to be sent cancelOrder."""
-    rerouting: bool = False
-    """Whether it is cancelled so that its order goes on from where the robot stands then."""
 
     @classmethod
     def of(

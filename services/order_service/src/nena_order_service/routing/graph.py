@@ -104,7 +104,7 @@ class NoRouteError(Exception):
         return (
             f"No route from {self.source!r} to {goal}{who}{without}. "
             "Check the plant model for locked paths, missing reverse speeds and one-way tracks, "
-            "and for restrictions of vehicle type, load, size or map."
+            "and for restrictions of vehicle type, size or map."
         )
 
 
@@ -117,19 +117,11 @@ class RoutingProfile:
     max_reverse_velocity_mm_s: int | None = None
     vehicle_types: frozenset[str] = frozenset()
     """The types of which it may be; it goes only where each of them may."""
-    loaded: bool | None = None
-    """Whether it carries anything; None: unknown."""
     bounding_box: BoundingBox | None = None
     allowed_maps: frozenset[str] | None = None
 
     @classmethod
-    def of(
-        cls,
-        vehicle: Vehicle | None,
-        known_types: frozenset[str] = frozenset(),
-        *,
-        loaded: bool | None = None,
-    ) -> Self:
+    def of(cls, vehicle: Vehicle | None, known_types: frozenset[str] = frozenset()) -> Self:
         """Return the routing profile of a vehicle; None: that of any vehicle.
 
         A vehicle without a type may be of any type that the plant knows.
@@ -142,7 +134,6 @@ class RoutingProfile:
             max_velocity_mm_s=vehicle.max_velocity_mm_s,
             max_reverse_velocity_mm_s=vehicle.max_reverse_velocity_mm_s,
             vehicle_types=named if known_types else frozenset(),
-            loaded=loaded if known_types else None,
             bounding_box=vehicle.bounding_box,
             allowed_maps=vehicle.allowed_maps,
         )
@@ -181,7 +172,7 @@ class Access:
     """Which edges of a plant are open to vehicles of one profile.
 
     Closed are: locked paths; directions in which path or vehicle have no speed; what the plant does not open
-    to the vehicle's type, load or height; points on maps where it must not drive. A vehicle on a point that
+    to the vehicle's type or height; points on maps where it must not drive. A vehicle on a point that
     is closed to it may leave.
     """
 
@@ -208,8 +199,7 @@ class Access:
 
     def _fits(self, use: VehicleTypeOnPath) -> bool:
         box = self._profile.bounding_box
-        low_enough = use.max_height is None or box is None or box.height_mm <= use.max_height * MM_PER_M
-        return low_enough and use.allows(loaded=self._profile.loaded)
+        return use.max_height is None or box is None or box.height_mm <= use.max_height * MM_PER_M
 
     def _point_is_open(self, point: Point) -> bool:
         maps = self._profile.allowed_maps

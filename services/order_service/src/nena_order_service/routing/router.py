@@ -61,7 +61,6 @@ class Router:
         *,
         vehicle: Vehicle | None = None,
         avoid: Collection[str] = frozenset(),
-        loaded: bool | None = None,
         burden: Mapping[str, float] | None = None,
     ) -> Route:
         """Return the cheapest route between two points.
@@ -69,12 +68,10 @@ class Router:
         `burden` maps edges and points to the share of their cost that is added at present.
 
         `avoid` names points, paths and locations (which stand for their linked points) that must not be used.
-        `loaded` is whether the vehicle carries anything, for paths that are closed with or without a load.
-        Raises UnknownObjectError for a name that the plant does not have and NoRouteError if there is no
-        route.
+        Raises UnknownObjectError for a name that the plant does not have and NoRouteError if there is no route.
         """
         self._check_points((source, destination))
-        steps = self._graph(vehicle, avoid, loaded=loaded).shortest(source, destination, burden)
+        steps = self._graph(vehicle, avoid).shortest(source, destination, burden)
         return _found(steps, source, destination, vehicle, avoid)
 
     def route_through(
@@ -84,7 +81,6 @@ class Router:
         *,
         vehicle: Vehicle | None = None,
         avoid: Collection[str] = frozenset(),
-        loaded: bool | None = None,
     ) -> tuple[Route, ...]:
         """Return one route for each destination, one after the other, with the lowest total cost.
 
@@ -93,7 +89,7 @@ class Router:
         as `route` does; NoRouteError names the first destination that cannot be reached.
         """
         self._check_points([source, *chain.from_iterable(destinations)])
-        graph = self._graph(vehicle, avoid, loaded=loaded)
+        graph = self._graph(vehicle, avoid)
         points = (source, *chain.from_iterable(destinations))
         if any(len(choice) != 1 for choice in destinations):  # else there is nothing to compare
             ways = {source: _Way(0.0, (source,))}
@@ -107,12 +103,10 @@ class Router:
             _found(graph.shortest(start, end), start, end, vehicle, avoid) for start, end in pairwise(points)
         )
 
-    def costs_from(
-        self, source: str, *, vehicle: Vehicle | None = None, loaded: bool | None = None
-    ) -> dict[str, float]:
+    def costs_from(self, source: str, *, vehicle: Vehicle | None = None) -> dict[str, float]:
         """Return what it costs to reach each point that can be reached. Raises UnknownObjectError."""
         self._check_points((source,))
-        return self._graph(vehicle, (), loaded=loaded).costs_from(source, self._plant.points_by_name)
+        return self._graph(vehicle).costs_from(source, self._plant.points_by_name)
 
     def costs_to(
         self, destination: str, *, vehicle: Vehicle | None = None, avoid: Collection[str] = frozenset()
@@ -125,7 +119,7 @@ class Router:
         known = self._maps.get(key)
         if known is None:
             self._check_points((destination,))
-            known = self._maps[key] = self._graph(vehicle, avoid, loaded=None).costs_to(destination)
+            known = self._maps[key] = self._graph(vehicle, avoid).costs_to(destination)
             while len(self._maps) * len(self._plant.points) > COSTS_KEPT and len(self._maps) > 1:
                 self._maps.popitem(last=False)
         else:
@@ -142,12 +136,8 @@ class Router:
         """Return a number for the kind of a vehicle: those of one kind have the same ways."""
         return self._kinds.of(vehicle).number
 
-    def _graph(self, vehicle: Vehicle | None, avoid: Collection[str], *, loaded: bool | None) -> RoutingGraph:
-        profile = (
-            self._kinds.of(vehicle).profile
-            if loaded is None
-            else RoutingProfile.of(vehicle, self._plant.vehicle_types, loaded=loaded)
-        )
+    def _graph(self, vehicle: Vehicle | None, avoid: Collection[str] = ()) -> RoutingGraph:
+        profile = self._kinds.of(vehicle).profile
         if profile not in self._graphs:
             self._graphs[profile] = RoutingGraph(self._plant, self._costs, profile, self._locks)
         graph = self._graphs[profile]

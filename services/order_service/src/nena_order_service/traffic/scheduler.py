@@ -182,18 +182,6 @@ class Scheduler:
         """Drop a vehicle's claim; it keeps what it holds, because it may still drive there."""
         self._set_claim(self.occupant(name), ())
 
-    def stand(self, name: str) -> None:
-        """Note that the vehicle stays where it is, and free what it was to drive to.
-
-        It may be anywhere on the way to the next point, so it keeps that set.
-        """
-        occupant = self.occupant(name)
-        self.give_up_claim(name)
-        while occupant.ahead > 1:
-            self._remove(self._holds, name, occupant.held.pop().uses)
-        occupant.reached = len(occupant.held) - 1
-        self._forget_end(name)
-
     def sharing(self, name: str) -> tuple[str, str] | None:
         """Return another vehicle that holds what this one holds exclusively, and the resource, or None."""
         return next(self._others(self._holds, name, self.occupant(name).held), None)

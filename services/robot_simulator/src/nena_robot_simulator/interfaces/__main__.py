@@ -18,7 +18,6 @@ from nena_robot_simulator.interfaces import build
 
 HERE = Path(__file__).parent
 PACKAGES = (HERE / "definitions" / "nav2_msgs", HERE / "definitions" / "tf2_msgs")
-DEFINITIONS = PACKAGES[0]
 MARK = "Made from definitions of NeNa's robot simulator, "
 
 

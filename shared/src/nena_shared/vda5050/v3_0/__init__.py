@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from types import MappingProxyType
 from typing import Final
 
-from nena_shared.vda5050.action import ActionStatus, BlockingType, InstantActions
+from nena_shared.vda5050.action import ActionStatus, InstantActions
 from nena_shared.vda5050.codec import Codec
-from nena_shared.vda5050.connection import Connection, ConnectionState
-from nena_shared.vda5050.error import ErrorLevel, ErrorType
+from nena_shared.vda5050.connection import Connection
+from nena_shared.vda5050.error import ErrorType
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.responses import Responses
@@ -28,13 +27,7 @@ from nena_shared.vda5050.visualization import Visualization
 from nena_shared.vda5050.zone_set import ZoneSetTransfer
 
 RULES: Final = Rules(
-    blocking_types=frozenset(BlockingType),
     action_statuses=frozenset(ActionStatus),
-    error_levels=frozenset(ErrorLevel),
-    operating_modes=frozenset(OperatingMode),
-    connection_states=frozenset(ConnectionState),
-    error_names=MappingProxyType({kind: kind.value for kind in ErrorType}),
-    instant_states_apart=True,
     instant_states_until_cleared=True,
     first_update_id_is_zero=True,
     equal_update_id_compared=True,
@@ -47,7 +40,7 @@ RULES: Final = Rules(
     node_forgotten_in=frozenset({OperatingMode.STARTUP, OperatingMode.SERVICE, OperatingMode.TEACH_IN}),
     node_left_in=frozenset({OperatingMode.MANUAL}),
 )
-"""What this version can say, and what it means by it."""
+"""What this version means by its messages."""
 
 CODEC = Codec(
     version="3.0.0",

@@ -8,6 +8,7 @@ import pytest
 
 from nena_shared.plant import PlantModelError
 from nena_shared.plant.lif import read
+from nena_shared.plant.track import LoadRestriction
 from support.reference import reference_dir
 
 CHARGING = "vdma-10.13-charging-station.lif.json"
@@ -31,7 +32,7 @@ def test_the_charging_station_is_one() -> None:
     assert model.access_points(station.name, "Charge") == ("N_CHARGER",)
     (use,) = model.path("N_CHARGER-N1").vehicle_types
     assert use.is_backward
-    assert (use.allows(loaded=False), use.allows(loaded=True), use.allows(loaded=None)) == (True, False, True)
+    assert use.load_restriction == LoadRestriction(unloaded=True, loaded=False)
     assert use.vehicle_orientation == pytest.approx(pi)
 
 

@@ -11,7 +11,6 @@ from typing import Any
 import pytest
 from structlog.testing import capture_logs
 
-from nena_shared.clock import ManualClock
 from nena_shared.fleet_api.base import Role
 from nena_shared.settings import ConfigurationError
 from nena_shared.web.oidc.issuer import (
@@ -31,6 +30,7 @@ from nena_shared.web.oidc.tokens import TokenHeader
 from nena_shared.web.oidc.users import IssuerAwayError, NoRoleError, TokenRefusedError
 from nena_shared.web.settings import OidcSettings
 from support.broker import free_port
+from support.clocks import ManualClock
 from support.oidc_issuer import DISCOVERY, KEYS, OidcIssuer, ec_key, rsa_key
 from support.waiting import PATIENCE, awaited, until
 
