@@ -14,7 +14,18 @@ from structlog.contextvars import bind_contextvars
 
 from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.actions.run import ActionRunner
-from nena_edge_agent.driver.port import DriveFailed, DriveFailure, DriveGoal, Driver, Pose
+from nena_edge_agent.driver.port import (
+    Arrived,
+    DriveFailed,
+    DriveFailure,
+    DriveGoal,
+    DriveProgress,
+    Driver,
+    Pose,
+    PoseReport,
+    SessionReport,
+    SessionState,
+)
 from nena_edge_agent.factsheet import make_capabilities
 from nena_edge_agent.journal import Journal, Recorder, check_frame, read_journal
 from nena_edge_agent.messages import Inbox, InboxCounts, RobotMessages, client_id_of
@@ -33,6 +44,7 @@ from nena_edge_agent.protocol.events import (
     LimitSpeed,
     LinkReport,
     MapsReport,
+    OrderReceived,
     PauseAction,
     PluginsReport,
     ReportState,
@@ -48,8 +60,7 @@ from nena_edge_agent.protocol.robot import RobotCore
 from nena_edge_agent.protocol.state import as_recorded
 from nena_edge_agent.queues import Mailbox, Postponed, StateSchedule, VisualizationSchedule
 from nena_edge_agent.settings import EdgeAgentSettings
-from nena_edge_agent.statistics import AgentStatistics
-from nena_shared.clock import Clock
+from nena_shared.clock import Clock, ClockSkew
 from nena_shared.fleet_api.plant import MapImage
 from nena_shared.histogram import Histogram
 from nena_shared.log import get_logger
@@ -61,6 +72,48 @@ from nena_shared.vda5050.error import ErrorEntry
 from nena_shared.vda5050.state import Map, State
 from nena_shared.vda5050.topics import RobotKey, Topic
 from nena_shared.vda5050.visualization import Visualization
+
+
+class AgentStatistics:
+    """Counts since the start of the robot's agent, for its metrics."""
+
+    def __init__(self) -> None:
+        self.arrived = 0
+        self.failed = dict.fromkeys(DriveFailure, 0)
+        """Drives that failed, by how."""
+        self.recoveries = 0
+        self.session: SessionState | None = None
+        self.localized: bool | None = None
+        """Whether the robot knows where it is; None: it never did."""
+        self.posed_at: float | None = None
+        """When the last pose that counts came, in monotonic seconds."""
+        self.fleet_clock = ClockSkew()
+        """Of the order service, by the timestamps of its orders."""
+        self._recoveries_of_drive = 0
+
+    def note(self, event: Event, now: float) -> None:
+        """Count an event."""
+        match event:
+            case PoseReport(localized=localized):
+                self.localized = localized
+                if localized:
+                    self.posed_at = now
+            case DriveProgress(recoveries=recoveries):
+                self.recoveries += max(0, recoveries - self._recoveries_of_drive)
+                self._recoveries_of_drive = recoveries
+            case Arrived():
+                self.arrived += 1
+                self._recoveries_of_drive = 0
+            case DriveFailed():
+                self.failed[event.failure] += 1
+                self._recoveries_of_drive = 0
+            case SessionReport():
+                self.session = event.state
+            case OrderReceived(utc=utc) if utc and event.dated:
+                self.fleet_clock.measure(event.order.timestamp, utc)
+            case _:
+                pass
+
 
 log = get_logger(__name__)
 P = ParamSpec("P")

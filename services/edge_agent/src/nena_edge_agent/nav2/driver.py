@@ -37,7 +37,6 @@ from nena_edge_agent.driver.port import (
 )
 from nena_edge_agent.nav2 import presence
 from nena_edge_agent.nav2.action_tracker import ActionSide, ActionTracker, FeedbackFilter, FeedbackReading
-from nena_edge_agent.nav2.collision_monitor import CollisionMonitor
 from nena_edge_agent.nav2.commands import (
     AskResult,
     CancelGoal,
@@ -61,7 +60,13 @@ from nena_edge_agent.nav2.localisation import (
 from nena_edge_agent.nav2.map_server import MapServer
 from nena_edge_agent.nav2.offers import COLLISION_MONITOR, interface, nav2_offers
 from nena_edge_agent.nav2.poses import PoseReading, impossible
-from nena_edge_agent.nav2.robot_base import Battery, BatteryReading, MovementWatch, without_noise
+from nena_edge_agent.nav2.robot_base import (
+    Battery,
+    BatteryReading,
+    CollisionMonitor,
+    MovementWatch,
+    without_noise,
+)
 from nena_edge_agent.nav2.session_control import (
     NodeExtension,
     SessionError,

@@ -1,15 +1,22 @@
-"""Reports of the robot's base: standstill and movement by its odometry, and its battery."""
+"""Reports of the robot's base: standstill, movement, battery, and stops by Nav2's collision monitor."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 from nena_edge_agent.driver.map_port import MapPose
-from nena_edge_agent.driver.port import STANDING, BatteryReport
+from nena_edge_agent.driver.port import STANDING, BatteryReport, CollisionReport
+from nena_edge_agent.nav2.offers import COLLISION_MONITOR, interface
 from nena_edge_agent.nav2.poses import near
 from nena_edge_agent.nav2.settings import BatteryScale
 from nena_shared.log import get_logger
+
+if TYPE_CHECKING:
+    from nena_edge_agent.nav2.session import RosSession
+
 
 HOLD = 0.2
 """Seconds that it must have been standing."""
@@ -191,3 +198,31 @@ class Battery:
 
 def _measured(value: float) -> float | None:
     return value if math.isfinite(value) else None
+
+
+STOP = 1
+"""Value of ``action_type`` while the robot is stopped; above, it is slowed down."""
+
+
+class CollisionMonitor:
+    """Listens to a collision monitor, which reports its state on each change."""
+
+    def __init__(self, topic: str, tell: Callable[[CollisionReport], None]) -> None:
+        self._topic = topic
+        self._tell = tell
+
+    def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401 - rclpy carries no types
+        """Subscribe on a new node."""
+        from nena_edge_agent.nav2.node import RELIABLE  # noqa: PLC0415 - needs rclpy
+
+        kind = interface(COLLISION_MONITOR)
+        session.subscribe(node, kind, self._topic, RELIABLE, read=report_of, handle=self._heard)
+
+    def _heard(self, report: CollisionReport) -> None:
+        log.info("collision monitor", stops=report.stops, polygon=report.polygon)
+        self._tell(report)
+
+
+def report_of(message: Any) -> CollisionReport:  # noqa: ANN401
+    """Read a nav2_msgs/CollisionMonitorState."""
+    return CollisionReport(stops=message.action_type == STOP, polygon=message.polygon_name)

@@ -17,7 +17,7 @@ from nena_edge_agent.protocol import actions, zones
 from nena_edge_agent.protocol.action_states import lets_drive
 from nena_edge_agent.protocol.capabilities import Capabilities, DriveStrategy, ExternalGoals
 from nena_edge_agent.protocol.errors import Until
-from nena_edge_agent.protocol.events import Drive, Halt
+from nena_edge_agent.protocol.events import Drive, Halt, LimitSpeed
 from nena_edge_agent.protocol.geometry import distance, heading_fits, in_place, radius, same_place, turn
 from nena_edge_agent.protocol.robot_state import RobotState
 from nena_shared.vda5050.error import ErrorType, error
@@ -391,3 +391,38 @@ def _cut(before: Pose | NodePosition, here: NodePosition, there: NodePosition) -
     inward = atan2(here.y - before.y, here.x - before.x)
     bend = abs(turn(inward, atan2(there.y - here.y, there.x - here.x)))
     return CUT_WITHIN * sin(min(bend, pi / 2))
+
+
+def limit_speed(robot: RobotState) -> None:
+    """Apply the lowest limit of zones and edges, early enough to slow down before it applies (section 6.4).
+
+    The limit of the edge that the robot drives on comes with its goal.
+    """
+    if not robot.capabilities.limits_speed or robot.reports.localized_pose is None:
+        return
+    limit = min((*zones.speed_limits(robot), *_limits_of_edges(robot)), default=None)
+    if limit != robot.speed_limit:
+        robot.speed_limit = limit
+        robot.effects.append(LimitSpeed(limit))
+
+
+def _limits_of_edges(robot: RobotState) -> list[float]:
+    """Return the limits of the edges behind the next nodes, as far as the robot needs to slow down."""
+    pose = robot.reports.localized_pose
+    passes = robot.capabilities.strategy is DriveStrategy.PASS_THROUGH and robot.goal.target is not None
+    if pose is None or not passes:
+        return []
+    place = (pose.x, pose.y)
+    found: list[float] = []
+    left = robot.capabilities.braking_distance
+    for node, edge in zip(robot.progress.nodes, islice(robot.progress.edges, 1, None), strict=False):
+        position = node.node_position
+        if position is None or not edge.released:
+            break
+        left -= dist(place, (position.x, position.y))
+        if left < 0:
+            break
+        if edge.maximum_speed is not None:
+            found.append(edge.maximum_speed)
+        place = (position.x, position.y)
+    return found

@@ -27,7 +27,7 @@ from nena_edge_agent.driver.port import (
     SessionReport,
     VelocityReport,
 )
-from nena_edge_agent.protocol import actions, driving, instant_actions, orders, route_progress, speed, zones
+from nena_edge_agent.protocol import actions, driving, instant_actions, orders, route_progress, zones
 from nena_edge_agent.protocol.action_states import sensed
 from nena_edge_agent.protocol.capabilities import Capabilities
 from nena_edge_agent.protocol.conditions import check_conditions
@@ -98,7 +98,7 @@ class RobotCore:
         instant_actions.advance_position(robot)
         zones.advance(robot)
         zones.keep_out(robot)
-        speed.advance(robot)
+        driving.limit_speed(robot)
         route_progress.advance(robot)
         check_conditions(robot)
         shown = self._visible()

@@ -68,7 +68,7 @@ class Router:
         `burden` maps edges and points to the share of their cost that is added at present.
 
         `avoid` names points, paths and locations (which stand for their linked points) that must not be used.
-        Raises UnknownObjectError for a name that the plant does not have and NoRouteError if there is no route.
+        Raises UnknownObjectError for a name that the plant does not have, NoRouteError if there is no route.
         """
         self._check_points((source, destination))
         steps = self._graph(vehicle, avoid).shortest(source, destination, burden)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from math import inf
 from weakref import WeakValueDictionary
 
-from nena_shared.clock import iso
+from nena_shared.clock import ClockSkew, iso
 from nena_shared.fleet_api.plant import MapImage
-from nena_shared.fleet_api.service_status import ServiceStatus
+from nena_shared.fleet_api.service_status import LOST_AFTER, ServiceStatus
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.plant.model import PlantModel
@@ -20,13 +20,44 @@ from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.visualization import Visualization
 from nena_status_aggregator.fleet.event_log import EventLog, Publish
 from nena_status_aggregator.fleet.messages import MessageKind, Verdict
-from nena_status_aggregator.fleet.order_service import OrderServiceWatch
 from nena_status_aggregator.fleet.orders import OrderRegistry
 from nena_status_aggregator.fleet.publication import Delta, Publication
 from nena_status_aggregator.fleet.robot import PlantFrame, Robot, Timestamp
 from nena_status_aggregator.fleet.statistics import Statistics
 from nena_status_aggregator.fleet.view_builder import short, view_order, view_robot
 from nena_status_aggregator.fleet.views import FleetView, OrderView, PlantView, RobotView
+
+
+class OrderServiceWatch:
+    """Keeps the last status of the active order service; a fleet may have none."""
+
+    def __init__(self) -> None:
+        self.skew = ClockSkew()
+        self._last: ServiceStatus | None = None
+        self._heard = 0.0
+        """When that came, in monotonic seconds."""
+
+    def hear(self, status: ServiceStatus, at: Timestamp, *, retained: bool) -> None:
+        """Take a status; a retained one, or a last will, has an old timestamp."""
+        self._last, self._heard = status, at.monotonic
+        if status.online and not retained:
+            self.skew.measure(status.timestamp, at.utc)
+
+    def lose(self) -> None:
+        """Forget it: the broker link is down, or the broker no longer retains its status."""
+        self._last = None
+        self.skew = ClockSkew()
+
+    def up(self, now: Timestamp) -> bool | None:
+        """Return whether it is up; None: no status received."""
+        if self._last is None:
+            return None
+        return self._last.online and now.monotonic - self._heard < LOST_AFTER
+
+    @property
+    def store_ready(self) -> bool | None:
+        """Whether it accepts new orders, by its last status; None: no status received."""
+        return None if self._last is None else self._last.store_ready
 
 
 class RobotRegistry:
