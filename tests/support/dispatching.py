@@ -10,7 +10,7 @@ from typing import Any
 from nena_order_service.dispatching.dispatcher import Decisions, DispatchedVehicle
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.vda_orders import Pick
-from nena_order_service.routing.order_routes import RouteCost
+from nena_order_service.routing.router import RouteCost
 
 
 @dataclass(frozen=True)

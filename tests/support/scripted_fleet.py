@@ -25,8 +25,7 @@ from nena_order_service.fleet.outputs import (
 from nena_order_service.fleet.robot import Availability, LinkStatus, RobotView
 from nena_order_service.fleet.vda_order import OperationMap, VdaOrder, grown
 from nena_order_service.orders.vda_orders import OrderPlanner
-from nena_order_service.routing.order_routes import RouteFinder
-from nena_order_service.routing.router import Router
+from nena_order_service.routing.router import RouteFinder, Router
 from nena_order_service.store.changes import Changes
 from nena_order_service.store.database import Unfinished
 from nena_order_service.store.store import Store

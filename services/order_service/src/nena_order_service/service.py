@@ -33,8 +33,7 @@ from nena_order_service.fleet.vda_order import OperationMap
 from nena_order_service.orders.vda_orders import OrderPlanner
 from nena_order_service.plant_file import PlantFile
 from nena_order_service.routing.graph import evaluators
-from nena_order_service.routing.order_routes import RouteFinder
-from nena_order_service.routing.router import Router
+from nena_order_service.routing.router import RouteFinder, Router
 from nena_order_service.settings import OrderServiceSettings
 from nena_order_service.store.changes import Changes
 from nena_order_service.store.store import Store

@@ -40,7 +40,7 @@ from nena_order_service.dispatching.settings import (
 )
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.vda_orders import Pick
-from nena_order_service.routing.order_routes import RouteCost
+from nena_order_service.routing.router import RouteCost
 from nena_shared.fleet_api.vehicle import ANY_ORDER_TYPE, AcceptableOrderType
 from nena_shared.plant.model import EnergyThresholds
 from nena_shared.vda5050.factsheet import Factsheet, LoadSpecification

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from nena_order_service.routing import graph
 from nena_order_service.routing.graph import CostKey, NoRouteError, evaluators
-from nena_order_service.routing.order_routes import NO_WAY, RouteCosts, RouteFinder, VehicleRoutes
-from nena_order_service.routing.router import Router
+from nena_order_service.routing.router import NO_WAY, RouteCosts, RouteFinder, Router, VehicleRoutes
 from nena_order_service.vehicles.registry import VehicleRegistry
 from nena_shared.fleet_api.transport_order import Coordinate, Destination
 from nena_shared.plant import Link, Location, LocationType, Path, PlantModel, Vehicle

@@ -46,6 +46,7 @@ from nena_shared.fleet_api.vehicle import (
 )
 from nena_shared.log import get_logger
 from nena_shared.plant import BoundingBox, PlantModel, Vehicle
+from nena_shared.plant.track import MM_PER_M
 from nena_shared.web.problem import describe_problems
 
 log = get_logger(__name__)
@@ -115,8 +116,6 @@ def install(app: FastAPI) -> None:
         log.error("request failed", path=request.url.path, exc_info=error)
         return answer(HTTPStatus.INTERNAL_SERVER_ERROR, (problem_of(error).detail,))
 
-
-MM_PER_M = 1000.0
 
 END_OF_TIME = datetime(9999, 12, 31, 23, 59, 59, tzinfo=UTC)
 """What openTCS says of an order without a deadline, as near as it can be written."""

@@ -11,7 +11,7 @@ from nena_order_service.engine.state import FleetState
 from nena_order_service.fleet.robot import RobotView
 from nena_order_service.fleet.vda_order import VdaOrder
 from nena_order_service.orders.vda_orders import OrderPlanner
-from nena_order_service.routing.order_routes import VehicleRoutes
+from nena_order_service.routing.router import VehicleRoutes
 from nena_order_service.traffic.manager import TrafficManager
 from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry
 from nena_shared.clock import Clock

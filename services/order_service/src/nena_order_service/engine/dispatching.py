@@ -37,7 +37,7 @@ from nena_order_service.orders.transport_order import TransportOrder, Urgency
 from nena_order_service.orders.vda_orders import OrderPlanner, Pick
 from nena_order_service.orders.waiting import OrderKind
 from nena_order_service.routing.graph import NoRouteError
-from nena_order_service.routing.order_routes import NO_WAY, OrderCosts, RouteCost, RouteCosts, RoutePlan
+from nena_order_service.routing.router import NO_WAY, OrderCosts, RouteCost, RouteCosts, RoutePlan
 from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry, why_not_on
 from nena_shared.fleet_api.transport_order import Destination, DriveOrderState, TransportOrderState
 from nena_shared.fleet_api.vehicle import AcceptableOrderType, VehicleState

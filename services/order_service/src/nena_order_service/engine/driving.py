@@ -15,7 +15,7 @@ from nena_order_service.fleet.robot import LinkStatus
 from nena_order_service.fleet.vda_order import state_request
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.vda_orders import SentOrder
-from nena_order_service.routing.order_routes import RoutePlan
+from nena_order_service.routing.router import RoutePlan
 from nena_order_service.traffic.traffic_control import (
     Displacement,
     Evasion,

@@ -36,7 +36,7 @@ from nena_order_service.orders.transport_order import TransportOrder, why_withdr
 from nena_order_service.orders.validation import InvalidRequestError, check_order
 from nena_order_service.orders.vda_orders import SentOrder
 from nena_order_service.routing.graph import NoRouteError
-from nena_order_service.routing.order_routes import RoutePlan
+from nena_order_service.routing.router import RoutePlan
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.transport_order import (
     DriveOrderState,

@@ -14,7 +14,7 @@ from nena_order_service.fleet.vda_order import with_other_horizon
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.vda_orders import SentOrder
 from nena_order_service.routing.graph import NoRouteError, Route
-from nena_order_service.routing.order_routes import Leg
+from nena_order_service.routing.router import Leg
 from nena_order_service.traffic.scheduler import Refusal, WaitReason
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.transport_order import DriveOrderState, TransportOrderState

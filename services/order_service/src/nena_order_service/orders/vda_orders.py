@@ -24,7 +24,7 @@ from nena_order_service.fleet.vda_order import (
 )
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.routing.graph import NoRouteError, Route, RoutingProfile
-from nena_order_service.routing.order_routes import Leg, RouteFinder, RoutePlan
+from nena_order_service.routing.router import Leg, RouteFinder, RoutePlan
 from nena_order_service.traffic.resources import ResourceSet
 from nena_order_service.traffic.traffic_control import Journey, RouteRequest
 from nena_order_service.vehicles.registry import FleetVehicle
