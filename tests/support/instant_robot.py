@@ -14,38 +14,10 @@ from datetime import UTC, datetime
 from typing import Any
 
 from support.broker import BrokerAddress, MqttPeer
+from support.json_messages import FACTSHEET
 
 STATE_INTERVAL = 0.5
 """Seconds between two states that say nothing new."""
-
-FACTSHEET = {
-    "typeSpecification": {
-        "seriesName": "Instant",
-        "agvKinematic": "DIFF",
-        "agvClass": "CARRIER",
-        "maxLoadMass": 100,
-        "localizationTypes": ["NATURAL"],
-        "navigationTypes": ["AUTONOMOUS"],
-    },
-    "physicalParameters": {
-        "speedMin": 0,
-        "speedMax": 1.5,
-        "accelerationMax": 1,
-        "decelerationMax": 1,
-        "heightMin": 0.3,
-        "heightMax": 0.3,
-        "width": 0.6,
-        "length": 0.9,
-    },
-    "protocolLimits": {
-        "maxStringLens": {},
-        "maxArrayLens": {},
-        "timing": {"minOrderInterval": 0, "minStateInterval": 0},
-    },
-    "protocolFeatures": {"optionalParameters": [], "agvActions": []},
-    "agvGeometry": {},
-    "loadSpecification": {},
-}
 
 
 class InstantRobot:

@@ -8,7 +8,8 @@ from typing import Any
 
 import httpx
 
-from support.order_service_fleet import Fleet
+from support.broker import MqttPeer
+from support.order_service_fleet import Fleet, actions_done, every_order_ended
 from support.programs import ENDED_WITHIN, OrderServiceProgram, Program
 from support.waiting import PATIENCE, awaited
 
@@ -55,6 +56,15 @@ async def finished(client: httpx.AsyncClient, number: int) -> None:
         seconds=2 * PATIENCE,
         what=f"{number} orders are FINISHED",
     )
+
+
+async def every_order_finished_once(fleet: Fleet, wire: MqttPeer, names: Sequence[str]) -> None:
+    """Start an order service on the store; it knows these orders, and each action of theirs is done once."""
+    client = await started(fleet.order_service())
+    assert [await order(client, name) for name in names] == [200] * len(names)
+    orders = await every_order_ended(client)
+    assert {each["name"]: each["state"] for each in orders} == dict.fromkeys(names, "FINISHED")
+    assert actions_done(wire, fleet) == {f"{name}-{leg}": 1 for name in names for leg in range(2)}
 
 
 async def in_mid_work(fleet: Fleet, names: Sequence[str]) -> tuple[OrderServiceProgram, httpx.AsyncClient]:

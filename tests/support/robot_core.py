@@ -81,6 +81,11 @@ def action(
     )
 
 
+def hard(action_id: str, action_type: str, **parameters: Any) -> Action:
+    """Make an action that nothing runs beside."""
+    return action(action_id, "HARD", action_type, **parameters)
+
+
 def position(
     x: float, y: float = 0.0, *, theta: float | None = None, radius: float | None = None
 ) -> NodePosition:

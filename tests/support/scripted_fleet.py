@@ -86,6 +86,14 @@ class MemoryStore(Store):
         return self.found
 
 
+class ForgetfulStore(MemoryStore):
+    """Is done with each commit at once, whatever else there is, and keeps nothing."""
+
+    def commit(self, changes: Changes, then: Callable[[], None]) -> None:
+        del changes
+        then()
+
+
 @dataclass
 class ScriptedFleet:
     """Robots that are online at a point and accept a VDA order; the test emits their events."""

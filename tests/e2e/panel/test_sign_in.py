@@ -6,7 +6,7 @@ it is another site (localhost) than the panel (127.0.0.1): cookies go where they
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
 import pytest
@@ -16,7 +16,7 @@ from nena_shared.vda5050.topics import Topic
 from nena_shared.web.access import COOKIE
 from support.broker import free_port
 from support.fleet_examples import connection, position, state
-from support.oidc_issuer import DISCOVERY, OidcIssuer, oidc_issuer
+from support.oidc_issuer import DISCOVERY, OidcIssuer
 from support.panel import Hall, findings, opened, picture, seconds_now
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
@@ -26,10 +26,9 @@ BUTTON = "Sign in with your organisation's account"
 
 
 @pytest.fixture
-def issuer(hall: Hall) -> Iterator[OidcIssuer]:
-    with oidc_issuer() as made:
-        made.register(hall.url)
-        yield made
+def issuer(issuer: OidcIssuer, hall: Hall) -> OidcIssuer:
+    issuer.register(hall.url)
+    return issuer
 
 
 @asynccontextmanager

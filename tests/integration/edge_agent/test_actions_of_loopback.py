@@ -8,10 +8,9 @@ from typing import Any
 import pytest
 from structlog.testing import capture_logs
 
-from nena_shared.vda5050.action import Action
 from support.broker import Broker
 from support.edge_agent import FleetControl, agent_settings, ended, error_types, running_agent, status_of
-from support.robot_core import action, order
+from support.robot_core import hard, order
 from support.waiting import until
 
 pytestmark = pytest.mark.broker
@@ -36,10 +35,6 @@ def lifting(action_type: str, load: str) -> dict[str, Any]:
 
 
 OPERATIONS = [lifting("pick", "take"), lifting("drop", "give"), {"kind": "dock", "action_type": "dock"}]
-
-
-def hard(action_id: str, action_type: str, **parameters: Any) -> Action:
-    return action(action_id, "HARD", action_type, **parameters)
 
 
 @pytest.mark.clause("6.1.4.3")

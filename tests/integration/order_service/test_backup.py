@@ -21,7 +21,15 @@ from support.aggregator_process import AggregatorProcess
 from support.broker import free_port
 from support.keepers import Keeper
 from support.order_service_fleet import Fleet, actions_done, every_order_ended
-from support.order_service_work import ended, finished, in_mid_work, order, orders_of, started
+from support.order_service_work import (
+    ended,
+    every_order_finished_once,
+    finished,
+    in_mid_work,
+    order,
+    orders_of,
+    started,
+)
 from support.waiting import PATIENCE, awaited
 
 pytestmark = [pytest.mark.broker, pytest.mark.e2e, pytest.mark.timeout(900)]
@@ -40,11 +48,7 @@ async def test_a_planned_move_in_mid_work_loses_nothing(fleet: Fleet, keeper: Ke
     keeper.destroy()
     keeper.restore()
 
-    client = await started(fleet.order_service())
-    assert [await order(client, name) for name in ORDERS] == [200] * len(ORDERS)
-    orders = await every_order_ended(client)
-    assert {each["name"]: each["state"] for each in orders} == dict.fromkeys(ORDERS, "FINISHED")
-    assert actions_done(wire, fleet) == {f"{name}-{leg}": 1 for name in ORDERS for leg in range(2)}
+    await every_order_finished_once(fleet, wire, ORDERS)
 
 
 async def test_after_a_loss_the_site_goes_on_from_its_last_backup(fleet: Fleet, keeper: Keeper) -> None:

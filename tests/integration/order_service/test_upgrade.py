@@ -18,7 +18,14 @@ from nena_shared.vda5050.v2_1 import CODEC
 from support.broker import MqttPeer
 from support.keepers import Keeper
 from support.order_service_fleet import Fleet, actions_done, every_order_ended
-from support.order_service_work import ended, in_mid_work, order, start_robots, started
+from support.order_service_work import (
+    ended,
+    every_order_finished_once,
+    in_mid_work,
+    order,
+    start_robots,
+    started,
+)
 from support.stores import FIRST_STORE, first_tables, make_newer
 from support.waiting import PATIENCE
 
@@ -124,8 +131,4 @@ async def test_the_way_back_is_the_copy_from_before_the_upgrade(fleet: Fleet, ke
 
     keeper.destroy()
     keeper.restore()
-    client = await started(fleet.order_service())
-    assert [await order(client, name) for name in ORDERS] == [200] * len(ORDERS)
-    orders = await every_order_ended(client)
-    assert {each["name"]: each["state"] for each in orders} == dict.fromkeys(ORDERS, "FINISHED")
-    assert actions_done(wire, fleet) == {f"{name}-{leg}": 1 for name in ORDERS for leg in range(2)}
+    await every_order_finished_once(fleet, wire, ORDERS)

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator
 from itertools import pairwise
 
-from nena_order_service.routing.graph import Route
-from nena_order_service.routing.router import Router
+from nena_order_service.routing.router import Router, VehicleRoutes
+from nena_order_service.traffic.evasion import Evasion
 from nena_order_service.traffic.resources import ResourceSet
-from nena_order_service.traffic.traffic_control import Evasion, RouteGrant, TrafficControl
+from nena_order_service.traffic.traffic_control import RouteGrant, TrafficControl
 from nena_shared.plant import PlantModel
+
+
+def routes_over(router: Router) -> VehicleRoutes:
+    """Return the routes of vehicles of which the plant says nothing."""
+    return VehicleRoutes(router, lambda _: None)
 
 
 class Scene:
@@ -17,26 +22,11 @@ class Scene:
 
     def __init__(self, plant: PlantModel, *, length_mm: int = 0, **places: str) -> None:
         self.router = Router(plant)
-        self.control = TrafficControl(plant, self)
+        self.routes = routes_over(self.router)
+        self.control = TrafficControl(plant, self.routes)
         self.scheduler = self.control.scheduler
         for name, point in places.items():
             self.scheduler.place(name, [self.control.resources.at(point)], length_mm)
-
-    def route(
-        self,
-        vehicle: str,
-        start: str,
-        goal: str,
-        *,
-        avoid: Collection[str] = frozenset(),
-        burden: Mapping[str, float] | None = None,
-    ) -> Route:
-        del vehicle
-        return self.router.route(start, goal, avoid=avoid, burden=burden)
-
-    def costs(self, vehicle: str, start: str) -> Mapping[str, float]:
-        del vehicle
-        return self.router.costs_from(start)
 
     def way(self, vehicle: str, *points: str) -> list[ResourceSet]:
         """Return the sets of a way along ``points``, which follows the last set that the vehicle holds."""

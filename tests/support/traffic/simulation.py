@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
 from heapq import heappop, heappush
 from random import Random
 
-from nena_order_service.routing.graph import Route
 from nena_order_service.routing.router import Router
+from nena_order_service.traffic.evasion import Evasion, no_vehicle
 from nena_order_service.traffic.manager import TrafficManager
-from nena_order_service.traffic.traffic_control import Displacement, Evasion, RouteRequest, no_vehicle
+from nena_order_service.traffic.traffic_control import Displacement, RouteRequest
 from nena_shared.plant import PlantModel
+from support.traffic.scenes import routes_over
 
 SPEED = 1000.0
 """mm/s"""
@@ -59,7 +58,8 @@ class Simulation:
         self.router = Router(plant)
         self.plant = plant
         self.length_mm = length_mm
-        self.traffic = TrafficManager(plant, self)
+        self.routes = routes_over(self.router)
+        self.traffic = TrafficManager(plant, self.routes)
         self.scheduler = self.traffic._scheduler
         self.orders = deque(tuple(random.sample(stations, 2)) for _ in range(orders))
         self.finished = 0
@@ -69,7 +69,6 @@ class Simulation:
         self.driven_mm = 0.0
         self._events: list[tuple[float, int, str, str]] = []
         self._count = 0
-        self._route = lru_cache(maxsize=10_000)(self._find)
         starts = random.sample([each.name for each in plant.points], len(plant.vehicles))
         self.vehicles = {
             each.name: SimulatedVehicle(each.name, [start], [0.0])
@@ -77,27 +76,6 @@ class Simulation:
         }
         for each in self.vehicles.values():
             self.traffic.restore(each.name, [self.traffic.resources.at(each.body[0])], length_mm)
-
-    def _find(self, start: str, goal: str, avoid: frozenset[str]) -> Route:
-        return self.router.route(start, goal, avoid=avoid)
-
-    def route(
-        self,
-        vehicle: str,
-        start: str,
-        goal: str,
-        *,
-        avoid: Collection[str] = frozenset(),
-        burden: Mapping[str, float] | None = None,
-    ) -> Route:
-        del vehicle
-        if burden:
-            return self.router.route(start, goal, avoid=avoid, burden=burden)
-        return self._route(start, goal, frozenset(avoid))
-
-    def costs(self, vehicle: str, start: str) -> Mapping[str, float]:
-        del vehicle
-        return self.router.costs_from(start)
 
     def run(self) -> None:
         """Run until every order is finished; raises CollisionError or StandstillError."""
@@ -135,7 +113,7 @@ class Simulation:
             if not free:
                 return
             order = self.orders[0]
-            costs = {each.name: self.route("", self._at(each), order[0]).cost for each in free}
+            costs = {each.name: self.routes.route("", self._at(each), order[0]).cost for each in free}
             chosen = self.vehicles[min(costs, key=lambda name: (costs[name], name))]
             self.orders.popleft()
             chosen.target.extend(order)

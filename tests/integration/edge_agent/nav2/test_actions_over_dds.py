@@ -21,12 +21,11 @@ from nena_edge_agent.nav2.session import RosSession
 from nena_edge_agent.plugin_check.command import DryDrive
 from nena_edge_agent.protocol.events import ActionReport, CancelAction, StartAction
 from nena_edge_agent.settings import EdgeAgentSettings
-from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.topics import RobotKey, Topic
 from support.edge_agent import FleetControl, ended, error_types, status_of
 from support.lift_process import lift_process
 from support.nav2_agent import Bench, ready
-from support.robot_core import action, order
+from support.robot_core import action, hard, order
 from support.ros import LATCHED, RosPeer
 from support.waiting import until
 
@@ -211,10 +210,6 @@ async def test_a_port_that_a_session_has_takes_more(domain_id: int, peer: RosPee
             port.publisher("tap", STRING).publish({"date": "x"})
         with pytest.raises(RosError, match="is not installed"):
             port.publisher("tap", "std_msgs/msg/Strin")
-
-
-def hard(action_id: str, action_type: str, **parameters: Any) -> Action:
-    return action(action_id, "HARD", action_type, **parameters)
 
 
 async def factsheet(fleet: FleetControl) -> dict[str, Any]:

@@ -28,12 +28,6 @@ pytestmark = pytest.mark.broker
 
 
 @pytest.fixture
-async def fleet(broker: Broker, interface_name: str) -> AsyncIterator[WiredFleet]:
-    async with WiredFleet(broker, interface_name).connected() as wired:
-        yield wired
-
-
-@pytest.fixture
 async def robot(broker: Broker, interface_name: str) -> AsyncIterator[WiredRobot]:
     async with WiredRobot(broker, interface_name).connected() as wired:
         yield wired

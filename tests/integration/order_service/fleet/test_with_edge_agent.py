@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
 
@@ -34,12 +33,6 @@ PLANT = PlantModel(
     points=(point("A"), point("B", 2000), point("C", 4000, orientation_deg=90.0)),
     paths=(path("A B"), path("B C"), path("C A")),
 )
-
-
-@pytest.fixture
-async def fleet(broker: Broker, interface_name: str) -> AsyncIterator[WiredFleet]:
-    async with WiredFleet(broker, interface_name).connected() as wired:
-        yield wired
 
 
 async def start(fleet: WiredFleet, name: str, goal: str | Coordinate, operation: str = "MOVE") -> None:

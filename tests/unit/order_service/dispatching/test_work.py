@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from itertools import pairwise
 from typing import Any
@@ -20,14 +20,13 @@ from nena_order_service.engine.dispatching import (
     TOLD_FIRST,
 )
 from nena_order_service.engine.engine import LOOKED_AT_ONCE, Engine
-from nena_order_service.store.changes import Changes
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.plant import PlantModel, Vehicle
 from support.operations import calls_of
 from support.order_service import request
 from support.pausing import turn_passes
 from support.plants import path, point
-from support.scripted_fleet import MemoryStore, ScriptedFleet, make_engine
+from support.scripted_fleet import ForgetfulStore, ScriptedFleet, make_engine
 from support.waiting import until
 
 NAMES = "ABCDEFGH"
@@ -41,14 +40,6 @@ FEW, MANY = 60, 600
 """Orders that wait."""
 ALIKE = 1.2
 """How much more work one event may be with ten times as many of them."""
-
-
-class ForgetfulStore(MemoryStore):
-    """Is done with each commit at once, whatever else there is."""
-
-    def commit(self, changes: Changes, then: Callable[[], None]) -> None:
-        del changes
-        then()
 
 
 async def waiting(number: int, settings: dict[str, Any], **order: Any) -> tuple[Engine, ScriptedFleet]:

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-
 import pytest
 
-from nena_order_service.routing.graph import NoRouteError, Route
 from nena_order_service.routing.router import Router
 from nena_order_service.traffic.manager import TrafficManager
 from nena_order_service.traffic.resources import Found
@@ -14,6 +11,7 @@ from nena_order_service.traffic.traffic_control import RouteRejection, RouteRequ
 from nena_shared.plant import PlantModel
 from nena_shared.plant.track import BoundingBox
 from support.plants import path, point
+from support.traffic.scenes import routes_over
 
 BOX = BoundingBox(length_mm=1)
 BOTH_WAYS = 1000
@@ -32,26 +30,9 @@ class Bench:
 
     def __init__(self, *, exclusive: bool = True, box: BoundingBox = BOX, **places: str) -> None:
         self.router = Router(ROW)
-        self.desk = TrafficManager(ROW, self, exclusive=exclusive)
+        self.desk = TrafficManager(ROW, routes_over(self.router), exclusive=exclusive)
         for vehicle, at in places.items():
             self.desk.seen(vehicle, Found(at, on_point=True), box)
-
-    def route(
-        self,
-        vehicle: str,
-        start: str,
-        goal: str,
-        *,
-        avoid: Collection[str] = frozenset(),
-        burden: Mapping[str, float] | None = None,
-    ) -> Route:
-        if vehicle == "nowhere":
-            raise NoRouteError(start, (goal,), None, avoid)
-        return self.router.route(start, goal, avoid=avoid, burden=burden)
-
-    def costs(self, vehicle: str, start: str) -> Mapping[str, float]:
-        del vehicle
-        return self.router.costs_from(start)
 
     def go(self, vehicle: str, goal: str, ahead: int = 0) -> str:
         """Let a vehicle depart, and allocate; gives in words why it waits."""
@@ -253,8 +234,8 @@ def test_without_traffic_nobody_waits_for_anybody() -> None:
 
 
 def test_a_wish_without_a_way_is_told_and_forgotten() -> None:
-    bench = Bench(nowhere="A")
-    bench.desk.request_route(RouteRequest("nowhere", "D"))
+    bench = Bench(v="A")
+    bench.desk.request_route(RouteRequest("v", "D", avoid=frozenset("C")))
 
     (told,) = bench.desk.decide(lambda _: True)
 

@@ -8,12 +8,12 @@ from typing import Any
 import pytest
 
 from nena_order_service.routing.router import Router
+from nena_order_service.traffic.evasion import Evasion
 from nena_order_service.traffic.manager import TrafficManager
 from nena_order_service.traffic.resources import Crossings, Found
 from nena_order_service.traffic.traffic_control import (
     SECTION,
     Displacement,
-    Evasion,
     MoreClaimed,
     RouteGrant,
     RouteRequest,
@@ -22,7 +22,7 @@ from nena_shared.plant import Path, PlantModel
 from nena_shared.plant.model import Block
 from nena_shared.plant.track import BoundingBox
 from support.plants import path, plant
-from support.traffic.scenes import Scene
+from support.traffic.scenes import Scene, routes_over
 
 BOTH_WAYS = 1000
 BOX = BoundingBox(length_mm=1)
@@ -40,7 +40,7 @@ class Bench(Scene):
 
     def __init__(self, model: PlantModel, **places: str) -> None:
         self.router = Router(model)
-        self.manager = TrafficManager(model, self)
+        self.manager = TrafficManager(model, routes_over(self.router))
         for vehicle, at in places.items():
             self.manager.seen(vehicle, Found(at, on_point=True), BOX)
 

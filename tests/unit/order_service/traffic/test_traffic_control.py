@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_order_service.traffic.evasion import CANDIDATES_TRIED
+from nena_order_service.traffic.evasion import CANDIDATES_TRIED, Evader, overlap
 from nena_order_service.traffic.resources import ResourceSet, conflict
 from nena_order_service.traffic.scheduler import UnknownOccupantError
-from nena_order_service.traffic.traffic_control import Evader, RouteRequest, overlap
+from nena_order_service.traffic.traffic_control import RouteRequest
 from nena_shared.plant import PlantModel
 from nena_shared.plant.model import Block, BlockType
 from nena_shared.plant.track import Point, PointType
@@ -423,7 +423,7 @@ def tracks_of_evasion(*ends: str, parking: str = "") -> PlantModel:
 class Bench:
     def __init__(self, model: PlantModel, *, length_mm: int = 0, **places: str) -> None:
         self.scene = Scene(model, length_mm=length_mm, **places)
-        self._evader = Evader(model, self.scene.control.resources, self.scene.scheduler, self.scene)
+        self._evader = Evader(model, self.scene.control.resources, self.scene.scheduler, self.scene.routes)
 
     def evade(self, *blockers: str, kept: Iterable[str] = (), fixed: str = "") -> dict[str, str]:
         """Send vehicles away from the points ``kept``; gives the goal of each that goes."""

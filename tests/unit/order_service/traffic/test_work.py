@@ -6,25 +6,16 @@ from collections.abc import Callable
 
 from nena_order_service.engine.context import EngineSettings
 from nena_order_service.engine.engine import Engine
-from nena_order_service.store.changes import Changes
 from nena_shared.plant import PlantModel, Point, Vehicle
 from support.operations import calls_of
 from support.order_service import request
 from support.plants import path
-from support.scripted_fleet import MemoryStore, ScriptedFleet, make_engine
+from support.scripted_fleet import ForgetfulStore, ScriptedFleet, make_engine
 
 FEW, MANY = 10, 100
 """Vehicles under way."""
 ALIKE = 1.2
 """How much more work one event may be with ten times as many of them."""
-
-
-class ForgetfulStore(MemoryStore):
-    """Is done with each commit at once, whatever else there is."""
-
-    def commit(self, changes: Changes, then: Callable[[], None]) -> None:
-        del changes
-        then()
 
 
 async def driving(number: int) -> tuple[Engine, ScriptedFleet]:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from nena_robot_simulator.interfaces import build
-from nena_robot_simulator.interfaces.__main__ import DEFINITIONS
+from nena_robot_simulator.interfaces.__main__ import PACKAGES
 from nena_robot_simulator.interfaces.build import Sources, generate
 
 pytestmark = pytest.mark.ros
@@ -15,7 +15,7 @@ pytestmark = pytest.mark.ros
 
 def test_generates_what_c_and_python_need(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     before = dict(os.environ)
-    sources = generate(DEFINITIONS, tmp_path)
+    sources = generate(PACKAGES[0], tmp_path)
     os.environ.pop("AMENT_PREFIX_PATH")
     os.environ.update(before)
     python = sources.of("rosidl_generator_py") / "nav2_msgs" / "action"

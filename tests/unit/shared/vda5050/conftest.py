@@ -7,6 +7,8 @@ from typing import Any
 
 import pytest
 
+from support.json_messages import FACTSHEET
+
 HEADER = {
     "headerId": 1,
     "timestamp": "2026-01-01T00:00:00.00Z",
@@ -64,36 +66,11 @@ def instant_action() -> dict[str, Any]:
 def factsheet() -> dict[str, Any]:
     """Give a factsheet with one action and one limit, as parsed JSON."""
     parameter = {"key": "volume", "valueDataType": "FLOAT"}
-    return HEADER | {
-        "typeSpecification": {
-            "seriesName": "Carrier 1",
-            "agvKinematic": "DIFF",
-            "agvClass": "CARRIER",
-            "maxLoadMass": 100,
-            "localizationTypes": ["NATURAL"],
-            "navigationTypes": ["AUTONOMOUS"],
-        },
-        "physicalParameters": {
-            "speedMin": 0,
-            "speedMax": 1.5,
-            "accelerationMax": 1,
-            "decelerationMax": 1,
-            "heightMin": 0.3,
-            "heightMax": 0.3,
-            "width": 0.6,
-            "length": 0.9,
-        },
-        "protocolLimits": {
-            "maxStringLens": {},
-            "maxArrayLens": {"order.nodes": 50},
-            "timing": {"minOrderInterval": 1, "minStateInterval": 0.5},
-        },
-        "protocolFeatures": {
-            "optionalParameters": [],
-            "agvActions": [
-                {"actionType": "beep", "actionScopes": ["NODE"], "actionParameters": [parameter]},
-            ],
-        },
-        "agvGeometry": {},
-        "loadSpecification": {},
+    beep = {"actionType": "beep", "actionScopes": ["NODE"], "actionParameters": [parameter]}
+    limits = {
+        "maxStringLens": {},
+        "maxArrayLens": {"order.nodes": 50},
+        "timing": {"minOrderInterval": 1, "minStateInterval": 0.5},
     }
+    features = {"optionalParameters": [], "agvActions": [beep]}
+    return HEADER | FACTSHEET | {"protocolLimits": limits, "protocolFeatures": features}

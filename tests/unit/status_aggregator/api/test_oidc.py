@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import base64
 import hashlib
-from collections.abc import Iterator
 from typing import Any
 from urllib.parse import parse_qsl, urlsplit
 
@@ -15,18 +14,17 @@ from nena_shared.web.access import access_tokens_of
 from nena_shared.web.oidc.issuer import AccessTokens
 from nena_status_aggregator.api.oidc import Attempt, SignIn, SignInError, sign_in_of
 from nena_status_aggregator.settings import AggregatorHttpSettings, PanelOidcSettings
-from support.oidc_issuer import AUDIENCE, CLIENT, DISCOVERY, TOKEN, OidcIssuer, oidc_issuer
+from support.oidc_issuer import AUDIENCE, CLIENT, DISCOVERY, TOKEN, OidcIssuer
 
 PANEL = "https://fleet.example/panel/"
 SECRET = "s3cr3t&:%/+"
 
 
 @pytest.fixture
-def issuer() -> Iterator[OidcIssuer]:
+def issuer(issuer: OidcIssuer) -> OidcIssuer:
     """Return an issuer on loopback, which stands in for Keycloak and its like."""
-    with oidc_issuer() as made:
-        made.register(PANEL)
-        yield made
+    issuer.register(PANEL)
+    return issuer
 
 
 def tokens(issuer: OidcIssuer, **more: Any) -> AccessTokens:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator
 from typing import Any
 
 import httpx
@@ -22,7 +22,7 @@ from nena_status_aggregator.settings import (
 )
 from support.clocks import ManualClock
 from support.fleet_examples import START
-from support.oidc_issuer import DISCOVERY, OidcIssuer, oidc_issuer
+from support.oidc_issuer import DISCOVERY, OidcIssuer
 
 PANEL = "http://127.0.0.1:8080/"
 SESSION = "/api/v1/session"
@@ -30,10 +30,9 @@ FLEET = "/api/v1/fleet"
 
 
 @pytest.fixture
-def issuer() -> Iterator[OidcIssuer]:
-    with oidc_issuer() as made:
-        made.register(PANEL)
-        yield made
+def issuer(issuer: OidcIssuer) -> OidcIssuer:
+    issuer.register(PANEL)
+    return issuer
 
 
 def panel_of(issuer: OidcIssuer, url: str = PANEL, **more: Any) -> httpx.AsyncClient:

@@ -16,9 +16,9 @@ from nena_order_service.fleet.vda_order import state_request
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.vda_orders import SentOrder
 from nena_order_service.routing.router import RoutePlan
+from nena_order_service.traffic.evasion import Evasion
 from nena_order_service.traffic.traffic_control import (
     Displacement,
-    Evasion,
     MoreClaimed,
     RouteGrant,
     RouteRejection,

@@ -12,17 +12,16 @@ from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.v2_0 import CODEC
+from support.json_messages import JsonMessages
 from support.schemas import schema_problems
 
 JsonObject = dict[str, Any]
+MESSAGES = JsonMessages(CODEC)
+written = MESSAGES.written
 
 
 def read(kind: type[Header], content: JsonObject) -> Any:
-    return CODEC.decode(kind, json.dumps(content | {"version": "2.0.0"}).encode())
-
-
-def written(message: Header) -> Any:
-    return json.loads(CODEC.encode(message))
+    return MESSAGES.read(kind, content | {"version": "2.0.0"})
 
 
 @pytest.mark.clause("7.3", "7.8", "7.10/message")

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from datetime import UTC, datetime
 from typing import Any
 
 import pytest
 
 from nena_shared.vda5050.action import ActionParameter, BlockingType, InstantActions
-from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.error import ErrorLevel, ErrorType, error
 from nena_shared.vda5050.factsheet import Factsheet, OptionalParameter, Support
@@ -26,9 +24,12 @@ from nena_shared.vda5050.v2_1 import CODEC
 from nena_shared.vda5050.v2_1.order import uniform_knots
 from nena_shared.vda5050.v2_1.state import REJECTIONS, WRITTEN
 from nena_shared.vda5050.visualization import Visualization
+from support.json_messages import JsonMessages
 from support.reference import reference_dir
 
 JsonObject = dict[str, Any]
+MESSAGES = JsonMessages(CODEC)
+read, written = MESSAGES.read, MESSAGES.written
 STOPPING = {
     "nodeUnreachable",
     "localizationError",
@@ -39,14 +40,6 @@ STOPPING = {
     "zoneActionConflict",
 }
 ORDER_FIELDS = {"orderId", "orderUpdateId", "nodes", "edges"}
-
-
-def read(kind: type[Header], content: JsonObject) -> Any:
-    return CODEC.decode(kind, json.dumps(content).encode())
-
-
-def written(message: Header) -> Any:
-    return json.loads(CODEC.encode(message))
 
 
 def test_examples_of_the_reference_are_read() -> None:

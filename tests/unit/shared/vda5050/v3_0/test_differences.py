@@ -20,18 +20,13 @@ from nena_shared.vda5050.state import OperatingMode, State
 from nena_shared.vda5050.v2_1 import CODEC as CODEC_2_1
 from nena_shared.vda5050.v3_0 import CODEC
 from nena_shared.vda5050.zone_set import ZoneReleaseLossBehavior, ZoneSetTransfer
+from support.json_messages import JsonMessages
 from support.reference import reference_dir
 from support.schemas import schema_problems
 
 JsonObject = dict[str, Any]
-
-
-def read(kind: type[Header], content: JsonObject) -> Any:
-    return CODEC.decode(kind, json.dumps(content).encode())
-
-
-def written(message: Header) -> Any:
-    return json.loads(CODEC.encode(message))
+MESSAGES = JsonMessages(CODEC)
+read, written = MESSAGES.read, MESSAGES.written
 
 
 def zone_set(header: JsonObject, *zones: JsonObject) -> JsonObject:
