@@ -33,13 +33,15 @@ if "ROS_LOG_DIR" not in os.environ:
     os.environ["ROS_LOG_DIR"] = _log_dir
     atexit.register(shutil.rmtree, _log_dir, ignore_errors=True)
 
+import rclpy  # noqa: E402
 from rclpy.context import Context  # noqa: E402
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.node import Node  # noqa: E402
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy  # noqa: E402
+from rclpy.signals import SignalHandlerOptions  # noqa: E402
 
 from nena_edge_agent.nav2 import session  # noqa: E402 - the environment comes first
-from nena_edge_agent.nav2.session import joined_domain  # noqa: E402
+from nena_robot_simulator import session as simulator_session  # noqa: E402
 from support.waiting import PATIENCE  # noqa: E402
 
 T = TypeVar("T")
@@ -67,8 +69,13 @@ class Participant:
     """Seconds after which it has seen who else is in the domain."""
 
     def __init__(self, domain_id: int) -> None:
-        self._stack = ExitStack()  # is never closed
-        self.context = self._stack.enter_context(joined_domain(domain_id))
+        self.context = Context()
+        rclpy.init(
+            args=[],
+            context=self.context,
+            domain_id=domain_id,
+            signal_handler_options=SignalHandlerOptions.NO,
+        )
         self._node = self.node("_test_process", "")  # hidden, as for `ros2 node list`
         self._since = time.monotonic()
 
@@ -110,16 +117,15 @@ def _kept_domain(domain_id: int) -> Iterator[Context]:
     yield _participant(domain_id).context
 
 
-session.joined_domain = _kept_domain
-
-
 @contextmanager
 def own_domain_id(count: int = 1) -> Iterator[int]:
     """Return a ROS domain id, and the next ones, that no other test on this machine uses at the same time.
 
     A domain stays with the process, see :class:`Participant`, and is used again once it is empty. A test that
-    had only other processes in it leaves a participant there, which sees when they have gone.
+    had only other processes in it leaves a participant there, which sees when they have gone. From the first
+    one on, agents and simulators in this process share its participants; programs that tests start do not.
     """
+    session.joined_domain = simulator_session.joined_domain = _kept_domain
     domain_id = next((each for each in _free if _participants[each].alone), None) if count == 1 else None
     if domain_id is None:
         domain_id = _reserve(count)

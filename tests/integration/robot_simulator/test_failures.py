@@ -17,7 +17,7 @@ pytestmark = pytest.mark.ros
 async def test_a_thread_that_ends_by_itself_is_noticed_and_ends_the_program(domain_id: int) -> None:
     with simulated_robot(domain_id) as robot:
         assert robot.alive
-        robot._session._context.try_shutdown()
+        robot._session._executor.create_task(lambda: 1 / 0)
         wait_until(lambda: not robot.alive, what="the end of the thread")
         with pytest.raises(TaskFailedError, match="a robot's ROS thread"):
             await _wait([robot], asyncio.Event())

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import Any
 
 import rclpy
@@ -27,27 +27,33 @@ from nena_shared.log import get_logger
 log = get_logger(__name__)
 
 
+@contextmanager
+def joined_domain(domain_id: int) -> Iterator[Context]:
+    """Join a ROS domain with a participant of its own; its nodes must have been destroyed before the end."""
+    context = Context()
+    rclpy.init(args=[], context=context, domain_id=domain_id, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        yield context
+    finally:
+        context.try_shutdown()
+
+
 class RosSession:
     """One node in one domain; ``name`` is for the log and the thread."""
 
     def __init__(self, name: str, *, node_name: str, namespace: str, domain_id: int) -> None:
         self._name = name
-        self._context = Context()
-        rclpy.init(
-            args=[],
-            context=self._context,
-            domain_id=domain_id,
-            signal_handler_options=SignalHandlerOptions.NO,
-        )
+        self._joined = ExitStack()
+        context = self._joined.enter_context(joined_domain(domain_id))
         self._node = Node(
             node_name,
-            context=self._context,
+            context=context,
             namespace=namespace,
             use_global_arguments=False,
             enable_rosout=False,
             start_parameter_services=False,
         )
-        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor = SingleThreadedExecutor(context=context)
         self._executor.add_node(self._node)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._stop = threading.Event()
@@ -146,7 +152,7 @@ class RosSession:
             return
         self._executor.shutdown()
         self._node.destroy_node()
-        self._context.try_shutdown()
+        self._joined.close()
 
     def _spin(self) -> None:
         try:
