@@ -63,6 +63,57 @@ def lif(*layouts: dict[str, Any], version: str = "1.0.0") -> bytes:
     return json.dumps({"metaInformation": meta, "layouts": layouts}).encode()
 
 
+def robot_types(names: str) -> list[dict[str, str]]:
+    """Make types of mobile robots, from ``"ACME.T1 ACME.T2"``."""
+    split = (name.partition(".") for name in names.split())
+    return [{"manufacturer": maker, "seriesName": series} for maker, _, series in split]
+
+
+def robot_node(name: str, x: float = 0.0, y: float = 0.0, types: str = "M.t", **rules: Any) -> dict[str, Any]:
+    """Make a node of LIF 2.0 on map ``m`` with rules for these types."""
+    return {
+        "nodeId": name,
+        "mapId": "m",
+        "nodePosition": {"x": x, "y": y},
+        "mobileRobotTypeNodeProperties": [{"mobileRobotTypes": robot_types(types), **rules}],
+    }
+
+
+def robot_edge(ends: str, types: str = "M.t", **rules: Any) -> dict[str, Any]:
+    """Make an edge of LIF 2.0 from ``"A B"``, called ``A-B``, with rules for these types."""
+    start, end = ends.split()
+    return {
+        "edgeId": f"{start}-{end}",
+        "startNodeId": start,
+        "endNodeId": end,
+        "mobileRobotTypeEdgeProperties": [{"mobileRobotTypes": robot_types(types), **rules}],
+    }
+
+
+def robot_action(action_type: str, **more: Any) -> dict[str, Any]:
+    return {"actionType": action_type, "blockingType": "SOFT", **more}
+
+
+def origin(*layouts: dict[str, Any], **more: Any) -> dict[str, Any]:
+    return {"originId": "O", "layouts": list(layouts), **more}
+
+
+def lif_2_0(*origins: dict[str, Any], version: str = "2.0.0") -> bytes:
+    """Make a file of LIF 2.0 of these origins."""
+    meta = {
+        "lifId": "plant",
+        "creator": "tests",
+        "exportTimestamp": "2026-11-20T10:00:00.000Z",
+        "lifVersion": version,
+    }
+    return json.dumps({"metaInformation": meta, "origins": origins}).encode()
+
+
+def lif_2_0_of(*parts: dict[str, Any]) -> bytes:
+    """Make a file of LIF 2.0 of one layout."""
+    return lif_2_0(origin(layout(*parts)))
+
+
 def lif_of(*parts: dict[str, Any]) -> bytes:
     """Make a file of one layout."""
     return lif(layout(*parts))

@@ -88,29 +88,31 @@ def test_import_loses_nothing(tmp_path: Path) -> None:
     assert f"{out} written" in done.stderr.replace("\n", "")
 
 
-@pytest.mark.parametrize("kind", ["lif", "opentcs"])
-def test_export_from_lif_and_own_json(kind: str, odd_lif: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", ["lif", "lif-2.0", "opentcs", "nena"])
+def test_lif_and_own_json_are_converted(kind: str, odd_lif: Path, tmp_path: Path) -> None:
     own, out = tmp_path / "own.json", tmp_path / "out"
     assert nena("import", str(odd_lif), "-o", str(own)).exit_code == 0
-    done = nena("export", str(own), "--format", kind, "-o", str(out), "--json")
+    done = nena("convert", str(own), "--format", kind, "-o", str(out), "--json")
     assert done.exit_code == 0
     found = json.loads(done.stdout)
     assert found["written"] == str(out)
-    assert ("NOT_EXPORTED" in codes(found)) is (kind == "opentcs")
-    assert files.format_of(out.read_bytes()) == kind
+    assert ("NOT_EXPORTED" in codes(found)) is (kind in ("opentcs", "lif-2.0"))
+    assert files.format_of(out.read_bytes()) == kind.removesuffix("-2.0")
     assert set(files.read(out.read_bytes()).model.paths_by_name) == {"A-B", "B-A"}
 
 
-def test_export_to_standard_output_tells_the_rest_on_standard_error() -> None:
+def test_conversion_to_standard_output_tells_the_rest_on_standard_error() -> None:
     more = ("--map", "hall", "--vehicle-type", "t", "--vehicle-type", "u", "--json")
-    done = nena("export", SAMPLE, "--format", "lif", "-o", "-", *more)
+    done = nena("convert", SAMPLE, "--format", "lif", "-o", "-", *more)
     (first, *_) = json.loads(done.stdout)["layouts"][0]["nodes"]
     assert first["mapId"] == "hall"
     assert [each["vehicleTypeId"] for each in first["vehicleTypeNodeProperties"]] == ["t", "u"]
     assert "NOT_EXPORTED" in codes(json.loads(done.stderr))
 
 
-@pytest.mark.parametrize("command", [("import",), ("export", "--format", "lif")])
+@pytest.mark.parametrize(
+    "command", [("import",), ("export", "--format", "lif"), ("convert", "--format", "lif-2.0")]
+)
 def test_a_model_with_errors_is_not_written(command: tuple[str, ...], tmp_path: Path) -> None:
     out = tmp_path / "out"
     done = nena(*command, "-", "-o", str(out), stdin=b"<model/>")
@@ -135,14 +137,14 @@ def test_work_that_cannot_be_done_ends_with_two(tmp_path: Path) -> None:
     assert "No such file" in done.stderr
     own = tmp_path / "own.json"
     own.write_text(plant(path("A B"), properties={"k": "\u0001"}).to_json())
-    done = nena("export", str(own), "--format", "opentcs", "-o", str(tmp_path / "out.xml"))
+    done = nena("convert", str(own), "--format", "opentcs", "-o", str(tmp_path / "out.xml"))
     assert done.exit_code == 2
     assert "UNWRITABLE_TEXT" in done.stderr
 
 
 def test_a_route_graph_is_exported_for_nav2(tmp_path: Path) -> None:
     out = tmp_path / "hall.geojson"
-    done = nena("export", SAMPLE, "--nav2-route", "-o", str(out), "--map", "hall", "--json")
+    done = nena("convert", SAMPLE, "--nav2-route", "-o", str(out), "--map", "hall", "--json")
     assert done.exit_code == 0
     graph = json.loads(out.read_text())
     names = {each["properties"]["metadata"]["name"] for each in graph["features"]}
@@ -151,7 +153,7 @@ def test_a_route_graph_is_exported_for_nav2(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("options", [(), ("--nav2-route", "--format", "lif")])
-def test_export_wants_one_target(options: tuple[str, ...], tmp_path: Path) -> None:
-    done = nena("export", SAMPLE, *options, "-o", str(tmp_path / "out"))
+def test_one_target_is_wanted(options: tuple[str, ...], tmp_path: Path) -> None:
+    done = nena("convert", SAMPLE, *options, "-o", str(tmp_path / "out"))
     assert done.exit_code == 2
     assert "either --format or --nav2-route" in done.stderr

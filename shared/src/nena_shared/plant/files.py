@@ -1,6 +1,7 @@
 """Read plant models of any supported format, detected by content."""
 
 from enum import StrEnum
+from typing import Final
 
 from pydantic import ValidationError
 
@@ -28,7 +29,11 @@ def format_of(data: bytes) -> PlantFormat:
     if not _json(data).startswith((b"{", b"[")):
         return PlantFormat.OPENTCS
     content = parse_json(_json(data))
-    return PlantFormat.LIF if isinstance(content, dict) and "layouts" in content else PlantFormat.NENA
+    return PlantFormat.LIF if isinstance(content, dict) and _LIF & content.keys() else PlantFormat.NENA
+
+
+_LIF: Final = frozenset({"metaInformation", "layouts", "origins"})
+"""Fields of LIF files, of which NeNa's JSON has none."""
 
 
 def read(data: bytes, *, strict: bool = False) -> ImportReport:

@@ -92,6 +92,8 @@ class PlantBlockingType(StrEnum):
 
     NONE = "NONE"
     SOFT = "SOFT"
+    SINGLE = "SINGLE"
+    """Since LIF 2.0."""
     HARD = "HARD"
 
 
@@ -126,6 +128,8 @@ class TypeActionParameter(PlantRecord):
 
     key: str
     value: str
+    is_json: bool = False
+    """Whether the value is not the text itself but the JSON that it holds (since LIF 2.0)."""
 
 
 class TypeAction(PlantRecord):
@@ -139,7 +143,7 @@ class TypeAction(PlantRecord):
 
 
 class LoadRestriction(PlantRecord):
-    """Loads with which a path may be used; without load set names: any. Routes do not depend on it."""
+    """Loads with which a point or path may be used; without names: any. Routes do not depend on it."""
 
     unloaded: bool
     loaded: bool
@@ -162,21 +166,74 @@ class PathTrajectory(PlantRecord):
     control_points: tuple[TrajectoryPoint, ...]
 
 
+HalfAxis = Annotated[float, Field(ge=0, le=MOST)]
+"""m"""
+
+
+class DeviationBounds(PlantRecord):
+    """Bounds of the ellipse by which an order may let vehicles deviate from a point (since LIF 2.0)."""
+
+    a_minimum: HalfAxis | None = None
+    a_maximum: HalfAxis | None = None
+    b_minimum: HalfAxis | None = None
+    b_maximum: HalfAxis | None = None
+    theta: float | None = None
+    """From x to the longer axis a, radians in the plant frame."""
+
+    def ellipse(self, wanted: float) -> tuple[float, float]:
+        """Return the half axes a and b, m, within the bounds and as near to ``wanted`` as they allow."""
+        b = _within(wanted, self.b_minimum, self.b_maximum)
+        a = _within(max(wanted, b), self.a_minimum, self.a_maximum)
+        return a, min(a, b)
+
+
+def _within(value: float, least: float | None, most: float | None) -> float:
+    return max(least or 0.0, value if most is None else min(value, most))
+
+
+class CorridorReference(StrEnum):
+    """Which part of a vehicle must stay inside a corridor."""
+
+    KINEMATIC_CENTER = "KINEMATIC_CENTER"
+    CONTOUR = "CONTOUR"
+
+
+class PathCorridor(PlantRecord):
+    """How far an order may let vehicles leave a path, metres to each side (since LIF 2.0)."""
+
+    maximum_left_width: HalfAxis
+    maximum_right_width: HalfAxis
+    corridor_reference_point: CorridorReference | None = None
+
+
+class LineGuidance(PlantRecord):
+    """What line-guided vehicles need: the direction at a junction, and the path's length (since LIF 2.0)."""
+
+    direction: str | None = None
+    length: HalfAxis | None = None
+
+
 class VehicleTypeAtPoint(PlantRecord):
     """How vehicles of a type may use a point (LIF: vehicleTypeNodeProperty)."""
 
     vehicle_type_id: str
     theta: float | None = None
     """Required heading, radians in the plant frame."""
+    allowed_deviation_xy: Annotated[DeviationBounds | None, Field(alias="allowedDeviationXY")] = None
+    load_restriction: LoadRestriction | None = None
     actions: tuple[TypeAction, ...] = ()
+    forbidden_action_types: tuple[str, ...] = ()
 
 
 class VehicleTypeOnPath(PlantRecord):
     """How vehicles of a type may use a path (LIF: vehicleTypeEdgeProperty)."""
 
     vehicle_type_id: str
-    rotation_allowed: bool
+    rotation_allowed: bool | None = None
+    """Whether vehicles may turn on the path; None (since LIF 2.0): not stated, so they must not."""
     vehicle_orientation: float | None = None
+    other_orientations: tuple[float, ...] = ()
+    """Orientations that fleet control may choose instead (since LIF 2.0)."""
     orientation_type: PathOrientationType = PathOrientationType.TANGENTIAL
     rotation_at_start_node_allowed: RotationAllowed = RotationAllowed.BOTH
     rotation_at_end_node_allowed: RotationAllowed = RotationAllowed.BOTH
@@ -186,14 +243,27 @@ class VehicleTypeOnPath(PlantRecord):
     max_height: Coordinate | None = None
     load_restriction: LoadRestriction | None = None
     actions: tuple[TypeAction, ...] = ()
+    forbidden_action_types: tuple[str, ...] = ()
     trajectory: PathTrajectory | None = None
+    line_guidance: LineGuidance | None = None
+    corridor: PathCorridor | None = None
     reentry_allowed: bool = True
 
     @property
+    def orientations(self) -> tuple[float, ...]:
+        """All allowed orientations; empty: any."""
+        return (
+            () if self.vehicle_orientation is None else (self.vehicle_orientation, *self.other_orientations)
+        )
+
+    @property
     def is_backward(self) -> bool:
-        """Whether vehicles drive here backwards."""
-        tangential = self.orientation_type is PathOrientationType.TANGENTIAL
-        return tangential and self.vehicle_orientation is not None and cos(self.vehicle_orientation) < 0
+        """Whether vehicles can drive here only backwards."""
+        return bool(self.orientations) and all(map(self.leads_backward, self.orientations))
+
+    def leads_backward(self, orientation: float) -> bool:
+        """Return whether vehicles with this orientation drive here backwards."""
+        return self.orientation_type is PathOrientationType.TANGENTIAL and cos(orientation) < 0
 
 
 class PointType(StrEnum):

@@ -24,6 +24,7 @@ from nena_shared.plant import PlantModel, PlantModelError, PlantProblem, files, 
 from nena_shared.plant import nav2_route as nav2_route_graph
 from nena_shared.plant.exchange import JSON_LIMITS
 from nena_shared.plant.files import PlantFormat
+from nena_shared.plant.lif import LifVersion
 
 STANDARD_STREAM = "-"
 
@@ -49,6 +50,16 @@ class PlantFile:
     def errors(self) -> int:
         """Return the number of errors."""
         return sum(finding.is_error for finding in self.findings)
+
+
+class Target(StrEnum):
+    """Formats to convert to."""
+
+    LIF = "lif"
+    """1.0.0"""
+    LIF_2_0 = "lif-2.0"
+    OPENTCS = "opentcs"
+    NENA = "nena"
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +88,7 @@ def read_plant(name: str, *, strict: bool = False) -> PlantFile:
 
 
 def encode(
-    model: PlantModel, kind: PlantFormat, *, at: datetime, options: LifOptions
+    model: PlantModel, target: Target, *, at: datetime, options: LifOptions
 ) -> tuple[bytes, tuple[Finding, ...]]:
     """Return a plant model in this format, and warnings about what the format cannot represent.
 
@@ -85,13 +96,15 @@ def encode(
         PlantModelError: the format cannot represent it.
 
     """
-    match kind:
-        case PlantFormat.NENA:
+    match target:
+        case Target.NENA:
             return model.to_json().encode() + b"\n", ()
-        case PlantFormat.OPENTCS:
+        case Target.OPENTCS:
             report = opentcs_xml.write(model)
-        case PlantFormat.LIF:
-            report = lif.write(model, at=at, map_id=options.map_id, vehicle_types=options.vehicle_types)
+        case Target.LIF | Target.LIF_2_0:
+            version = LifVersion.V1_0 if target is Target.LIF else LifVersion.V2_0
+            types = options.vehicle_types
+            report = lif.write(model, version, at=at, map_id=options.map_id, vehicle_types=types)
     return report.data, _findings(report.warnings, are_errors=False)
 
 
@@ -195,13 +208,6 @@ FOUND: Final = 1
 """Exit status if the plant model has errors."""
 
 
-class Target(StrEnum):
-    """Formats for export."""
-
-    LIF = "lif"
-    OPENTCS = "opentcs"
-
-
 Source = Annotated[str, typer.Argument(help="openTCS XML, LIF or NeNa's JSON; - for standard input.")]
 Output = Annotated[str, typer.Option("--output", "-o", help="File to write, or - for standard output.")]
 Strict = Annotated[bool, typer.Option("--strict", help="Reject LIF that violates its standard.")]
@@ -237,14 +243,15 @@ def import_(
     with _errors_reported():
         read = read_plant(file, strict=strict)
         model = read.model or _reject(read, as_json=as_json)
-        _write(read, model, PlantFormat.NENA, output, LifOptions(), replace=replace, as_json=as_json)
+        _write(read, model, Target.NENA, output, LifOptions(), replace=replace, as_json=as_json)
 
 
+@app.command("export", hidden=True)
 @app.command()
-def export(
+def convert(
     file: Source,
     *,
-    target: Annotated[Target | None, typer.Option("--format", help="Format to write.")] = None,
+    target: Annotated[Target | None, typer.Option("--format", help="Format to write; lif is 1.0.0.")] = None,
     nav2_route: Annotated[
         bool, typer.Option("--nav2-route", help="Write a route graph of Nav2 (GeoJSON) instead.")
     ] = False,
@@ -260,15 +267,16 @@ def export(
             "--vehicle-type", help="LIF: vehicle type that may use all nodes and edges; repeatable."
         ),
     ] = None,
+    strict: Strict = False,
     replace: Replace = False,
     as_json: AsJson = False,
 ) -> None:
-    """Convert a plant model to openTCS XML 7.0.0, LIF 1.0.0 or a route graph, and list what is lost."""
+    """Convert a plant model to openTCS XML 7.0.0, LIF 1.0.0 or 2.0.0, or a route graph, and list losses."""
     options = LifOptions(map_id, tuple(vehicle_type or ()))
     if (target is None) is not nav2_route:
         fail("give either --format or --nav2-route")
     with _errors_reported():
-        read = read_plant(file)
+        read = read_plant(file, strict=strict)
         model = read.model or _reject(read, as_json=as_json)
         if target is None:
             report = nav2_route_graph.write(model, map_id=map_id, frame=frame)
@@ -276,7 +284,7 @@ def export(
             warnings = _findings(report.warnings, are_errors=False)
             _report(read, (*read.findings, *warnings), as_json=as_json, written=output)
             return
-        _write(read, model, PlantFormat(target), output, options, replace=replace, as_json=as_json)
+        _write(read, model, target, output, options, replace=replace, as_json=as_json)
 
 
 @app.command()
@@ -306,14 +314,14 @@ def put(
 def _write(
     read: PlantFile,
     model: PlantModel,
-    kind: PlantFormat,
+    target: Target,
     output: str,
     options: LifOptions,
     *,
     replace: bool,
     as_json: bool,
 ) -> None:
-    data, warnings = encode(model, kind, at=datetime.now(UTC), options=options)
+    data, warnings = encode(model, target, at=datetime.now(UTC), options=options)
     write_bytes(data, output, replace=replace)
     _report(read, (*read.findings, *warnings), as_json=as_json, written=output)
 

@@ -11,8 +11,10 @@ from pydantic import ValidationError
 from nena_shared.findings import path_of, words_of
 from nena_shared.plant.checks import disconnected_points
 from nena_shared.plant.errors import ObjectKind, PlantProblem
-from nena_shared.plant.lif import curve
+from nena_shared.plant.lif import curve, mobile_robots
 from nena_shared.plant.lif.document import (
+    DRAFT_VERSION,
+    FIELDS_OF_2_0,
     Layout,
     LifEdge,
     LifFile,
@@ -23,8 +25,10 @@ from nena_shared.plant.lif.document import (
 )
 from nena_shared.plant.model import PlantModel
 from nena_shared.plant.track import (
+    DeviationBounds,
     LoadRestriction,
     PathTrajectory,
+    PlantBlockingType,
     PlantRecord,
     RequirementType,
     RotationAllowed,
@@ -51,8 +55,15 @@ _RECORDS: Final[tuple[type[PlantRecord], ...]] = (
     PathTrajectory,
     TrajectoryPoint,
 )
-_KNOWN: Final = frozenset(field.alias for record in _RECORDS for field in record.model_fields.values())
-_HEADINGS: Final = ("theta", "vehicleOrientation")
+
+
+def _names(records: Iterable[type[PlantRecord]]) -> frozenset[str]:
+    return frozenset(field.alias or "" for record in records for field in record.model_fields.values())
+
+
+FIELDS_1_0: Final = _names(_RECORDS) - FIELDS_OF_2_0
+FIELDS_2_0: Final = _names(mobile_robots.RECORDS)
+_HEADINGS: Final = ("theta", "vehicleOrientation", "mobileRobotOrientations")
 
 
 def format_problems(error: ValidationError) -> tuple[PlantProblem, ...]:
@@ -67,34 +78,40 @@ def format_problems(error: ValidationError) -> tuple[PlantProblem, ...]:
     )
 
 
-def repair(raw: Any) -> tuple[PlantProblem, ...]:  # noqa: ANN401 - whatever the JSON holds
+def repair(
+    raw: Any,  # noqa: ANN401 - whatever the JSON holds
+    known: frozenset[str] = FIELDS_1_0,
+) -> tuple[PlantProblem, ...]:
     """Repair known deviations in place, and return those that validation would not report.
 
     Adds missing stations, converts `required` of actions to requirementType, and converts all headings from
-    degrees if one is beyond 2 pi.
+    degrees if one is beyond 2 pi. `known` are the names of the version's fields.
     """
     objects = tuple(_objects(raw))
-    found = Counter(_repair_each(objects))
-    headings = [(each, key, heading) for each in objects for key, heading in _headings(each)]
+    found = Counter(_repair_each(objects, known))
+    headings = [spot for each in objects for spot in _headings(each)]
     if any(abs(heading) > 2 * pi for _, _, heading in headings):
         found["HEADINGS_IN_DEGREES", "headings beyond 2 pi: all of the file are read as degrees"] = 1
-        for each, key, heading in headings:
-            each[key] = radians(heading)
+        for place, key, heading in headings:
+            place[key] = radians(heading)
     return tuple(
         warning(code, f"{text} (found {times} times)") for (code, text), times in sorted(found.items())
     )
 
 
-def _repair_each(objects: Iterable[dict[str, Any]]) -> Iterator[tuple[str, str]]:
+def _repair_each(objects: Iterable[dict[str, Any]], known: frozenset[str]) -> Iterator[tuple[str, str]]:
     """Repair each object in place, and yield code and text of each deviation."""
     for each in objects:
+        for key in FIELDS_OF_2_0 & (each.keys() - known):
+            del each[key]
+            yield "IGNORED", f"unknown field {key!r}"
         if "nodes" in each and "edges" in each:
             each.setdefault("stations", [])
-        if isinstance(required := each.get("required"), bool):
+        if "requirementType" in known and isinstance(required := each.get("required"), bool):
             del each["required"]
             each.setdefault("requirementType", "REQUIRED" if required else "OPTIONAL")
             yield "NOT_LIF", "'required' of actions is read as their requirementType"
-        for key in each.keys() - _KNOWN:
+        for key in each.keys() - known:
             yield "IGNORED", f"unknown field {key!r}"
 
 
@@ -114,26 +131,25 @@ def _objects(raw: Any) -> Iterator[dict[str, Any]]:  # noqa: ANN401 - whatever t
             waiting.extend(value)
 
 
-def _headings(each: dict[str, Any]) -> Iterator[tuple[str, float]]:
-    """Yield the headings of an object, including numbers written as text."""
+def _headings(each: dict[str, Any]) -> Iterator[tuple[Any, Any, float]]:
+    """Yield the headings of an object with their places, including numbers written as text."""
     for key in _HEADINGS:
-        with suppress(KeyError, OverflowError, TypeError, ValueError):
-            yield key, float(each[key])
+        value: Any = each.get(key)
+        spots: list[tuple[Any, Any]] = [(each, key)]
+        if isinstance(value, list):
+            spots = [(value, number) for number in range(len(value))]
+        for place, spot in spots:
+            with suppress(KeyError, OverflowError, TypeError, ValueError):
+                yield place, spot, float(place[spot])
 
 
 _SAME_PLACE_M: Final = 0.01
-_HEADING_MARGIN: Final = 1e-6
-_DRAFT_VERSION: Final = "0.11.0"
-"""Version of the guideline's own examples; their content is that of 1.0.0."""
+_HEADING_MARGIN: Final = 8e-6
+"""LIF 2.0 allows 3.1416 for pi."""
 
 
 def errors(file: LifFile) -> Iterator[PlantProblem]:
     """Yield errors that make the file unusable even for a lenient reader."""
-    version = file.meta_information.lif_version
-    if version != _DRAFT_VERSION and not version.startswith("1."):
-        yield warning(
-            "UNSUPPORTED_VERSION", f"lifVersion {version!r} is not supported; save the file as 1.0.0"
-        )
     nodes = [node for layout in file.layouts for node in layout.nodes]
     edges = [edge for layout in file.layouts for edge in layout.edges]
     stations = [station for layout in file.layouts for station in layout.stations]
@@ -143,22 +159,53 @@ def errors(file: LifFile) -> Iterator[PlantProblem]:
     known = {node.node_id for node in nodes}
     yield from _dangling_references(known, edges, stations)
     yield from _without_vehicle_type(nodes, edges)
+    for node in nodes:
+        yield from _contradictions(ObjectKind.POINT, node.node_id, node.vehicle_type_node_properties)
+    for edge in edges:
+        yield from _contradictions(ObjectKind.PATH, edge.edge_id, edge.vehicle_type_edge_properties)
+
+
+def _contradictions(
+    kind: ObjectKind, name: str, uses: Iterable[VehicleTypeAtPoint | VehicleTypeOnPath]
+) -> Iterator[PlantProblem]:
+    """Yield actions that must be sent and must not."""
+    for use in uses:
+        for action in use.actions:
+            required = action.requirement_type is RequirementType.REQUIRED
+            if required and action.action_type in use.forbidden_action_types:
+                text = f"action {action.action_type!r} is both required and forbidden"
+                yield PlantProblem("NOT_LIF", kind, name, text)
 
 
 def deviations(file: LifFile) -> Iterator[PlantProblem]:
     """Yield deviations that a strict reader rejects and a lenient one accepts."""
-    if file.meta_information.lif_version == _DRAFT_VERSION:
-        yield warning("NOT_LIF", f"lifVersion {_DRAFT_VERSION} was never published; read as 1.0.0")
+    version = file.meta_information.lif_version
+    if version == DRAFT_VERSION:
+        yield warning("NOT_LIF", f"lifVersion {DRAFT_VERSION} was never published; read as 1.0.0")
     nodes = {node.node_id: node for layout in file.layouts for node in layout.nodes}
     for layout in file.layouts:
         yield from _of_nodes(layout)
         own_nodes = {node.node_id for node in layout.nodes}
         for edge in layout.edges:
             yield from _of_edge(edge, own_nodes, nodes)
+            yield from () if version.startswith("2") else _missing_in_1_0(edge)
         for station in layout.stations:
             if not station.interaction_node_ids:
                 text = "the station has no interaction node"
                 yield PlantProblem("NOT_LIF", ObjectKind.LOCATION, station.station_id, text)
+
+
+def _missing_in_1_0(edge: LifEdge) -> Iterator[PlantProblem]:
+    if any(use.rotation_allowed is None for use in edge.vehicle_type_edge_properties):
+        text = "rotationAllowed is missing; read as false"
+        yield PlantProblem("NOT_LIF", ObjectKind.PATH, edge.edge_id, text)
+    if any(
+        action.blocking_type is PlantBlockingType.SINGLE
+        for use in edge.vehicle_type_edge_properties
+        for action in use.actions
+    ):
+        text = "LIF 1.0 has no blockingType SINGLE"
+        yield PlantProblem("NOT_LIF", ObjectKind.PATH, edge.edge_id, text)
 
 
 def unsupported_features(file: LifFile) -> Iterator[PlantProblem]:
@@ -171,7 +218,10 @@ def unsupported_features(file: LifFile) -> Iterator[PlantProblem]:
     ]
     found = Counter(_unsupported_at_node(nodes))
     found.update(_unsupported_on_edge(edges))
-    for what, times in sorted(found.items()):
+    found["several origins, whose frames are taken as one"] = max(
+        0, len({layout.origin_id for layout in file.layouts}) - 1
+    )
+    for what, times in sorted((+found).items()):
         yield warning("NOT_HEEDED", f"{what} (found {times} times): kept, without effect")
 
 
@@ -182,6 +232,30 @@ def _unsupported_at_node(uses: list[VehicleTypeAtPoint]) -> Iterator[str]:
             yield "REQUIRED actions at nodes"
         if required > 1:
             yield "several REQUIRED actions at one node"
+        if use.forbidden_action_types:
+            yield "forbidden actions at nodes"
+        if use.load_restriction:
+            yield "load restrictions of nodes"
+        if use.allowed_deviation_xy:
+            yield "allowedDeviationXY"
+
+
+def origin_findings(file: mobile_robots.OriginsFile) -> Iterator[PlantProblem]:
+    """Yield deviations of origins and types that are gone once a file of 2.0 is converted."""
+    if not file.meta_information.lif_version.startswith("2.0"):
+        text = f"lifVersion {file.meta_information.lif_version} is newer than 2.0.0; what it adds is ignored"
+        yield warning("NOT_LIF", text)
+    for name, times in Counter(origin.origin_id for origin in file.origins).items():
+        if times > 1:
+            yield warning("NOT_LIF", f"{times} origins have the id {name!r}; they are read as one")
+    series = {(each.manufacturer, each.series_name) for each in mobile_robots.robot_types(file)}
+    ids = Counter(
+        mobile_robots.type_id(mobile_robots.MobileRobotType(manufacturer=maker, series_name=name))
+        for maker, name in series
+    )
+    for name, times in ids.items():
+        if times > 1:
+            yield warning("NOT_LIF", f"{times} types of mobile robots are called {name!r}; read as one")
 
 
 def _unsupported_on_edge(uses: list[VehicleTypeOnPath]) -> Iterator[str]:
@@ -191,6 +265,10 @@ def _unsupported_on_edge(uses: list[VehicleTypeOnPath]) -> Iterator[str]:
             "actions on edges": bool(use.actions),
             "maxRotationSpeed": use.max_rotation_speed is not None,
             "minHeight": use.min_height is not None,
+            "several orientations, of which the first is used": bool(use.other_orientations),
+            "corridor": use.corridor is not None,
+            "forbidden actions on edges": bool(use.forbidden_action_types),
+            "physicalLineGuidedProperty": use.line_guidance is not None,
             "names of load sets": bool(use.load_restriction and use.load_restriction.load_set_names),
             "reentryAllowed false": not use.reentry_allowed,
             "rotationAtStartNodeAllowed": use.rotation_at_start_node_allowed is not both,
@@ -238,6 +316,8 @@ def _of_nodes(layout: Layout) -> Iterator[PlantProblem]:
         texts = [
             *_repeated(use.vehicle_type_id for use in uses),
             *(text for use in uses for text in _heading(use.theta)),
+            *(text for use in uses for text in _bounds(use.allowed_deviation_xy)),
+            *(text for use in uses for text in _load(use.load_restriction)),
             *(text for use in uses for text in _actions(use.actions)),
             *([] if node.map_id else ["the node names no map"]),
         ]
@@ -250,11 +330,13 @@ def _of_edge(edge: LifEdge, own_nodes: set[str], nodes: dict[str, LifNode]) -> I
     texts = [
         *_repeated(use.vehicle_type_id for use in uses),
         *_closed_ends(edge, ends),
-        *(text for use in uses for text in _heading(use.vehicle_orientation)),
+        *(text for use in uses for each in use.orientations for text in _heading(each)),
         *(text for use in uses for text in _actions(use.actions)),
         *(text for use in uses for text in _load(use.load_restriction)),
         *(text for use in uses if use.trajectory for text in _trajectory(use.trajectory, ends)),
     ]
+    if any(use.trajectory and use.line_guidance for use in uses):
+        texts.append("it has a trajectory and a physicalLineGuidedProperty; the trajectory's length is used")
     if edge.start_node_id not in own_nodes:
         texts.append(f"start node {edge.start_node_id!r} is in another layout")
     yield from (PlantProblem("NOT_LIF", ObjectKind.PATH, edge.edge_id, text) for text in texts)
@@ -277,6 +359,24 @@ def _closed_ends(edge: LifEdge, ends: tuple[LifNode, LifNode]) -> Iterator[str]:
 def _heading(heading: float | None) -> Iterator[str]:
     if heading is not None and abs(heading) > pi + _HEADING_MARGIN:
         yield f"heading {heading} is not between -pi and pi"
+
+
+_ELLIPSE_MARGIN: Final = 1e-6
+
+
+def _bounds(bounds: DeviationBounds | None) -> Iterator[str]:
+    """Yield bounds that no ellipse meets, or that are out of range."""
+    if bounds is None:
+        return
+    for axis, least, most in (
+        ("a", bounds.a_minimum, bounds.a_maximum),
+        ("b", bounds.b_minimum, bounds.b_maximum),
+        ("the shorter half axis", bounds.b_minimum, bounds.a_maximum),
+    ):
+        if least is not None and most is not None and least > most:
+            yield f"allowedDeviationXY allows no ellipse: {axis} is at least {least} and at most {most}"
+    if bounds.theta is not None and abs(bounds.theta) > pi / 2 + _ELLIPSE_MARGIN:
+        yield f"allowedDeviationXY is turned by {bounds.theta}, not between -pi/2 and pi/2"
 
 
 def _actions(actions: tuple[TypeAction, ...]) -> Iterator[str]:

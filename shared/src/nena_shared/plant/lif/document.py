@@ -1,8 +1,42 @@
-"""The objects of a LIF 1.0.0 file: layouts with nodes, edges and stations (m, rad, m/s, rad/s)."""
+"""The objects of a LIF file: layouts with nodes, edges and stations (m, rad, m/s, rad/s).
+
+They have LIF 1.0.0's form, and the content of both versions: `mobile_robots` has 2.0.0's own form.
+"""
+
+from collections.abc import Mapping
+from enum import StrEnum
+from typing import Final
 
 from pydantic import ConfigDict, Field
 
 from nena_shared.plant.track import Coordinate, PlantRecord, VehicleTypeAtPoint, VehicleTypeOnPath
+
+
+class LifVersion(StrEnum):
+    """Versions of LIF that are written."""
+
+    V1_0 = "1.0.0"
+    V2_0 = "2.0.0"
+
+
+DRAFT_VERSION: Final = "0.11.0"
+"""Version of the 1.0 guideline's own examples; their content is that of 1.0.0."""
+
+FIELDS_OF_2_0: Final = frozenset(
+    {
+        "allowedDeviationXY",
+        "corridor",
+        "forbiddenActionTypes",
+        "isJson",
+        "lineGuidance",
+        "manufacturers",
+        "originDescriptor",
+        "originId",
+        "otherOrientations",
+        "stationType",
+    }
+)
+"""Names under which the objects hold what files of 1.0 cannot; such a file has no field of these names."""
 
 
 class LifRecord(PlantRecord):
@@ -61,14 +95,18 @@ class Station(LifRecord):
     station_id: str = Field(min_length=1)
     interaction_node_ids: tuple[str, ...]
     station_name: str | None = None
+    station_type: str | None = None
     station_description: str | None = None
-    station_height: float = 0.0
+    station_height: float | None = None
+    """None: 0 in LIF 1.0, unknown in 2.0."""
     station_position: StationPosition | None = None
 
 
 class Layout(LifRecord):
     """A level of a plant, or part of a level."""
 
+    origin_id: str | None = None
+    origin_descriptor: str | None = None
     layout_id: str
     layout_name: str | None = None
     layout_version: str
@@ -84,3 +122,5 @@ class LifFile(LifRecord):
 
     meta_information: MetaInformation
     layouts: tuple[Layout, ...]
+    manufacturers: Mapping[str, str] = Field(default_factory=dict)
+    """By vehicle type, where it is not the part before the first dot."""

@@ -1,19 +1,36 @@
-"""Read LIF 1.0.0 into a plant model: strictly, or leniently with warnings."""
+"""Read LIF 1.0.0 and 2.0.0 into a plant model: strictly, or leniently with warnings."""
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain, count
 from math import degrees, hypot
-from typing import Final, TypeVar
+from typing import Any, Final, TypeVar
 
 from pydantic import ValidationError
 
 from nena_shared.plant import property_keys as keys
 from nena_shared.plant.checks import find_errors, find_warnings
 from nena_shared.plant.errors import ObjectKind, PlantModelError, PlantProblem
-from nena_shared.plant.exchange import JSON_LIMITS, ImportReport, JsonLimits, parse_json, paused_collector
-from nena_shared.plant.lif import checks, curve
+from nena_shared.plant.exchange import (
+    JSON_LIMITS,
+    ImportReport,
+    JsonLimits,
+    parse_json,
+    paused_collector,
+    refusal,
+)
+from nena_shared.plant.lif import checks, curve, mobile_robots
 from nena_shared.plant.lif.checks import format_problems, reachability_warnings, repair
-from nena_shared.plant.lif.document import Layout, LifEdge, LifFile, LifNode, Station, StationPosition
+from nena_shared.plant.lif.document import (
+    DRAFT_VERSION,
+    Layout,
+    LifEdge,
+    LifFile,
+    LifNode,
+    LifVersion,
+    Station,
+    StationPosition,
+)
 from nena_shared.plant.model import (
     NO_OPERATION,
     Layer,
@@ -45,7 +62,8 @@ def read(data: bytes, *, strict: bool = False, limits: JsonLimits = JSON_LIMITS)
     """Read a LIF file into a plant model, in mm, with LIF's rules for each vehicle type.
 
     Common deviations are repaired with a warning; with `strict` they are errors. Raises PlantModelError with
-    all problems if the file is not LIF 1.0.0, exceeds a limit, or if its objects contradict each other.
+    all problems if the file is not LIF, of another version, exceeds a limit, or if its objects contradict
+    each other.
     """
     with paused_collector():
         return _read(data, strict=strict, limits=limits)
@@ -53,11 +71,7 @@ def read(data: bytes, *, strict: bool = False, limits: JsonLimits = JSON_LIMITS)
 
 def _read(data: bytes, *, strict: bool, limits: JsonLimits) -> ImportReport:
     raw = parse_json(data, limits)
-    findings = (*_format_deviations(data), *repair(raw))
-    try:
-        file = LifFile.model_validate(raw)
-    except ValidationError as error:
-        raise PlantModelError(format_problems(error)) from error
+    file, findings = _file(data, raw)
     if problems := tuple(checks.errors(file)):
         raise PlantModelError(problems)
     findings = (*findings, *checks.deviations(file))
@@ -73,10 +87,52 @@ def _read(data: bytes, *, strict: bool, limits: JsonLimits) -> ImportReport:
     return ImportReport(model, (*findings, *others))
 
 
-def _format_deviations(data: bytes) -> tuple[PlantProblem, ...]:
+def _file(data: bytes, raw: Any) -> tuple[LifFile, tuple[PlantProblem, ...]]:  # noqa: ANN401 - whatever the JSON holds
+    """Return the file, and where its form deviates from its version's."""
+    if _version(raw) is LifVersion.V1_0:
+        findings = (*_format_deviations(data, LifFile), *repair(raw, checks.FIELDS_1_0))
+        return _validated(raw, LifFile), findings
+    form = mobile_robots.OriginsFile
+    findings = (*_format_deviations(data, form), *repair(raw, checks.FIELDS_2_0))
+    file = _validated(raw, form)
+    return mobile_robots.to_layouts(file), (*findings, *checks.origin_findings(file))
+
+
+_MAJOR_VERSION: Final = re.compile(r"([12])(\.\d+)*", re.ASCII)
+
+
+def _version(raw: Any) -> LifVersion:  # noqa: ANN401 - whatever the JSON holds
+    """Return the version of a file by its lifVersion; without one by its form."""
+    content = raw if isinstance(raw, dict) else {}
+    meta = content.get("metaInformation")
+    stated = meta.get("lifVersion") if isinstance(meta, dict) else None
+    if stated is None:
+        return LifVersion.V2_0 if "origins" in content else LifVersion.V1_0
+    major = _MAJOR_VERSION.fullmatch(str(stated))
+    if major is None and stated != DRAFT_VERSION:
+        shown = repr(str(stated)[:_SHOWN])
+        text = f"lifVersion {shown} is not supported; save the file as {LifVersion.V1_0} or {LifVersion.V2_0}"
+        raise refusal("UNSUPPORTED_VERSION", text)
+    return LifVersion.V2_0 if major and major[1] == "2" else LifVersion.V1_0
+
+
+_SHOWN: Final = 40
+"""Characters of an unknown version that are quoted."""
+
+F = TypeVar("F", LifFile, mobile_robots.OriginsFile)
+
+
+def _validated(raw: Any, form: type[F]) -> F:  # noqa: ANN401 - whatever the JSON holds
+    try:
+        return form.model_validate(raw)
+    except ValidationError as error:
+        raise PlantModelError(format_problems(error)) from error
+
+
+def _format_deviations(data: bytes, form: type[F]) -> tuple[PlantProblem, ...]:
     """Return where types and fields deviate from the schema."""
     try:
-        LifFile.model_validate_json(data, strict=True)
+        form.model_validate_json(data, strict=True)
     except ValidationError as error:
         return format_problems(error)
     return ()
@@ -143,8 +199,13 @@ class StationMaker:
 
 def _operations(point: Point) -> tuple[str, ...]:
     """Return the operations that at least one vehicle type can do at a point."""
-    actions = (action for use in point.vehicle_types for action in use.actions)
-    return tuple(dict.fromkeys(operation_of(action.action_type) for action in actions))
+    actions = (
+        action.action_type
+        for use in point.vehicle_types
+        for action in use.actions
+        if action.action_type not in use.forbidden_action_types
+    )
+    return tuple(dict.fromkeys(map(operation_of, actions)))
 
 
 def _position_mm(position: StationPosition | None, points: Sequence[Point]) -> tuple[int, int]:
@@ -160,11 +221,13 @@ def _position_mm(position: StationPosition | None, points: Sequence[Point]) -> t
 
 def _properties(station: Station) -> dict[str, str]:
     position = station.station_position
+    height = station.station_height
     values = {
         keys.LIF_ID: station.station_id,
         keys.LIF_NAME: station.station_name,
+        keys.LIF_STATION_TYPE: station.station_type,
         keys.LIF_DESCRIPTION: station.station_description,
-        keys.LIF_STATION_HEIGHT: str(station.station_height) if station.station_height else None,
+        keys.LIF_STATION_HEIGHT: None if height is None else str(height),
         keys.LIF_STATION_POSITION: position.model_dump_json(exclude_none=True) if position else None,
     }
     return {key: value for key, value in values.items() if value is not None}
@@ -208,7 +271,11 @@ def to_plant(file: LifFile, names: Names) -> PlantModel:
         location_types=maker.types,
         locations=tuple(locations),
         visual_layout=_visual_layout(file.layouts),
-        properties={keys.LIF_CREATOR: meta.creator, keys.LIF_EXPORT_TIMESTAMP: meta.export_timestamp},
+        properties={
+            keys.LIF_CREATOR: meta.creator,
+            keys.LIF_EXPORT_TIMESTAMP: meta.export_timestamp,
+            **{f"{keys.LIF_MANUFACTURER}{name}": maker for name, maker in file.manufacturers.items()},
+        },
     )
 
 
@@ -238,7 +305,8 @@ def _path(edge: LifEdge, layer: int, points: dict[str, Point], names: Names) -> 
     types = tuple(map(_with_usable_trajectory, _first_of_each(edge.vehicle_type_edge_properties)))
     trajectory = next((use.trajectory for use in types if use.trajectory), None)
     a, b = points[edge.start_node_id], points[edge.end_node_id]
-    length_m = curve.length(trajectory) if trajectory else hypot(a.x_m - b.x_m, a.y_m - b.y_m)
+    guided = next((use.line_guidance.length for use in types if use.line_guidance), None)
+    length_m = curve.length(trajectory) if trajectory else guided or hypot(a.x_m - b.x_m, a.y_m - b.y_m)
     name = names.allocate(ObjectKind.PATH, edge.edge_id, "edge")
     return Path(
         name=name,
@@ -312,6 +380,8 @@ def _visual_layout(layouts: Sequence[Layout]) -> VisualLayout:
                     ("version", layout.layout_version),
                     ("levelId", layout.layout_level_id),
                     ("description", layout.layout_description),
+                    ("originId", layout.origin_id),
+                    ("originDescriptor", layout.origin_descriptor),
                 )
             }
         ),

@@ -1,44 +1,43 @@
-"""Write plant models as LIF 1.0.0."""
+"""Write plant models as LIF 1.0.0 or 2.0.0."""
 
+import json
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from math import hypot, pi
-from typing import Annotated, Final
+from math import pi
+from typing import Annotated, Any, Final
 
 from pydantic import Field, TypeAdapter, ValidationError
 
 from nena_shared.plant import property_keys as keys
-from nena_shared.plant.errors import ObjectKind, PlantProblem
 from nena_shared.plant.exchange import ExportReport
+from nena_shared.plant.lif import mobile_robots
 from nena_shared.plant.lif.document import (
+    FIELDS_OF_2_0,
     Layout,
     LifEdge,
     LifFile,
     LifNode,
+    LifVersion,
     MetaInformation,
     Position,
     Station,
     StationPosition,
 )
-from nena_shared.plant.lif.reader import UNLIMITED_SIZE, UNLIMITED_SPEED_MM_S
+from nena_shared.plant.lif.losses import export_warnings
+from nena_shared.plant.lif.reader import UNLIMITED_SPEED_MM_S
 from nena_shared.plant.model import Location, PlantModel, action_of
 from nena_shared.plant.track import (
-    BoundingBox,
-    ConnectionType,
     DirectedEdge,
-    Path,
     PlantBlockingType,
     Point,
-    PointType,
     RequirementType,
     TypeAction,
     VehicleTypeAtPoint,
     VehicleTypeOnPath,
 )
 
-LIF_VERSION: Final = "1.0.0"
 _CREATOR: Final = "NeNa"
 _HEIGHT: Final = TypeAdapter(Annotated[float, Field(ge=0, allow_inf_nan=False)])
 DEFAULT_VEHICLE_TYPE: Final = "vehicle"
@@ -60,7 +59,12 @@ class ExportOptions:
 
 
 def write(
-    model: PlantModel, *, at: datetime, map_id: str | None = None, vehicle_types: Sequence[str] = ()
+    model: PlantModel,
+    version: LifVersion = LifVersion.V1_0,
+    *,
+    at: datetime,
+    map_id: str | None = None,
+    vehicle_types: Sequence[str] = (),
 ) -> ExportReport:
     """Write a plant model as LIF; warnings name what is lost. `at` (timezone-aware) dates the file.
 
@@ -75,8 +79,29 @@ def write(
         vehicle_types=tuple(vehicle_types) or tuple(sorted(types)) or (DEFAULT_VEHICLE_TYPE,),
     )
     file = from_plant(model, options)
-    text = file.model_dump_json(by_alias=True, exclude_none=True, exclude_defaults=True, indent=2)
-    return ExportReport(text.encode() + b"\n", tuple(export_warnings(model)))
+    if version is LifVersion.V2_0:
+        origins = mobile_robots.from_layouts(file)
+        text = origins.model_dump_json(by_alias=True, exclude_none=True, exclude_unset=True, indent=2)
+    else:
+        content = file.model_dump(mode="json", by_alias=True, exclude_none=True, exclude_defaults=True)
+        text = json.dumps(_as_1_0(content), indent=2, ensure_ascii=False)
+    return ExportReport(text.encode() + b"\n", tuple(export_warnings(model, version)))
+
+
+def _as_1_0(part: Any) -> Any:  # noqa: ANN401 - a value of JSON
+    """Return a part of a file without what LIF 1.0 does not have."""
+    if isinstance(part, list):
+        return [_as_1_0(each) for each in part]
+    if not isinstance(part, dict):
+        return part
+    kept = {key: _as_1_0(value) for key, value in part.items() if key not in FIELDS_OF_2_0}
+    if kept.get("blockingType") == PlantBlockingType.SINGLE:
+        kept["blockingType"] = PlantBlockingType.HARD
+    for use in kept.get("vehicleTypeNodeProperties", ()):
+        use.pop("loadRestriction", None)
+    for use in kept.get("vehicleTypeEdgeProperties", ()):
+        use.setdefault("rotationAllowed", False)
+    return kept
 
 
 def from_plant(model: PlantModel, options: ExportOptions) -> LifFile:
@@ -99,13 +124,22 @@ def from_plant(model: PlantModel, options: ExportOptions) -> LifFile:
         meta_information=MetaInformation(
             project_identification=model.name,
             creator=_CREATOR,
-            export_timestamp=options.at.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ"),
-            lif_version=LIF_VERSION,
+            export_timestamp=_timestamp(options.at),
+            lif_version=LifVersion.V1_0,
         ),
         layouts=tuple(
             _layout(model, number, nodes[number], edges[number], stations[number]) for number in numbers
         ),
+        manufacturers={
+            key.removeprefix(keys.LIF_MANUFACTURER): value
+            for key, value in model.properties.items()
+            if key.startswith(keys.LIF_MANUFACTURER)
+        },
     )
+
+
+def _timestamp(at: datetime) -> str:
+    return at.astimezone(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
 def distinct_ids(wanted: Mapping[str, str | None]) -> dict[str, str]:
@@ -137,6 +171,8 @@ def _layout(
         return model.visual_layout.properties.get(f"{keys.LIF_LAYOUT}.{number}.{what}")
 
     return Layout(
+        origin_id=kept("originId"),
+        origin_descriptor=kept("originDescriptor"),
         layout_id=kept("id") or model.name or _CREATOR,
         layout_name=kept("name"),
         layout_version=kept("version") or "1",
@@ -221,18 +257,19 @@ def _station(location: Location, station_id: str) -> Station:
         station_id=station_id,
         interaction_node_ids=tuple(dict.fromkeys(link.point for link in location.links)),
         station_name=properties.get(keys.LIF_NAME, None if imported else location.name),
+        station_type=properties.get(keys.LIF_STATION_TYPE),
         station_description=properties.get(keys.LIF_DESCRIPTION),
         station_height=_height(properties.get(keys.LIF_STATION_HEIGHT, "")),
         station_position=_station_position(location, imported=imported),
     )
 
 
-def _height(text: str) -> float:
-    """Return the height in a property, m; 0 if it is not a valid height."""
+def _height(text: str) -> float | None:
+    """Return the height in a property, m; None if it is not a valid height."""
     try:
         return _HEIGHT.validate_python(text)
     except ValidationError:
-        return 0.0
+        return None
 
 
 def _station_position(location: Location, *, imported: bool) -> StationPosition | None:
@@ -241,63 +278,3 @@ def _station_position(location: Location, *, imported: bool) -> StationPosition 
         return StationPosition.model_validate_json(location.properties.get(keys.LIF_STATION_POSITION, ""))
     except ValidationError:
         return None if imported else StationPosition(x=location.x_m, y=location.y_m)
-
-
-_SAME_LENGTH_MM: Final = 1.0
-_KEPT: Final = ("lif:", keys.VDA5050_MAP_ID)
-
-
-def export_warnings(model: PlantModel) -> Iterator[PlantProblem]:
-    """Yield a warning for each kind of content that LIF cannot represent."""
-    for what, times in (*_of_points(model), *_of_paths(model), *_of_the_rest(model)):
-        if times:
-            text = f"{what} ({times} times): not representable in LIF"
-            yield PlantProblem("NOT_EXPORTED", ObjectKind.MODEL, model.name, text)
-
-
-def _of_points(model: PlantModel) -> Iterator[tuple[str, int]]:
-    points = model.points
-    sizes = (BoundingBox(), UNLIMITED_SIZE)
-    yield "parking positions", sum(point.type is PointType.PARK_POSITION for point in points)
-    yield "largest vehicles at points", sum(point.max_vehicle_bounding_box not in sizes for point in points)
-    yield "envelopes of points", sum(bool(point.envelopes) for point in points)
-    yield "heights (z) of points", sum(point.z_mm != 0 for point in points)
-
-
-def _of_paths(model: PlantModel) -> Iterator[tuple[str, int]]:
-    paths = model.paths
-    yield "locks of paths, which will be open", sum(path.locked for path in paths)
-    yield "envelopes of paths", sum(bool(path.envelopes) for path in paths)
-    yield "peripheral operations of paths", sum(len(path.peripheral_operations) for path in paths)
-    yield "lengths that are not the distance of the ends", sum(_has_length(model, path) for path in paths)
-    direct = ConnectionType.DIRECT
-    drawn = (path for path in paths if not _trajectories(path) and path.layout.connection_type is not direct)
-    yield "drawn courses of paths, which will be straight", sum(1 for _ in drawn)
-
-
-def _has_length(model: PlantModel, path: Path) -> bool:
-    a, b = model.point(path.source), model.point(path.destination)
-    distance = hypot(a.x_mm - b.x_mm, a.y_mm - b.y_mm)
-    return not _trajectories(path) and abs(max(distance, 1.0) - path.length_mm) > _SAME_LENGTH_MM
-
-
-def _trajectories(path: Path) -> bool:
-    return any(use.trajectory for use in path.vehicle_types)
-
-
-def _of_the_rest(model: PlantModel) -> Iterator[tuple[str, int]]:
-    locations = model.locations
-    yield "locations without a link", sum(not location.links for location in locations)
-    yield "locks of locations, which will be open", sum(location.locked for location in locations)
-    operations = (each.allowed_peripheral_operations for each in model.location_types)
-    yield "peripheral operations of location types", sum(map(len, operations))
-    yield "blocks", len(model.blocks)
-    yield "vehicles", len(model.vehicles)
-    objects = (
-        *(each.properties for each in model.points),
-        *(each.properties for each in model.paths),
-        *(each.properties for each in model.location_types),
-        *(each.properties for each in locations),
-        model.properties,
-    )
-    yield "properties", sum(not key.startswith(_KEPT) for each in objects for key in each)

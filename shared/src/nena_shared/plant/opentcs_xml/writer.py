@@ -8,6 +8,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from nena_shared.plant.errors import ObjectKind, PlantModelError, PlantProblem
 from nena_shared.plant.exchange import ExportReport
+from nena_shared.plant.lif.losses import rules_of_types
 from nena_shared.plant.model import (
     Block,
     Layer,
@@ -280,6 +281,10 @@ def _export_warnings(model: PlantModel) -> Iterator[PlantProblem]:
     if any(point.vehicle_types for point in model.points) or any(path.vehicle_types for path in model.paths):
         text = "rules for vehicle types (LIF) are lost: what is closed for some types will be open to all"
         yield PlantProblem("NOT_EXPORTED", ObjectKind.MODEL, model.name, text)
+        for what, times in rules_of_types(model):
+            if times:
+                text = f"LIF: {what} ({times} times): not representable in openTCS"
+                yield PlantProblem("NOT_EXPORTED", ObjectKind.MODEL, model.name, text)
     for location in model.locations:
         if location.layout.position is not None:
             text = "its separate drawing position is lost"

@@ -29,8 +29,9 @@ from nena_shared.plant import (
     Vehicle,
 )
 from nena_shared.plant.lif import read, write
+from nena_shared.plant.lif.losses import export_warnings
 from nena_shared.plant.lif.reader import UNLIMITED_SIZE
-from nena_shared.plant.lif.writer import distinct_ids, export_warnings
+from nena_shared.plant.lif.writer import distinct_ids
 from nena_shared.plant.opentcs_xml import read as read_opentcs
 from nena_shared.plant.track import PathTrajectory, TrajectoryPoint, VehicleTypeOnPath
 from support.lif_files import action, edge, layout, lif, lif_of, node, use

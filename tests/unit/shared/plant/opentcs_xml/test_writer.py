@@ -125,5 +125,6 @@ def test_text_that_xml_cannot_hold_is_refused(more: dict[str, Any]) -> None:
 def test_rules_for_vehicle_types_are_missed() -> None:
     uses = (VehicleTypeOnPath(vehicle_type_id="t", rotation_allowed=True),)
     written = write(plant(path("A B", vehicle_types=uses)))
-    assert [problem.code for problem in written.warnings] == ["NOT_EXPORTED"]
+    assert {problem.code for problem in written.warnings} == {"NOT_EXPORTED"}
+    assert any("rules of rotation (1 times)" in problem.text for problem in written.warnings)
     assert read(written.data).model.path("A --- B").vehicle_types == ()
