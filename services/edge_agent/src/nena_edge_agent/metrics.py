@@ -167,14 +167,13 @@ DRIVING: Final[Section[Program]] = Section(
         ),
         _gauge(
             "nena_agent_localized",
-            "1 while the robot knows where it is; 0 also when no pose comes although it drives. Absent "
-            "before the first pose.",
+            "1 while the robot is localised; 0 also if no pose arrives while it drives. Absent before the "
+            "first pose.",
             lambda _, v: v.statistics.localized,
         ),
         _gauge(
             "nena_agent_pose_age_seconds",
-            "Time since the last pose that counts; absent before the first. AMCL sends none while the robot "
-            "stands.",
+            "Time since the last valid pose; absent before the first. AMCL sends none at standstill.",
             _pose_age,
         ),
         _gauge(
@@ -254,7 +253,7 @@ class MetricsServer:
                     writer.write(await self._answer(head.split(b"\r\n", 1)[0].split(b" ")))
                     await writer.drain()
         except (OSError, TimeoutError, asyncio.IncompleteReadError, asyncio.LimitOverrunError):
-            log.debug("a request for metrics was given up")
+            log.debug("metrics request aborted")
         finally:
             self._clients -= 1
             writer.close()

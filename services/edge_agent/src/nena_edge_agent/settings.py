@@ -139,8 +139,8 @@ class MetricsSettings(SettingsGroup):
 
     host: str = Field(
         "127.0.0.1",
-        description="Address of the metrics. There is no login: beyond loopback, let a firewall keep all but "
-        "Prometheus out.",
+        description="Address of the metrics server. It has no login: beyond loopback, restrict access to "
+        "Prometheus by a firewall.",
     )
     port: int = Field(0, ge=0, le=65535, description="TCP port of the metrics; 0: none are served.")
 

@@ -327,7 +327,7 @@ SHOW_SEQUENCE = Operation(
 )
 COMPLETE_SEQUENCE = Operation(
     "completeOrderSequence",
-    "Mark an order sequence complete. It takes no more orders, and ends with its last one.",
+    "Mark an order sequence complete. It accepts no more orders and ends with its last one.",
     "POST",
     f"{SEQUENCES}/{{name}}/completion",
     OrderSequenceStatus,

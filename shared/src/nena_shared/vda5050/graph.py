@@ -54,5 +54,5 @@ def _action_violations(order: Order) -> Iterator[str]:
     on_edges = (action for edge in order.edges for action in edge.actions)
     for action in chain(on_nodes, on_edges):
         if action.action_id in seen:
-            yield f"actionId {action.action_id!r} stands twice in the order"
+            yield f"actionId {action.action_id!r} is used twice in the order"
         seen.add(action.action_id)

@@ -129,7 +129,7 @@ async def test_robot_that_is_not_localised_gets_no_goal_and_aborts_those_of_othe
     with simulator(localisation={"known_at_start": False}):
         arrays.known()
         async with DrivenRobot(domain_id, goals=QUICK) as robot:
-            await robot.hears(NavigationReport, lambda report: "no pose has come" in report.reason)
+            await robot.hears(NavigationReport, lambda report: "no pose received" in report.reason)
             robot.driver.go_to(goal_at(1, 2.0))
             assert arrays.lines == []
             publisher_to(peer, PoseStamped, "goal_pose").publish(goal(1.0, 0.0))

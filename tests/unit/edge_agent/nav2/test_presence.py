@@ -24,7 +24,7 @@ def test_nav2_that_can_take_goals(lifecycle: Lifecycle) -> None:
         (Presence(GID, 1, Lifecycle.INACTIVE), True, "not active"),
         (Presence(GID, 1, Lifecycle.SILENT), True, "does not answer"),
         (Presence(GID, 1, Lifecycle.STARTING), True, "Nav2 is starting"),
-        (Presence(GID, 1, Lifecycle.ACTIVE), False, "no pose has come on amcl_pose"),
+        (Presence(GID, 1, Lifecycle.ACTIVE), False, "no pose received on amcl_pose"),
     ],
 )
 def test_what_is_missing_is_said_in_words(presence: Presence, *, pose_known: bool, reason: str) -> None:

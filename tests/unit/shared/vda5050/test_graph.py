@@ -135,7 +135,7 @@ def test_an_action_id_stands_once(where: str) -> None:
     if where == "node and edge":
         order = change_edge(order, 0, actions=(BEEP,))
 
-    assert violations(order) == ("actionId 'twice' stands twice in the order",)
+    assert violations(order) == ("actionId 'twice' is used twice in the order",)
 
 
 @st.composite

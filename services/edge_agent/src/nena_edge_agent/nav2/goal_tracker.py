@@ -331,8 +331,8 @@ class GoalTracker:
             self._fail(drive, DriveFailure.TAKEN_OVER, text)
         else:
             text = (
-                f"Nav2 has aborted the goal {goal_id}: the place cannot be reached, the way is blocked, "
-                "or the robot is not localised; Nav2's log on the robot tells which"
+                f"Nav2 has aborted the goal {goal_id}: the goal cannot be reached, the route is blocked, "
+                "or the robot is not localised; Nav2's log on the robot shows which"
             )
             self._fail(drive, DriveFailure.ABORTED, text)
 

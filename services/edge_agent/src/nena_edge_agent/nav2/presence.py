@@ -118,14 +118,14 @@ def _inactive(presence: Presence, settings: RosSettings, *, pose_known: bool) ->
     names, where = settings.names, _where(settings)
     problem = LIFECYCLE_PROBLEMS.get(presence.lifecycle)
     if problem and not pose_known:
-        return f"no pose has come on {names.pose} {where}, and Nav2 is not active: {POSE_FIRST}"
+        return f"no pose received on {names.pose} {where}, and Nav2 is not active: {POSE_FIRST}"
     if problem:
         return f"{names.lifecycle} {where} {problem}"
     if presence.localiser is Lifecycle.INACTIVE:
         return f"{names.localiser} {where} says that the localisation is not active: activate it on the robot"
     if not pose_known:
         return (
-            f"no pose has come on {names.pose} {where}: set the initial position, or check that "
+            f"no pose received on {names.pose} {where}: set the initial position, or check that "
             "the localisation runs"
         )
     return None

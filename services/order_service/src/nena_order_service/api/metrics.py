@@ -354,7 +354,7 @@ WORK: Final[Section[Monitored]] = Section(
         ),
         histogram(
             "nena_order_service_planning_seconds",
-            "Time to find a way through the destinations of an order.",
+            "Time to find a route through the destinations of an order.",
             lambda s: s.engine.context.finder.planning,
         ),
         histogram(

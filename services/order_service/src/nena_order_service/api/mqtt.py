@@ -249,7 +249,7 @@ def _call(operation: Operation[Any], command: Command) -> Call[Any]:
 
 def _unknown(name: str) -> Problem:
     known = ", ".join(COMMANDS)
-    detail = f"There is no command {name!r}. Use one of {known}."
+    detail = f"Unknown command {name!r}. Use one of {known}."
     return Problem(title="Unknown command", status=HTTPStatus.NOT_FOUND, detail=detail)
 
 

@@ -100,8 +100,8 @@ class Positions:
         view = self._view(vehicle)
         if view.state and view.order_id is None and (view.state.node_states or view.state.edge_states):
             return (
-                f"still works on the order {view.state.order_id!r}, which is none of the present transport "
-                "orders': wait for its end or cancel it"
+                f"still works on the order {view.state.order_id!r}, which the order service does not know: "
+                "wait for its end or cancel it"
             )
         return "left its route or moves on its own, and has not been seen standing since"
 

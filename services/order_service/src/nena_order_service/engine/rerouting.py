@@ -27,7 +27,7 @@ log = get_logger(__name__)
 
 CHOSEN_LATER = "its route is chosen when it starts"
 NOTHING_AHEAD = (
-    "it has been given its whole way, and what it was given stays; a forced rerouting begins where it stands"
+    "its whole route is released and stays as it is; a forced rerouting starts at the robot's position"
 )
 NO_OTHER_WAY = "it already has the best route"
 
