@@ -14,10 +14,11 @@ from faults.site import Site
 from nena_conversations.recording import read_file
 from nena_order_service.api.asyncapi import channels
 from nena_shared.fleet_api.topics import FleetTopics
-from nena_shared.vda5050.topics import Topic
+from nena_shared.vda5050.topics import RobotKey, Topic
 from support.conversations import FOLDER
 from support.damage import VALUES, damaged
 
+FLEET = FleetTopics()
 INTERFACES = ("uagv/v2", "vda5050/v3", "uagv/v3", "uagv/v9")
 """Of robots of 2.x and 3.x, as services know them by default, and two that nobody listens to."""
 STRANGERS = ("NobodyElse/x-1", "NeNa/unknown", "Ne Na/ü", "a/b")
@@ -123,7 +124,8 @@ class Enemy:
     def _beside_the_standard(self) -> ReceivedMessage:
         """Say what NeNa's parts say to each other, and what tells a loopback robot how to be."""
         control = f"{self._site.interface}/loopback/NeNa/loop-1/control"
-        return self._chance.choice((self._of_a_robot("nena/map"), control)), self._body()
+        map_of_a_robot = FLEET.robot_map(RobotKey("NeNa", self._chance.choice(self._site.serials)))
+        return self._chance.choice((map_of_a_robot, control)), self._body()
 
     def _again(self) -> ReceivedMessage:
         """Say again what was said before, with its old header."""
@@ -168,5 +170,5 @@ def _recorded() -> dict[str, list[bytes]]:
 
 
 def _topics_of_hosts() -> Iterator[str]:
-    for each in channels(FleetTopics("nena/v1")):
+    for each in channels(FLEET):
         yield re.sub(r"\{\w+\}", "enemy", each.address)

@@ -25,7 +25,6 @@ from nena_order_service.settings import OrderServiceSettings, StoreSettings
 from nena_order_service.store.schema import open_database
 from nena_order_service.store.store import Store
 from nena_shared.clock import SystemClock
-from nena_shared.fleet_api.plant import topics_of_maps
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_status_aggregator.aggregator import Aggregator
@@ -134,7 +133,7 @@ def topics() -> dict[str, Any]:
             version: [TopicScheme("uagv", version).of(robot, topic) for topic in Topic]
             for version in ("v2", "v3")
         },
-        "maps": topics_of_maps(TopicScheme("uagv", "v2")),
+        "maps": fleet.all_robot_maps,
     }
 
 

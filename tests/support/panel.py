@@ -14,7 +14,6 @@ from typing import Any
 from axe_playwright_python.async_playwright import Axe  # type: ignore[import-untyped]
 from playwright.async_api import Browser, Page, expect
 
-from nena_shared.fleet_api.plant import topic_of_map
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.vda5050.base import Header
@@ -89,8 +88,7 @@ class Hall:
     def publish_map(self) -> None:
         """Publish the map of the hall with its walls, as the edge agent of a robot does."""
         seen = robot_map(x=-1.0, y=-1.0, resolution=0.1, width=260, height=142)
-        topic = topic_of_map(self.robots, ROBOT)
-        self.peer.publish(topic, seen.model_dump_json(by_alias=True), retain=True)
+        self.peer.publish(self.fleet.robot_map(ROBOT), seen.model_dump_json(by_alias=True), retain=True)
 
     def publish_order(
         self, version: int, state: TransportOrderState, name: str = "TO-1", **fields: Any

@@ -30,7 +30,7 @@ from support.waiting import PATIENCE, until
 pytestmark = pytest.mark.broker
 
 SCHEMES = ("uagv/v2", "vda5050/v3")
-SAID_BY_ROBOTS = ("state", "visualization", "connection", "factsheet", "nena/map")
+SAID_BY_ROBOTS = ("state", "visualization", "connection", "factsheet")
 SAID_TO_ROBOTS = ("order", "instantActions", "zoneSet", "responses")
 ALL = ("uagv/v2/#", "vda5050/v3/#", "nena/v1/#")
 
@@ -56,6 +56,10 @@ COMMANDS_OF_NOBODY = ("nena/v1/hosts/wms/commands/withdraw", "nena/v1/hosts/wms/
 
 def of_robot(serial: str, *topics: str) -> list[str]:
     return [f"{scheme}/ACME/{serial}/{topic}" for scheme in SCHEMES for topic in topics]
+
+
+def said_by_robot(serial: str) -> list[str]:
+    return [*of_robot(serial, *SAID_BY_ROBOTS), f"nena/v1/robots/ACME/{serial}/map"]
 
 
 async def all_came(client: Client, topics: Sequence[str]) -> None:
@@ -104,7 +108,7 @@ async def test_who_has_no_certificate_of_the_site_is_not_let_in(running: Running
 
 async def test_a_host_hears_neither_other_hosts_nor_robots(running: RunningSite) -> None:
     own, commands = "nena/v1/hosts/wms/transportOrders/answer", of_robot("1", *SAID_TO_ROBOTS)
-    states, answers = of_robot("1", *SAID_BY_ROBOTS), [each for each in OF_ANOTHER_HOST if "answer" in each]
+    states, answers = said_by_robot("1"), [each for each in OF_ANOTHER_HOST if "answer" in each]
     async with (
         running.client(HOST, "#", *ALL, *OF_ANOTHER_HOST, *commands, *states) as host,
         running.client(OTHER_HOST, "nena/v1/hosts/#") as other,
@@ -123,7 +127,7 @@ async def test_a_host_hears_neither_other_hosts_nor_robots(running: RunningSite)
 
 
 async def test_a_host_says_nothing_for_robots_or_the_order_service(running: RunningSite) -> None:
-    robots = of_robot("1", *SAID_BY_ROBOTS, *SAID_TO_ROBOTS)
+    robots = [*said_by_robot("1"), *of_robot("1", *SAID_TO_ROBOTS)]
     forbidden = (*robots, *OF_ANOTHER_HOST, *TOLD_BY_THE_ORDER_SERVICE, *COMMANDS_OF_NOBODY)
 
     await nothing_gets_through(running, HOST, *forbidden)
@@ -131,7 +135,7 @@ async def test_a_host_says_nothing_for_robots_or_the_order_service(running: Runn
 
 async def test_a_robot_says_nothing_for_its_neighbour_or_anybody_else(running: RunningSite) -> None:
     own = of_robot("1", *SAID_TO_ROBOTS)
-    neighbours = of_robot("2", *SAID_BY_ROBOTS, *SAID_TO_ROBOTS)
+    neighbours = [*said_by_robot("2"), *of_robot("2", *SAID_TO_ROBOTS)]
     others = (*OF_ANOTHER_HOST, *TOLD_BY_THE_ORDER_SERVICE, *COMMANDS_OF_NOBODY)
 
     await nothing_gets_through(running, ROBOT_1, *own, *neighbours, *others)
@@ -139,7 +143,7 @@ async def test_a_robot_says_nothing_for_its_neighbour_or_anybody_else(running: R
 
 async def test_a_robot_hears_nothing_of_its_neighbour_or_anybody_else(running: RunningSite) -> None:
     own, commands = of_robot("1", "order"), of_robot("2", *SAID_TO_ROBOTS)
-    states = of_robot("2", *SAID_BY_ROBOTS)
+    states = said_by_robot("2")
     others = [*OF_ANOTHER_HOST, *TOLD_BY_THE_ORDER_SERVICE[1:]]
     async with (
         running.client(ROBOT_1, "#", *ALL, *commands, *states, *others) as robot,
@@ -158,7 +162,7 @@ async def test_a_robot_hears_nothing_of_its_neighbour_or_anybody_else(running: R
 
 
 async def test_the_aggregator_says_nothing_at_all(running: RunningSite) -> None:
-    robots = of_robot("1", *SAID_BY_ROBOTS, *SAID_TO_ROBOTS)
+    robots = [*said_by_robot("1"), *of_robot("1", *SAID_TO_ROBOTS)]
     forbidden = (*robots, *OF_ANOTHER_HOST, *TOLD_BY_THE_ORDER_SERVICE, *COMMANDS_OF_NOBODY)
 
     await nothing_gets_through(running, AGGREGATOR, *forbidden, "nena/v1/hosts/wms/transportOrders/create")

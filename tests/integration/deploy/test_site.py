@@ -195,8 +195,8 @@ async def test_a_site_that_was_lost_comes_back_from_its_copy(running: RunningSit
 
 
 INVENTED = (
-    "uagv/v2/ACME/1/nena/loot",
-    "vda5050/v3/ACME/1/nena/map/1",
+    "uagv/v2/ACME/1/nena/map",
+    "nena/v1/robots/ACME/1/map/1",
     "uagv/v2/ACME/1/order",
     "uagv/v2/ACME/1",
 )
@@ -208,14 +208,14 @@ async def test_a_robot_leaves_no_messages_under_topics_that_it_invents(running: 
         for topic in (*INVENTED, own):
             robot.link.publish(Outbound(topic, bytes(1024), retain=True))
         assert await robot.link.drain(PATIENCE)
-    async with running.client(AGGREGATOR, "uagv/v2/#", "vda5050/v3/#") as watcher:
+    async with running.client(AGGREGATOR, "uagv/v2/#", "vda5050/v3/#", "nena/v1/#") as watcher:
         await until(lambda: watcher.came)
 
         assert watcher.topics == [own]
 
 
 async def test_what_the_broker_retains_of_a_robot_goes_with_it(running: RunningSite) -> None:
-    own = ("uagv/v2/ACME/1/connection", "vda5050/v3/ACME/1/factsheet", "uagv/v2/ACME/1/nena/map")
+    own = ("uagv/v2/ACME/1/connection", "vda5050/v3/ACME/1/factsheet", "nena/v1/robots/ACME/1/map")
     async with running.client(ROBOT_1) as robot:
         for topic in own:
             robot.link.publish(Outbound(topic, b"mine", retain=True))
@@ -226,7 +226,7 @@ async def test_what_the_broker_retains_of_a_robot_goes_with_it(running: RunningS
 
     await asyncio.to_thread(_remove_robot, running.site.folder)
 
-    async with running.client(AGGREGATOR, "uagv/v2/#", "vda5050/v3/#") as watcher:
+    async with running.client(AGGREGATOR, "uagv/v2/#", "vda5050/v3/#", "nena/v1/#") as watcher:
         await until(lambda: watcher.came)
         assert watcher.topics == ["uagv/v2/ACME/2/connection"]
 

@@ -6,7 +6,6 @@ from datetime import UTC, datetime
 
 import pytest
 
-from nena_shared.fleet_api.plant import topic_of_map
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.plant import Vehicle
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
@@ -248,7 +247,7 @@ async def test_a_robot_with_topics_of_its_own_in_the_plant_model_is_seen(
 async def test_the_map_of_a_robot_is_an_image_with_its_place(broker: Broker, served: Served) -> None:
     robot = "/api/v1/robots/ACME/r1"
     with MqttPeer(broker) as peer:
-        topic = topic_of_map(served.robots, ROBOT)
+        topic = served.fleet.robot_map(ROBOT)
         sent = robot_map(x=-2.0)
         peer.publish(topic, sent.model_dump_json(by_alias=True), retain=True)
         shown = await served.until(robot, lambda shown: shown.get("grid") is not None)

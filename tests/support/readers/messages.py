@@ -166,7 +166,7 @@ MESSAGES: dict[str, Make] = {
     "control of a loopback robot": loopback_control,
     "fault of the simulator": fault_of_the_simulator,
     "robot's map at the aggregator": partial(
-        _at_the_aggregator, f"uagv/v2/{ROBOT}/nena/map", lambda: _json(robot_map())
+        _at_the_aggregator, TOPICS.robot_map(ROBOT), lambda: _json(robot_map())
     ),
     "order at the aggregator": partial(
         _at_the_aggregator, TOPICS.order_status("TO-1"), lambda: _json(order_status())

@@ -72,7 +72,7 @@ def test_a_robot_writes_what_robots_write_and_reads_what_is_for_it_alone() -> No
     assert "write vda5050/v3/ACME/1/connection" in rules
     assert "read uagv/v2/ACME/1/order" in rules
     assert "read vda5050/v3/ACME/1/zoneSet" in rules
-    assert "write uagv/v2/ACME/1/nena/map" in rules
+    assert "write nena/v1/robots/ACME/1/map" in rules
     assert not [each for each in rules if "#" in each or "+" in each], "each topic by its name"
     assert [each for each in rules if "ACME/1" not in each] == ["read nena/v1/plantModel"]
     assert not [each for each in rules if each.startswith("readwrite")]

@@ -393,7 +393,7 @@ class RobotAgent:
             self._publish_state()
             self._states.sent(now)
         if self._visualizations.due <= now:
-            if self._link.state.connected:
+            if self._link.state.connected and self._core.robot.reports.pose is not None:
                 self._link.publish(self._messages.visualization(self._visualization()))
             self._visualizations.sent(now)
 

@@ -21,7 +21,8 @@ from nena_edge_agent.protocol.events import (
 )
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import Clock
-from nena_shared.fleet_api.plant import MapImage, topic_of_map
+from nena_shared.fleet_api.plant import MapImage
+from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.log import get_logger
 from nena_shared.mqtt import Handler, Inbound, Outbound
 from nena_shared.mqtt.identity import private_client_id
@@ -161,7 +162,8 @@ class RobotMessages:
     def map(self, found: MapImage) -> Outbound:
         """Make the message with the robot's map, retained."""
         payload = found.model_dump_json(by_alias=True).encode()
-        return Outbound(topic_of_map(self._topics, self._robot), payload, retain=True, keep=False)
+        topic = FleetTopics(self._settings.topic_prefix).robot_map(self._robot)
+        return Outbound(topic, payload, retain=True, keep=False)
 
     def _outbound(
         self, topic: Topic, message: Header, *, qos: int, retain: bool = False, keep: bool = False

@@ -174,6 +174,10 @@ class EdgeAgentSettings(ServiceSettings):
         None,
         description="First levels of all topics. Unset: by the version, uagv or vda5050.",
     )
+    topic_prefix: TopicPrefix = Field(
+        "nena/v1",
+        description="Prefix of NeNa's own topics, as in the services; the robot's own map is there.",
+    )
     qos: Literal[0, 1] = Field(
         1,
         description="MQTT QoS of state, factsheet and subscriptions; the standard uses "

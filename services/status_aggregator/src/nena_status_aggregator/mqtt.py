@@ -12,7 +12,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from nena_shared.clock import Clock
 from nena_shared.fleet_api.epoch import EpochFilter
-from nena_shared.fleet_api.plant import PAYLOAD_LIMIT, MapImage, robot_of_map, topics_of_maps
+from nena_shared.fleet_api.plant import PAYLOAD_LIMIT, MapImage
 from nena_shared.fleet_api.service_status import ServiceStatus
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
@@ -87,7 +87,7 @@ class FleetSubscriber:
             hooks=LinkHooks(on_lost=self._lost),
         )
         self._subscribe_robots(schemes(settings))
-        self._subscribe_orders()
+        self._subscribe_fleet()
 
     async def run(self) -> None:
         """Stay connected to the broker until cancelled."""
@@ -119,17 +119,15 @@ class FleetSubscriber:
                 self._take_visualization,
             )
             self._subscribe(scheme, MessageKind.FACTSHEET, Factsheet, self._take_factsheet)
-            read_map = partial(self._read_robot_map, scheme)
-            handle = partial(self._on_fleet_message, MessageKind.ROBOT_MAP, read_map)
-            self.mqtt.subscribe(topics_of_maps(scheme), handle)
 
-    def _subscribe_orders(self) -> None:
+    def _subscribe_fleet(self) -> None:
         fleet = self._fleet_topics
         for topic_filter, kind, take in (
             (fleet.plant_model, MessageKind.PLANT_MODEL, self._read_plant_model),
             (fleet.all_vehicle_statuses, MessageKind.VEHICLE_STATUS, self._read_vehicle_status),
             (fleet.all_order_statuses, MessageKind.ORDER_STATUS, self._read_order_status),
             (fleet.service_status, MessageKind.SERVICE_STATUS, self._read_service_status),
+            (fleet.all_robot_maps, MessageKind.ROBOT_MAP, self._read_robot_map),
         ):
             self.mqtt.subscribe(topic_filter, partial(self._on_fleet_message, kind, take))
 
@@ -199,8 +197,8 @@ class FleetSubscriber:
     def _take_factsheet(self, key: RobotKey, message: Factsheet, at: Timestamp, _: Inbound) -> None:
         self._model.on_factsheet(key, message, at)
 
-    def _read_robot_map(self, scheme: TopicScheme, inbound: Inbound, at: Timestamp) -> None:
-        key = robot_of_map(scheme, inbound.topic)
+    def _read_robot_map(self, inbound: Inbound, at: Timestamp) -> None:
+        key = self._fleet_topics.robot_of_map(inbound.topic)
         if key is None or not self._share.has(key) or len(str(key)) > KEY_LENGTH:
             return
         if len(inbound.payload) > PAYLOAD_LIMIT:

@@ -183,7 +183,9 @@ class AggregatorSettings(ServiceSettings):
     interface_name_v3: TopicPrefix = Field(
         "vda5050", description="Interface name (topic prefix) of robots with VDA 5050 3.x."
     )
-    topic_prefix: TopicPrefix = Field("nena/v1", description="Topic prefix of the order service.")
+    topic_prefix: TopicPrefix = Field(
+        "nena/v1", description="Prefix of NeNa's own topics, as in the order service and the edge agents."
+    )
     share: Annotated[str, AfterValidator(_share)] = Field(
         "1/1",
         description="Share of the robots that this aggregator monitors, e.g. 1/2 for the first of two "

@@ -9,7 +9,6 @@ from typing import Annotated, Final
 from pydantic import AfterValidator, Base64Bytes, Field
 
 from nena_shared.fleet_api.base import Resource
-from nena_shared.vda5050.topics import RobotKey, TopicScheme
 from nena_shared.vda5050.zone_set import ZoneSet
 
 
@@ -103,29 +102,8 @@ PNG_LIMIT: Final = 2 * 1024 * 1024
 PAYLOAD_LIMIT: Final = 3 * 1024 * 1024
 """Bytes of the message."""
 
-_BEHIND_ROBOT: Final = "/nena/map"
 _PNG_HEAD: Final = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR"
 _SIZE: Final = struct.Struct(">II")
-
-
-def topic_of_map(scheme: TopicScheme, robot: RobotKey) -> str:
-    """Return the topic of one robot's map."""
-    return f"{scheme.interface_name}/{scheme.major_version}/{robot}{_BEHIND_ROBOT}"
-
-
-def topics_of_maps(scheme: TopicScheme) -> str:
-    """Return the filter for the maps of all robots."""
-    return f"{scheme.interface_name}/{scheme.major_version}/+/+{_BEHIND_ROBOT}"
-
-
-def robot_of_map(scheme: TopicScheme, topic: str) -> RobotKey | None:
-    """Return whose map ``topic`` is; None for a topic of another form."""
-    prefix = f"{scheme.interface_name}/{scheme.major_version}/"
-    levels = topic.removesuffix(_BEHIND_ROBOT).removeprefix(prefix).split("/")
-    whole = (
-        topic.startswith(prefix) and topic.endswith(_BEHIND_ROBOT) and len(levels) == len(RobotKey._fields)
-    )
-    return RobotKey(*levels) if whole else None
 
 
 def png_size(image: bytes) -> tuple[int, int] | None:

@@ -1,8 +1,10 @@
-"""MQTT topics of the order service's own door."""
+"""MQTT topics of NeNa's own: of the order service for hosts, and of what robots send beside VDA 5050."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+
+from nena_shared.vda5050.topics import RobotKey
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,3 +85,17 @@ class FleetTopics:
     def plant_model(self) -> str:
         """Where the plant model is, as JSON, retained."""
         return f"{self.prefix}/plantModel"
+
+    def robot_map(self, robot: RobotKey) -> str:
+        """Topic of a robot's own map, as :class:`MapImage`, retained; outside of the tree of VDA 5050."""
+        return f"{self.prefix}/robots/{robot}/map"
+
+    @property
+    def all_robot_maps(self) -> str:
+        """Filter of all robots' maps."""
+        return self.robot_map(RobotKey("+", "+"))
+
+    def robot_of_map(self, topic: str) -> RobotKey | None:
+        """Return whose map ``topic`` is; None for a topic of another form."""
+        robot = RobotKey(*levels) if len(levels := topic.split("/")[-3:-1]) == len(RobotKey._fields) else None
+        return robot if robot is not None and topic == self.robot_map(robot) else None

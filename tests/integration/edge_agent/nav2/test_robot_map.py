@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from nena_shared.fleet_api.plant import MapImage, topic_of_map
-from nena_shared.vda5050.topics import RobotKey, TopicScheme
+from nena_shared.fleet_api.plant import MapImage
+from nena_shared.fleet_api.topics import FleetTopics
+from nena_shared.vda5050.topics import RobotKey
 from support.broker import Broker, MqttPeer
 from support.edge_agent import MANUFACTURER, SERIAL
 from support.nav2_agent import Bench
@@ -21,7 +22,7 @@ async def test_the_broker_keeps_the_map_for_those_who_come_later(
     broker: Broker, interface_name: str, peer: RosPeer, domain_id: int, tmp_path: Path
 ) -> None:
     bench = Bench(broker, interface_name, ros=peer, domain_id=domain_id, folder=tmp_path)
-    topic = topic_of_map(TopicScheme(interface_name), RobotKey(MANUFACTURER, SERIAL))
+    topic = FleetTopics(f"{interface_name}/nena").robot_map(RobotKey(MANUFACTURER, SERIAL))
     with bench.mqtt:
         async with bench.robot():
             await until(lambda: bool(bench.mqtt.received(topic)), what="the map")

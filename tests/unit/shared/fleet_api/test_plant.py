@@ -4,9 +4,6 @@ from base64 import b64encode
 from typing import Any
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from paho.mqtt.client import topic_matches_sub
 from pydantic import ValidationError
 
 from nena_shared.fleet_api import plant
@@ -15,40 +12,8 @@ from nena_shared.fleet_api.plant import (
     PNG_LIMIT,
     MapImage,
     png_size,
-    robot_of_map,
-    topic_of_map,
-    topics_of_maps,
 )
-from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from support import robot_maps
-
-SCHEME = TopicScheme("site/uagv", "v2")
-ROBOT = RobotKey("ACME", "0001")
-LEVEL = st.text("ab09_.:-", min_size=1, max_size=5)
-
-
-@given(levels=st.lists(LEVEL, min_size=1, max_size=3), manufacturer=LEVEL, serial_number=LEVEL)
-def test_the_robot_is_read_back_from_its_topic(
-    levels: list[str], manufacturer: str, serial_number: str
-) -> None:
-    scheme, robot = TopicScheme("/".join(levels), "v3"), RobotKey(manufacturer, serial_number)
-    topic = topic_of_map(scheme, robot)
-    assert robot_of_map(scheme, topic) == robot
-    assert topic_matches_sub(topics_of_maps(scheme), topic)
-
-
-@pytest.mark.parametrize(
-    "topic",
-    ["site/uagv/v2/r1/nena/map", "site/uagv/v3/ACME/0001/nena/map", "site/uagv/v2/ACME/0001/map", ""],
-)
-def test_another_topic_is_of_no_robot(topic: str) -> None:
-    assert robot_of_map(SCHEME, topic) is None
-
-
-def test_no_filter_of_the_standard_reaches_it() -> None:
-    topic = topic_of_map(SCHEME, ROBOT)
-    assert not any(topic_matches_sub(SCHEME.for_all(each), topic) for each in Topic)
-    assert SCHEME.robot_of(topic) is None
 
 
 def test_a_map_comes_back_as_it_was_sent() -> None:

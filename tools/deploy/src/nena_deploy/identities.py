@@ -8,7 +8,6 @@ from enum import StrEnum
 
 from pydantic import BaseModel, ConfigDict
 
-from nena_shared.fleet_api.plant import topic_of_map
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 
@@ -120,7 +119,8 @@ ANY_ROBOT = RobotKey("+", "+")
 def topics_of_robot(robot: RobotKey, topics: SiteTopics) -> Iterator[str]:
     """Yield all topics that a robot may write, in every version of VDA 5050."""
     for scheme in topics.schemes:
-        yield from _written(scheme, robot)
+        yield from (scheme.of(robot, topic) for topic in FROM_ROBOT)
+    yield FleetTopics(topics.prefix).robot_map(robot)
 
 
 def access_list(identities: Iterable[Identity], topics: SiteTopics) -> str:
@@ -138,6 +138,7 @@ def _rules(identity: Identity, topics: SiteTopics) -> Iterator[str]:
             robot = RobotKey(*identity.name.split("/"))
             for scheme in topics.schemes:
                 yield from _of_robots(scheme, robot, out="write", back="read")
+            yield f"write {fleet.robot_map(robot)}"
             yield f"read {fleet.plant_model}"
         case Kind.HOST:
             own = f"{topics.prefix}/hosts/{identity.name}"
@@ -157,12 +158,7 @@ def _rules(identity: Identity, topics: SiteTopics) -> Iterator[str]:
             yield f"read {topics.prefix}/#"
 
 
-def _written(scheme: TopicScheme, robot: RobotKey) -> Iterator[str]:
-    yield from (scheme.of(robot, topic) for topic in FROM_ROBOT)
-    yield topic_of_map(scheme, robot)
-
-
 def _of_robots(scheme: TopicScheme, robot: RobotKey, *, out: str, back: str) -> Iterator[str]:
     """Yield the rules for a robot's topics: ``out`` for topics it writes, ``back`` for topics it reads."""
-    yield from (f"{out} {topic}" for topic in _written(scheme, robot))
+    yield from (f"{out} {scheme.of(robot, topic)}" for topic in FROM_ROBOT)
     yield from (f"{back} {scheme.of(robot, topic)}" for topic in TO_ROBOT)

@@ -102,7 +102,7 @@ class _BrokerProbe:
         self._topics = [scheme.of(robot, topic) for topic in _topics_read(settings)]
         for topic in self._topics:
             self._link.subscribe(topic, lambda _: None)
-        self._link.subscribe(FleetTopics().plant_model, self._plant_came)
+        self._link.subscribe(FleetTopics(settings.topic_prefix).plant_model, self._plant_came)
 
     @asynccontextmanager
     async def connected(self) -> AsyncIterator[str]:
