@@ -36,6 +36,7 @@ MISSING: Mapping[str, Plain] = {
         "pause_allowed": False,
         "cancel_allowed": False,
         "battery_charging": None,
+        "blocking_types": None,
         "error_description_translations": None,
         "error_hint_translations": None,
     },
@@ -47,7 +48,6 @@ MISSING_ALSO_IN_2_0: Plain = {
     "error_hint": None,
     "minimum_angular_speed": None,
     "maximum_angular_speed": None,
-    "blocking_types": None,
     "mobile_robot_configuration": None,
 }
 LIMITS_OF_3_0 = {
@@ -140,11 +140,6 @@ def _trajectory(value: Plain) -> None:
         value["knot_vector"] = [0.0] * (degree + 1) + inner + [1.0] * (degree + 1)
 
 
-def _blocking_types(value: Plain) -> None:
-    if types := value.get("blocking_types"):
-        value["blocking_types"] = ["HARD" if each == "SINGLE" else each for each in types]
-
-
 def _scopes(value: Plain) -> None:
     if "action_scopes" in value:
         value["action_scopes"] = [each for each in value["action_scopes"] if each != "ZONE"]
@@ -188,6 +183,12 @@ def _node_states(value: Plain) -> None:
             }
 
 
+def _node_states_in_2_0(value: Plain) -> None:
+    for node in value.get("node_states") or () if "power_supply" in value else ():
+        if node["node_position"] and node["node_position"]["theta"] is None:
+            node["node_position"] = None
+
+
 def _zone_set_in_use(value: Plain) -> None:
     if "order_update_id" in value:
         value["zone_set_id"] = None
@@ -212,7 +213,6 @@ _IN_2_1: tuple[Callable[[Plain], None], ...] = (
     _circle,
     _corridor,
     _trajectory,
-    _blocking_types,
     _scopes,
     _error,
     _state,
@@ -220,7 +220,7 @@ _IN_2_1: tuple[Callable[[Plain], None], ...] = (
     _limits,
 )
 SPECIALS: Mapping[str, tuple[Callable[[Plain], None], ...]] = {
-    "2.0.0": (*_IN_2_1, _health),
+    "2.0.0": (*_IN_2_1, _health, _node_states_in_2_0),
     "2.1.0": _IN_2_1,
     "3.0.0": (_ellipse, _node_states, _zone_set_in_use, _requests, _zone),
 }

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from nena_edge_agent.actions.registry import ActionRegistry
+from nena_edge_agent.agent import Equipment, RobotAgent
+from nena_edge_agent.driver.port import Pose, PoseReport
+from nena_shared.clock import SystemClock
 from nena_shared.vda5050.topics import Topic
 from support.broker import Broker, MqttPeer
-from support.edge_agent import FleetControl, agent_settings, ended, running_agent
-from support.robot_core import order
+from support.edge_agent import SERIAL, FleetControl, agent_settings, ended, running_agent
+from support.robot_core import MAP, order
 from support.schemas import schema_problems
-from support.waiting import until
+from support.scripted_driver import ScriptedDriver
+from support.waiting import PATIENCE, until
 
 pytestmark = [pytest.mark.broker, pytest.mark.clause("6.7", "7.9")]
 
@@ -37,7 +44,7 @@ async def test_it_shows_the_robot_on_its_way(
     position = "mobileRobotPosition" if version == "3.0.0" else "agvPosition"
     payloads = peer.payloads(topic)
     messages = [json.loads(each) for each in payloads]
-    places = [each[position]["x"] for each in messages]  # none before there is a position
+    places = [each[position]["x"] for each in messages]
     assert places == sorted(places)
     assert (places[0], places[-1]) == (0.0, pytest.approx(10.0, abs=0.3))
     assert any(each.get("velocity", {}).get("vx") for each in messages)
@@ -48,3 +55,31 @@ async def test_it_shows_the_robot_on_its_way(
         assert references == sorted(references)
         assert set(references) <= states | {0}
         assert len(set(references)) > 1
+
+
+async def test_there_is_none_before_the_robot_knows_where_it_is(
+    broker: Broker, interface_name: str, tmp_path: Path
+) -> None:
+    intervals = {"visualization": 0.02, "state_minimum": 0.02, "state_maximum": 0.05}
+    settings = agent_settings(broker, interface_name, tmp_path, interval=intervals)
+    emitted: list[Callable[[PoseReport], None]] = []
+
+    def make_driver(emit: Callable[..., None], _: Pose | None) -> ScriptedDriver:
+        emitted.append(emit)
+        return ScriptedDriver()
+
+    agent = RobotAgent(settings, SERIAL, Equipment(make_driver, ActionRegistry(())), clock=SystemClock())
+    stop = asyncio.Event()
+    with MqttPeer(broker, f"{interface_name}/#") as peer:
+        fleet = FleetControl(peer, interface_name)
+        task = asyncio.create_task(agent.run(stop), name="agent under test")
+        states, shown = fleet.topic(Topic.STATE), fleet.topic(Topic.VISUALIZATION)
+        await until(lambda: len(peer.payloads(states)) > 10, what="time enough for several of them")
+        assert peer.payloads(shown) == []
+
+        emitted[0](PoseReport(Pose(1.0, 2.0, 0.0, MAP), localized=True))
+        payloads = await until(lambda: peer.payloads(shown), what="the position")
+        stop.set()
+        await asyncio.wait_for(task, PATIENCE)
+
+    assert all("agvPosition" in json.loads(each) for each in payloads)

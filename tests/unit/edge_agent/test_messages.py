@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from datetime import timedelta
 
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.factsheet import make_capabilities
 from nena_edge_agent.messages import (
+    NO_ACTIONS,
     RESERVE,
     WRAP,
     HeaderMaker,
@@ -16,15 +18,16 @@ from nena_edge_agent.messages import (
     RobotMessages,
     client_id_of,
 )
+from nena_edge_agent.protocol.declaration import ActionDeclaration, Parameter
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.events import Event, InstantActionsReceived, MessageRefused, OrderReceived
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.mqtt import Inbound
 from nena_shared.settings import MqttSettings
-from nena_shared.vda5050.action import InstantActions
+from nena_shared.vda5050.action import Action, ActionParameter, BlockingType, InstantActions
 from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.error import ErrorType
-from nena_shared.vda5050.factsheet import Factsheet
+from nena_shared.vda5050.factsheet import ActionScope, Factsheet, ValueDataType
 from nena_shared.vda5050.topics import RobotKey, Topic
 from nena_shared.vda5050.v2_1 import CODEC
 from nena_shared.vda5050.versions import codec_for
@@ -143,9 +146,16 @@ def test_where_it_is_is_told_without_a_receipt_and_not_kept() -> None:
 
 
 class Desk:
-    def __init__(self, serial: str = "0001") -> None:
+    def __init__(
+        self,
+        serial: str = "0001",
+        *,
+        actions: Mapping[str, ActionDeclaration] = NO_ACTIONS,
+        strict: bool = False,
+    ) -> None:
         self.events: list[Event] = []
-        self.inbox = Inbox(CODEC, RobotKey("ACME", serial), self.events.append, ManualClock())
+        robot = RobotKey("ACME", serial)
+        self.inbox = Inbox(CODEC, robot, self.events.append, ManualClock(), actions=actions, strict=strict)
 
     def order(self, payload: bytes, *, retained: bool = False) -> None:
         self.inbox.take_order(Inbound("x/order", payload, retained))
@@ -244,3 +254,61 @@ def test_the_refusal_of_instant_actions_ends_with_the_next_ones_and_not_with_an_
         Until.INSTANT_ACTION_ACCEPTED,
         Until.ORDER_ACCEPTED,
     ]
+
+
+LIFT = ActionDeclaration(
+    "lift",
+    scopes=(ActionScope.NODE, ActionScope.INSTANT),
+    parameters=(
+        Parameter("height", ValueDataType.NUMBER),
+        Parameter("levels", ValueDataType.INTEGER),
+        Parameter("slowly", ValueDataType.BOOL),
+        Parameter("station", ValueDataType.STRING),
+    ),
+)
+TEXTS = {"height": " 1.5", "levels": "3", "slowly": "True", "station": "7", "unknown": "8"}
+VALUES = {"height": 1.5, "levels": 3, "slowly": True, "station": "7", "unknown": "8"}
+
+
+@pytest.mark.parametrize("strict", [False, True])
+def test_numbers_and_truth_values_given_as_text_are_taken_where_the_action_declares_them(
+    *, strict: bool
+) -> None:
+    desk = Desk(actions={"lift": LIFT}, strict=strict)
+    lift = Action(
+        action_type="lift",
+        action_id="a",
+        blocking_type=BlockingType.HARD,
+        action_parameters=tuple(ActionParameter(key=key, value=value) for key, value in TEXTS.items()),
+    )
+
+    desk.order(CODEC.encode(order("n0", "n1", node_actions={"n1": [lift]})))
+    desk.inbox.take_instant_actions(
+        Inbound("x", CODEC.encode(InstantActions(**HEADER, actions=(lift,))), retained=False)
+    )
+
+    ordered, instant = desk.events
+    assert isinstance(ordered, OrderReceived)
+    assert isinstance(instant, InstantActionsReceived)
+    for taken in (ordered.order.nodes[1].actions[0], instant.message.actions[0]):
+        values = {each.key: each.value for each in taken.action_parameters}
+        assert values == (TEXTS if strict else VALUES)
+    assert desk.inbox.counts.repaired == (0 if strict else 2)
+
+
+@pytest.mark.parametrize(
+    ("kind", "text"),
+    [
+        ("NUMBER", "fast"),
+        ("NUMBER", "nan"),
+        ("NUMBER", "1_0"),
+        ("INTEGER", "1.5"),
+        ("BOOL", "1"),
+        ("ARRAY", "[]"),
+    ],
+)
+def test_a_text_that_stands_for_no_such_value_stays_what_it_is(kind: str, text: str) -> None:
+    parameter = Parameter("p", ValueDataType(kind))
+
+    assert parameter.read(text) == text
+    assert parameter.problem(parameter.read(text)) == f"parameter 'p' must be of type {kind}"

@@ -28,7 +28,7 @@ from nena_edge_agent.driver.port import (
 )
 from nena_edge_agent.factsheet import make_capabilities
 from nena_edge_agent.journal import Journal, Recorder, check_frame, read_journal
-from nena_edge_agent.messages import Inbox, InboxCounts, RobotMessages, client_id_of
+from nena_edge_agent.messages import InboxCounts, RobotMessages, client_id_of
 from nena_edge_agent.nav2.offers import NO_OFFERS, Nav2Offers
 from nena_edge_agent.protocol.conditions import journal_lost
 from nena_edge_agent.protocol.errors import error_key
@@ -198,9 +198,7 @@ class RobotAgent:
             wake=self._mailbox.wake,
         )
         self._drives, self._others = Postponed(), Postponed()
-        self._inbox = Inbox(
-            self._messages.codec, self.robot, self._mailbox.put, clock, strict=settings.strict
-        )
+        self._inbox = self._messages.inbox(self._mailbox.put, clock)
         self._driver = equipment.make_driver(self._mailbox.put, self._core.last_position)
         if own_goals := self._core.own_goals:
             self._driver.reclaim(own_goals)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from types import MappingProxyType
+from typing import Any, Final, TypeVar
 
 from nena_edge_agent.driver.port import DriveLimits
 from nena_edge_agent.factsheet import make_factsheet
 from nena_edge_agent.protocol.capabilities import Capabilities
+from nena_edge_agent.protocol.declaration import ActionDeclaration
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.events import (
     Event,
@@ -27,16 +29,16 @@ from nena_shared.log import get_logger
 from nena_shared.mqtt import Handler, Inbound, Outbound
 from nena_shared.mqtt.identity import private_client_id
 from nena_shared.settings import MqttSettings
-from nena_shared.vda5050.action import InstantActions
+from nena_shared.vda5050.action import Action, InstantActions
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.deviations import Deviations
 from nena_shared.vda5050.error import ErrorEntry, ErrorReference, ErrorType, error
-from nena_shared.vda5050.malformed import MalformedMessageError
+from nena_shared.vda5050.malformed import MalformedMessageError, quoted
 from nena_shared.vda5050.message_reader import read_command
 from nena_shared.vda5050.order import Order
-from nena_shared.vda5050.repair import RepairKind
+from nena_shared.vda5050.repair import Repair, RepairKind
 from nena_shared.vda5050.responses import Responses
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey, Topic
@@ -132,6 +134,17 @@ class RobotMessages:
         self._topics = topics_for(settings.version, settings.interface_name)
         self.headers = HeaderMaker(robot, version=settings.version, clock=clock, reserved=reserved)
 
+    def inbox(self, put: Callable[[Event], None], clock: Clock) -> Inbox:
+        """Return what reads the messages to the robot."""
+        return Inbox(
+            self.codec,
+            self._robot,
+            put,
+            clock,
+            actions=self._capabilities.actions,
+            strict=self._settings.strict,
+        )
+
     def topic(self, topic: Topic) -> str:
         """Return a topic of the robot (VDA 5050 3.0 section 4.2)."""
         return self._topics.of(self._robot, topic)
@@ -194,8 +207,11 @@ class InboxCounts:
     retained: int = 0
 
 
+NO_ACTIONS: Final[Mapping[str, ActionDeclaration]] = MappingProxyType({})
+
+
 class Inbox:
-    """Reads the messages of fleet control to one robot."""
+    """Reads the messages of fleet control to one robot, which can do ``actions``."""
 
     def __init__(
         self,
@@ -204,9 +220,11 @@ class Inbox:
         put: Callable[[Event], None],
         clock: Clock,
         *,
+        actions: Mapping[str, ActionDeclaration] = NO_ACTIONS,
         strict: bool = False,
     ) -> None:
         self._codec = codec
+        self._actions = actions
         self._robot = robot
         self._put = put
         self._clock = clock
@@ -281,11 +299,48 @@ class Inbox:
         if self._strict:
             return self._codec.decode(kind, payload)
         read, repairs = read_command(kind, self._codec, payload, now=self._clock.now())
+        read, texts = self._with_values(read)
+        repairs += texts
         if repairs:
             self.counts.repaired += 1
             self._dated = not any(each.kind is RepairKind.TIME_OF_ARRIVAL for each in repairs)
             self._deviations.note(self._robot, topic.value, repairs)
         return read
+
+    def _with_values(self, message: M) -> tuple[M, tuple[Repair, ...]]:
+        """Return a message whose actions have the values that texts in their parameters stand for."""
+        found: list[Repair] = []
+        changes: dict[str, object] = {}
+
+        def read(actions: tuple[Action, ...], at: str) -> tuple[Action, ...]:
+            return tuple(
+                self._read_action(each, f"{at}actions.actionParameters.value", found) for each in actions
+            )
+
+        if isinstance(message, InstantActions):
+            changes = {"actions": read(message.actions, "")}
+        elif isinstance(message, Order):
+            changes = {
+                "nodes": tuple(
+                    each.model_copy(update={"actions": read(each.actions, "nodes.")})
+                    for each in message.nodes
+                ),
+                "edges": tuple(
+                    each.model_copy(update={"actions": read(each.actions, "edges.")})
+                    for each in message.edges
+                ),
+            }
+        return (message.model_copy(update=changes), tuple(dict.fromkeys(found))) if found else (message, ())
+
+    def _read_action(self, action: Action, at: str, found: list[Repair]) -> Action:
+        declared = self._actions.get(action.action_type)
+        changed = declared.read(action) if declared else action
+        for before, after in zip(action.action_parameters, changed.action_parameters, strict=True):
+            if after.value is not before.value:
+                boolean = isinstance(after.value, bool)
+                kind = RepairKind.TEXT_AS_BOOLEAN if boolean else RepairKind.TEXT_AS_NUMBER
+                found.append(Repair(at, kind, quoted(before.value)))
+        return changed
 
     def _refuse(self, problem: str, topic: Topic, references: dict[str, str]) -> None:
         self._log.warning("message refused", topic=topic.value, problem=problem, **references)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from enum import StrEnum
 from math import pi
 from typing import Annotated, Self
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, Field, StrictBool, model_validator
 
 from nena_shared.fleet_api.base import IdempotencyKey, Moment, ObjectName, OrderName, Request, Resource
 from nena_shared.fleet_api.vehicle import ANY_TYPE, OrderType
@@ -120,11 +121,27 @@ class DriveOrderState(StrEnum):
     FAILED = "FAILED"
 
 
-class Property(Request):
-    """A free key and value."""
+Text = Annotated[str, Field(max_length=2000)]
+Whole = Annotated[int, Field(strict=True, ge=-(2**53), le=2**53)]
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+
+
+class OperationProperty(Request):
+    """A key and value for the operation at a destination; it becomes a parameter of the robot's action."""
 
     key: Annotated[str, Field(min_length=1, max_length=200)]
-    value: Annotated[str, Field(max_length=2000)]
+    value: Text | StrictBool | Whole | Number
+
+    @property
+    def text(self) -> str:
+        """The value as text; numbers and booleans as JSON has them."""
+        return self.value if isinstance(self.value, str) else json.dumps(self.value)
+
+
+class Property(OperationProperty):
+    """A free key and value."""
+
+    value: Text
 
 
 class Coordinate(Request):
@@ -142,7 +159,7 @@ class Destination(Request):
     """A location, or a point (then the operation is MOVE or PARK)."""
     coordinate: Coordinate | None = None
     operation: Annotated[str, Field(min_length=1, max_length=200)] = "MOVE"
-    properties: Annotated[tuple[Property, ...], Field(max_length=100)] = ()
+    properties: Annotated[tuple[OperationProperty, ...], Field(max_length=100)] = ()
     on_failure: FailurePolicy | None = None
     """What is done when the vehicle fails here; None: what the order says."""
 

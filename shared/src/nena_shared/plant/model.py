@@ -150,6 +150,21 @@ class Vehicle(PlantRecord):
         return self.properties.get(keys.VDA5050_VERSION)
 
     @property
+    def parameters_as_text(self) -> bool:
+        """Whether the robot reads action parameters as text only."""
+        return self._is_set(keys.VDA5050_PARAMETERS_AS_TEXT)
+
+    @property
+    def instant_actions_key(self) -> str | None:
+        """Key of the array of instant actions in messages to the robot, if it is another one."""
+        return self.properties.get(keys.VDA5050_INSTANT_ACTIONS_KEY)
+
+    @property
+    def keeps_last_node_states(self) -> bool:
+        """Whether the robot's nodeStates are not empty when it is at the order's last node."""
+        return self._is_set(keys.VDA5050_KEEPS_LAST_NODE_STATES)
+
+    @property
     def map_id(self) -> str | None:
         """MapId of the robot's map, if set."""
         return self.properties.get(keys.VDA5050_MAP_ID)
@@ -183,6 +198,9 @@ class Vehicle(PlantRecord):
         """Allowed deviation from node headings, radians (property: degrees); None if unset or invalid."""
         degrees = self._non_negative(keys.VDA5050_DEVIATION_THETA)
         return None if degrees is None else radians(degrees)
+
+    def _is_set(self, key: str) -> bool:
+        return self.properties.get(key, "").strip().lower() == "true"
 
     def _non_negative(self, key: str) -> float | None:
         try:

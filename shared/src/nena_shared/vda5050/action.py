@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import StrEnum
 from typing import Annotated
 
 from pydantic import AfterValidator, JsonValue
+from pydantic_core import to_json
 
 from nena_shared.vda5050.base import CommandHeader, Identifier, WireObject, finite
 
@@ -47,6 +49,11 @@ ParameterValue = Annotated[JsonValue, AfterValidator(_sendable)]
 """Any JSON but null, and but numbers without an end."""
 
 
+def text_of(value: JsonValue) -> str:
+    """Return the value of a parameter as text: what is none already, as JSON."""
+    return value if isinstance(value, str) else to_json(value).decode()
+
+
 class ActionParameter(WireObject):
     """One parameter of an action, with its value (section 6.2)."""
 
@@ -67,6 +74,17 @@ class Action(WireObject):
     def parameter(self, key: str) -> JsonValue:
         """Return the value under ``key``, or None (section 7.3.1)."""
         return next((each.value for each in self.action_parameters if each.key == key), None)
+
+    def with_values(self, change: Callable[[ActionParameter], JsonValue]) -> Action:
+        """Return the action with the values that ``change`` returns; itself if all stay the same."""
+        values = tuple(map(change, self.action_parameters))
+        if all(new is each.value for new, each in zip(values, self.action_parameters, strict=True)):
+            return self
+        parameters = tuple(
+            each.model_copy(update={"value": new})
+            for new, each in zip(values, self.action_parameters, strict=True)
+        )
+        return self.model_copy(update={"action_parameters": parameters})
 
 
 class ActionState(WireObject):

@@ -18,7 +18,7 @@ from functools import cache
 from types import GenericAlias
 from typing import Annotated, Any, Final, TypeVar, cast
 
-from msgspec import DecodeError, Meta, ValidationError, convert, defstruct, field
+from msgspec import DecodeError, Meta, Struct, ValidationError, convert, defstruct, field, structs
 from msgspec.json import Decoder
 from msgspec.structs import force_setattr
 from pydantic_core import from_json
@@ -69,6 +69,14 @@ def record_of(kind: type[R], codec: Codec, content: dict[str, Any]) -> R | None:
         return _of_major(codec, cast("R", convert(content, _struct(form))))
     except (ValidationError, RecursionError):
         return None
+
+
+def changed(message: R, **values: object) -> R:
+    """Return a message, a record or not, with other values."""
+    record: object = message
+    if isinstance(record, Struct):
+        return cast("R", structs.replace(record, **values))
+    return message.model_copy(update=values)
 
 
 def _decoded(kind: type[R], codec: Codec, payload: bytes) -> R | None:

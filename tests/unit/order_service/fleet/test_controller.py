@@ -15,7 +15,7 @@ from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.fleet.vda_order import VdaOrder, released_to
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.factsheet import Factsheet
-from nena_shared.vda5050.state import OperatingMode
+from nena_shared.vda5050.state import NodeState, OperatingMode, State
 from nena_shared.vda5050.topics import RobotKey
 from support.fleet import Bench, hand_over, make_vda_order
 from support.fleet_examples import factsheet
@@ -434,3 +434,27 @@ def test_one_who_drives_as_it_was_told_is_quiet() -> None:
     assert quiet == [True, False, True], "before it is confirmed the order may have to be sent again"
     assert tuple(control.tick(2.0)) == ()
     assert tuple(control.tick(2.0 + settings.silent_after)) == (RobotChanged(ROBOT),), "it is silent now"
+
+
+class NeverDone(HonestRobot):
+    """Keeps the last node of its order among those to go."""
+
+    def state(self, seconds: float = 0.0) -> State:
+        made = super().state(seconds)
+        if made.node_states or not self.order_id:
+            return made
+        kept = NodeState(node_id=self.last_node_id, sequence_id=self.last_sequence_id, released=True)
+        return made.model_copy(update={"node_states": (kept,)})
+
+
+def test_a_robot_at_the_last_node_that_never_empties_its_node_states_is_named_as_the_reason() -> None:
+    bench = Bench(robot=NeverDone()).online()
+    bench.start_and_tell(make_vda_order("m", "A", "B"))
+    assert bench.view().wait_reason == ""
+    bench.robot.step()
+    bench.report()
+    assert bench.view().wait_reason == (
+        "the robot stands at the last node of its order, 'B', but still lists 'B' in its nodeStates: it has "
+        "to empty them (or set vda5050:keepsLastNodeStates)"
+    )
+    assert bench.story() == ["VdaOrderAccepted", "NodePassed"]

@@ -265,3 +265,16 @@ def test_to_fit_again_changes_nothing_and_what_is_asked_stays(supports: dict[str
     ]
     if goal != "B":
         assert positions(made)[1].theta == positions(asked)[1].theta
+
+
+@pytest.mark.parametrize(("given", "text"), [(3, "3"), (1.5, "1.5"), (True, "true"), ("x", "x")])
+def test_a_number_is_a_text_where_the_robot_wants_one(given: float | str, text: str) -> None:
+    action = Action(
+        action_type="pick",
+        action_id="p",
+        blocking_type=BlockingType.HARD,
+        action_parameters=(ActionParameter(key="height", value=given),),
+    )
+    (parameter,) = fitted_action(action, abilities(pick(height=ValueDataType.STRING))).action_parameters
+    assert parameter.value == text
+    assert isinstance(parameter.value, str)

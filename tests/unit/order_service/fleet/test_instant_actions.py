@@ -160,6 +160,22 @@ def test_a_robot_in_manual_mode_is_only_asked_for_what_harms_nobody() -> None:
     assert bench.instants_sent() == ["stateRequest"]
 
 
+@pytest.mark.clause("6.6.6/fleet", "6.2.1/fleet")
+def test_a_robot_in_which_somebody_intervenes_is_sent_cancel_order_and_nothing_else() -> None:
+    bench = Bench().online()
+    bench.start_and_tell(make_vda_order("m", "A", "B"))
+    bench.robot.set_mode(OperatingMode.INTERVENED)
+    bench.report()
+    for number, name in enumerate(("startPause", "stateRequest", "factsheetRequest", "retry")):
+        bench.news.clear()
+        bench.instruct(action(name, f"i{number}"))
+        assert ended(bench).status is ActionStatus.FAILED
+        why = "is in operating mode INTERVENED, which takes no instant action but cancelOrder"
+        assert ended(bench).reason == f"not sent: the robot {why}"
+    bench.cancel()
+    assert bench.instants_sent() == ["cancelOrder"]
+
+
 @pytest.mark.clause("6.1.1/ids")
 def test_an_id_is_never_used_twice() -> None:
     bench = Bench().online()

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from nena_order_service.fleet.failures import RobotBusyError
-from nena_order_service.fleet.link import KEY_LENGTH, FleetLink, RobotAddresses
+from nena_order_service.fleet.link import KEY_LENGTH, STANDARD, FleetLink, RobotAddresses
 from nena_order_service.fleet.settings import FleetSettings
 from nena_shared.mqtt import MqttLink
 from nena_shared.plant import Vehicle
 from nena_shared.settings import ConfigurationError, MqttSettings
+from nena_shared.vda5050.action import Action, ActionParameter, BlockingType, InstantActions
+from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.connection import ConnectionState
-from nena_shared.vda5050.topics import RobotKey, TopicScheme
+from nena_shared.vda5050.order import Order
+from nena_shared.vda5050.records import read_record
+from nena_shared.vda5050.state import State
+from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.versions import codec_for
 from support.clocks import ManualClock
 from support.fleet import make_vda_order
@@ -114,3 +121,71 @@ def test_an_order_that_a_busy_robot_does_not_get_is_not_counted_as_undelivered()
         link.adopt_vda_order(ROBOT, make_vda_order("m3", "A", "B"), accepted=False)
 
     assert link.statistics.undelivered == 1
+
+
+def test_a_vehicle_without_such_properties_keeps_to_the_standard() -> None:
+    assert addresses().dialect(ROBOT) == addresses().dialect(RobotKey("ACME", "r2")) == STANDARD
+
+
+def test_parameters_are_texts_for_a_robot_that_reads_nothing_else() -> None:
+    dialect = addresses(parametersAsText="true").dialect(ROBOT)
+    values: dict[str, Any] = {"height": 1.5, "slowly": True, "slots": [1, 2], "station": "7"}
+    action = Action(
+        action_type="pick",
+        action_id="p",
+        blocking_type=BlockingType.HARD,
+        action_parameters=tuple(ActionParameter(key=key, value=value) for key, value in values.items()),
+    )
+    mission = make_vda_order("m", "A", "B")
+    node = mission.nodes[1].model_copy(update={"actions": (action,)})
+    header = dict(HELLO) | {"header_id": 1}
+    header = {name: header[name] for name in Header.model_fields}
+    order = Order(
+        **header, order_id="m", order_update_id=0, nodes=(mission.nodes[0], node), edges=mission.edges
+    )
+    instant = InstantActions(**header, actions=(action,))
+
+    read = dialect.fitted(order)
+    assert isinstance(read, Order)
+    also = dialect.fitted(instant)
+    assert isinstance(also, InstantActions)
+    for fitted in (read.nodes[1].actions[0], also.actions[0]):
+        given = {each.key: each.value for each in fitted.action_parameters}
+        assert given == {"height": "1.5", "slowly": "true", "slots": "[1,2]", "station": "7"}
+    assert STANDARD.fitted(order) is order
+
+
+def test_the_list_of_instant_actions_has_the_name_that_the_robot_reads() -> None:
+    dialect = addresses(instantActionsKey="instantActions").dialect(ROBOT)
+
+    assert dialect.renamed(Topic.INSTANT_ACTIONS, b'{"headerId":1,"actions":[]}') == (
+        b'{"headerId":1,"instantActions":[]}'
+    )
+    assert dialect.renamed(Topic.ORDER, b'{"actions":[]}') == b'{"actions":[]}'
+    assert STANDARD.renamed(Topic.INSTANT_ACTIONS, b'{"actions":[]}') == b'{"actions":[]}'
+
+
+@pytest.mark.parametrize(
+    ("more", "empty"),
+    [
+        ({}, True),
+        ({"driving": True}, False),
+        ({"last_node_id": "A"}, False),
+        ({"last_node_sequence_id": 0}, False),
+    ],
+)
+@pytest.mark.parametrize("recorded", [False, True])
+def test_nodes_that_a_robot_keeps_at_the_last_node_are_done(
+    more: dict[str, object], *, empty: bool, recorded: bool
+) -> None:
+    dialect = addresses(keepsLastNodeStates="true").dialect(ROBOT)
+    robot = HonestRobot(key=ROBOT)
+    robot.nodes = list(make_vda_order("m", "A", "B").nodes[1:])
+    robot.last_node_id, robot.last_sequence_id, robot.paused = "B", 2, True
+    state = robot.state().model_copy(update=more)
+    if recorded:
+        codec = codec_for("2.1.0")
+        state = read_record(State, codec, codec.encode(state))
+
+    assert (dialect.understood(state).node_states == ()) is empty
+    assert STANDARD.understood(state) is state

@@ -1,9 +1,16 @@
 from __future__ import annotations
 
+import json
+
 import pytest
 from pydantic import ValidationError
 
-from nena_shared.fleet_api.transport_order import FailureMeasure, FailureStep, TransportOrderRequest
+from nena_shared.fleet_api.transport_order import (
+    Destination,
+    FailureMeasure,
+    FailureStep,
+    TransportOrderRequest,
+)
 from support.order_service import request
 
 
@@ -35,3 +42,21 @@ def test_a_policy_is_read_for_the_order_and_for_each_destination() -> None:
     assert made.destinations[0].on_failure == (FailureStep(do=FailureMeasure.SKIP),)
     assert made.on_failure is not None
     assert (made.on_failure[0].times, made.on_failure[0].after, made.timeout) == (2, 5.0, 60.0)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [("7", "7"), (7, "7"), (1.5, "1.5"), (True, "true"), (False, "false"), ("", "")]
+)
+def test_a_property_of_a_destination_is_a_text_a_number_or_a_truth_value(value: object, text: str) -> None:
+    content = {"locationName": "Storage", "operation": "Load", "properties": [{"key": "k", "value": value}]}
+    read = Destination.model_validate_json(json.dumps(content))
+    (only,) = read.properties
+    assert (only.value, type(only.value), only.text) == (value, type(value), text)
+    assert json.loads(read.model_dump_json(by_alias=True))["properties"] == content["properties"]
+
+
+@pytest.mark.parametrize("value", [None, [1], {"a": 1}, "x" * 2001])
+def test_nothing_else_is_a_property_of_a_destination(value: object) -> None:
+    content = {"locationName": "Storage", "properties": [{"key": "k", "value": value}]}
+    with pytest.raises(ValidationError, match="value"):
+        Destination.model_validate(content)

@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from math import isfinite
 from sys import float_info
+from types import MappingProxyType
+from typing import Final
 
 from pydantic import JsonValue
 
@@ -26,6 +29,28 @@ class LoadChange(StrEnum):
     """Loads the robot, which must be empty."""
     GIVE = "give"
     """Unloads the robot, which must be loaded."""
+
+
+def _number(text: str) -> float:
+    value = float(text)
+    if "_" in text or not isfinite(value):
+        raise ValueError(text)
+    return value
+
+
+def _integer(text: str) -> int:
+    if "_" in text:
+        raise ValueError(text)
+    return int(text)
+
+
+_FROM_TEXT: Final[Mapping[ValueDataType, Callable[[str], JsonValue]]] = MappingProxyType(
+    {
+        ValueDataType.NUMBER: _number,
+        ValueDataType.INTEGER: _integer,
+        ValueDataType.BOOL: lambda text: {"true": True, "false": False}[text.strip().lower()],
+    }
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +77,18 @@ class Parameter:
         if self.choices and value not in self.choices:
             return f"parameter '{self.key}' must be one of {self._listed}"
         return self._range_problem(value)
+
+    def read(self, value: JsonValue) -> JsonValue:
+        """Return a number or truth value that is given as text as what it is; any other value as it stands.
+
+        Some fleet controls can send texts only.
+        """
+        if not isinstance(value, str) or self.data_type not in _FROM_TEXT:
+            return value
+        try:
+            return _FROM_TEXT[self.data_type](value)
+        except (KeyError, ValueError):
+            return value
 
     @property
     def words(self) -> str:
@@ -119,6 +156,13 @@ class ActionDeclaration:
         if found is None and self.check is not None:
             found = self.check(action)
         return found and f"action '{self.action_type}': {found}"
+
+    def read(self, action: Action) -> Action:
+        """Return the action with its parameters as :meth:`Parameter.read` returns them."""
+        declared = {each.key: each for each in self.parameters}
+        return action.with_values(
+            lambda each: declared[each.key].read(each.value) if each.key in declared else each.value
+        )
 
     def load_problem(self, *, loaded: bool) -> str | None:
         """Return why the action cannot be done by a robot that is loaded, or is not; None if it can."""

@@ -205,7 +205,7 @@ class DestinationState(Body):
             location_name=destination.location_name or "",
             operation=destination.operation,
             state=drive_order.state.value,
-            properties=destination.properties,
+            properties=tuple(Property(key=each.key, value=each.text) for each in destination.properties),
         )
 
 

@@ -333,7 +333,7 @@ class RobotControl:
         if run.phase is VdaOrderPhase.CANCELLING:
             return f"the robot {away or 'has not yet confirmed the end of the order'}"
         state = self.robot.state
-        reason = away or (availability.hindered(state) if state else None)
+        reason = away or (availability.hindered(state) or run.at_end_with_nodes(state) if state else None)
         return f"the robot {reason}" if reason else ""
 
     def _stop_stray(self, now: float) -> None:

@@ -15,7 +15,7 @@ from pydantic_core import from_json
 
 from nena_order_service.fleet.robot import Abilities
 from nena_order_service.fleet.vda_order import GOAL_PREFIX, STATION_PARAMETERS, VdaOrder
-from nena_shared.vda5050.action import Action, ActionParameter, InstantActions
+from nena_shared.vda5050.action import Action, ActionParameter, InstantActions, text_of
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.factsheet import (
     ActionParameterDescription,
@@ -192,8 +192,12 @@ def _headings(nodes: tuple[Node, ...]) -> Iterator[float]:
 
 
 def _typed(parameter: ActionParameter, wanted: ActionParameterDescription | None) -> ActionParameter:
-    """Read a text as what it is wanted as; one that cannot be read so stays a text."""
-    if wanted is None or not isinstance(parameter.value, str):
+    """Read a text as what it is wanted as, and write a number as text; what cannot be read so stays."""
+    if wanted is None:
+        return parameter
+    if wanted.value_data_type is ValueDataType.STRING and isinstance(parameter.value, int | float):
+        return ActionParameter(key=parameter.key, value=text_of(parameter.value))
+    if not isinstance(parameter.value, str):
         return parameter
     with suppress(ValueError, KeyError):
         return ActionParameter(key=parameter.key, value=_READ[wanted.value_data_type](parameter.value))

@@ -14,7 +14,7 @@ from nena_order_service.fleet.outputs import FleetOutput, InstantActionEnded, Pu
 from nena_order_service.fleet.robot import INSTANT_ACTIONS_LIMIT, REPORTS_NOTHING, LinkStatus, Robot
 from nena_order_service.fleet.settings import FleetSettings
 from nena_shared.vda5050.action import Action, ActionParameter, ActionState, ActionStatus, BlockingType
-from nena_shared.vda5050.state import State
+from nena_shared.vda5050.state import OperatingMode, State
 
 RETRY: Final = "retry"
 CANCEL_ORDER: Final = "cancelOrder"
@@ -130,7 +130,7 @@ INSTANT_IDS_KEPT: Final = 200
 """Ids of instant actions that are remembered, so that their states are not taken for the order's."""
 
 ALWAYS_ALLOWED: Final = frozenset({"stateRequest", "factsheetRequest"})
-"""Instant actions that are harmless in any operating mode."""
+"""Instant actions that are harmless in any operating mode but INTERVENED, which takes cancelOrder only."""
 
 CLEARING_PAUSE: Final = 30.0
 """Seconds between tries to have a robot clear its ended instant actions."""
@@ -176,8 +176,13 @@ class InstantActionManager:
             link = LinkStatus.ONLINE
         away = availability.away(link, self._robot.unreadable, broker=self.broker)
         state = self._robot.state
-        if away or state is None or state.operating_mode.takes_orders or action_type in ALWAYS_ALLOWED:
+        if away or state is None or state.operating_mode.fleet_controls:
             return away
+        if state.operating_mode is OperatingMode.INTERVENED:
+            only = "is in operating mode INTERVENED, which takes no instant action but cancelOrder"
+            return None if action_type == CANCEL_ORDER else only
+        if action_type in ALWAYS_ALLOWED:
+            return None
         return f"is in operating mode {state.operating_mode}, which takes no instant actions"
 
     def request(self, action: Action, now: float) -> Iterator[FleetOutput]:

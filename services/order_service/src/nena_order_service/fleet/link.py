@@ -11,6 +11,7 @@ from functools import partial
 from typing import Any, Final, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
+from pydantic_core import from_json, to_json
 
 from nena_order_service.fleet.controller import FleetController
 from nena_order_service.fleet.outputs import (
@@ -32,7 +33,7 @@ from nena_shared.mqtt import Inbound, MqttLink, Outbound
 from nena_shared.plant import Vehicle
 from nena_shared.settings import ConfigurationError, TopicPrefix
 from nena_shared.tasks import forever
-from nena_shared.vda5050.action import Action, InstantActions
+from nena_shared.vda5050.action import Action, InstantActions, text_of
 from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.deviations import Deviations
@@ -40,6 +41,7 @@ from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.malformed import MalformedMessageError
 from nena_shared.vda5050.message_reader import MessageReader
 from nena_shared.vda5050.order import Order
+from nena_shared.vda5050.records import changed
 from nena_shared.vda5050.repair import Repair
 from nena_shared.vda5050.responses import Responses
 from nena_shared.vda5050.robot_sources import Dated, RobotSources
@@ -56,12 +58,70 @@ KEY_LENGTH: Final = 400
 _INTERFACE_NAME: Final[TypeAdapter[str | None]] = TypeAdapter(TopicPrefix | None)
 
 
+Message = Order | InstantActions | Responses | ZoneSetTransfer
+
+
 @dataclass(frozen=True, slots=True)
 class RobotAddress:
     """The version that a robot speaks, and its topics."""
 
     codec: Codec
     scheme: TopicScheme
+
+
+@dataclass(frozen=True, slots=True)
+class Dialect:
+    """How a robot departs from the standard; the plant model says so, since no message does."""
+
+    parameters_as_text: bool = False
+    instant_actions_key: str = ""
+    keeps_last_node_states: bool = False
+
+    @classmethod
+    def of(cls, vehicle: Vehicle) -> Dialect:
+        """Read the properties of a vehicle."""
+        key = vehicle.instant_actions_key or ""
+        return cls(vehicle.parameters_as_text, key, vehicle.keeps_last_node_states)
+
+    def fitted(self, message: Message) -> Message:
+        """Return a message as the robot reads it."""
+        if not self.parameters_as_text:
+            return message
+        if isinstance(message, InstantActions):
+            return message.model_copy(update={"actions": _as_text(message.actions)})
+        if isinstance(message, Order):
+            nodes = tuple(
+                each.model_copy(update={"actions": _as_text(each.actions)}) for each in message.nodes
+            )
+            edges = tuple(
+                each.model_copy(update={"actions": _as_text(each.actions)}) for each in message.edges
+            )
+            return message.model_copy(update={"nodes": nodes, "edges": edges})
+        return message
+
+    def renamed(self, topic: Topic, payload: bytes) -> bytes:
+        """Return an encoded message with the keys that the robot reads."""
+        if topic is not Topic.INSTANT_ACTIONS or not self.instant_actions_key:
+            return payload
+        content = from_json(payload)
+        content[self.instant_actions_key] = content.pop("actions")
+        return to_json(content)
+
+    def understood(self, state: State) -> State:
+        """Return a state as another robot would send it: without nodes to go at the last node."""
+        if not self.keeps_last_node_states or not state.node_states or state.driving:
+            return state
+        last = state.node_states[-1]
+        if (last.node_id, last.sequence_id) != (state.last_node_id, state.last_node_sequence_id):
+            return state
+        return changed(state, node_states=(), edge_states=())
+
+
+def _as_text(actions: tuple[Action, ...]) -> tuple[Action, ...]:
+    return tuple(action.with_values(lambda each: text_of(each.value)) for action in actions)
+
+
+STANDARD: Final = Dialect()
 
 
 class RobotAddresses:
@@ -75,6 +135,7 @@ class RobotAddresses:
         self._schemes = dict.fromkeys(schemes)
         self._addresses: dict[RobotKey, RobotAddress] = {}
         self._sources = RobotSources()
+        self._dialects: dict[RobotKey, Dialect] = {}
 
     @property
     def schemes(self) -> tuple[TopicScheme, ...]:
@@ -90,12 +151,17 @@ class RobotAddresses:
         """
         for robot, vehicle in vehicles:
             _require_storable(robot, vehicle)
+            self._dialects[robot] = Dialect.of(vehicle)
             for major, default in self._defaults.items():
                 name = _interface_name(vehicle) or default.interface_name
                 self._schemes[TopicScheme(name, major)] = None
             if vehicle.protocol_version:
                 address = self._addresses[robot] = self._expected(vehicle, vehicle.protocol_version)
                 self._sources.expect(robot, address.scheme)
+
+    def dialect(self, robot: RobotKey) -> Dialect:
+        """Return how ``robot`` departs from the standard."""
+        return self._dialects.get(robot, STANDARD)
 
     def of(self, robot: RobotKey) -> RobotAddress | None:
         """Return where to speak to ``robot``; None for one that is unknown and has sent nothing yet."""
@@ -152,8 +218,6 @@ def _require_storable(robot: RobotKey, vehicle: Vehicle) -> None:
         )
         raise ConfigurationError([message])
 
-
-Message = Order | InstantActions | Responses | ZoneSetTransfer
 
 HEADER_ID_COUNT: Final = 2**32
 
@@ -396,6 +460,8 @@ class FleetLink:
             return None
         codec = nearest_codec(message.version)
         assert codec, "the reader took one of its major version"  # noqa: S101 - for the type
+        if kind is State:
+            message = self._addresses.dialect(robot).understood(message)
         now = self._addresses.learn(robot, codec, scheme, message, retained=inbound.retained)
         return (robot, message) if now and self._is_new(kind, robot, message.header_id) else None
 
@@ -460,8 +526,9 @@ class FleetLink:
             log.warning("not sending to a robot of unknown version", robot=str(output.robot))
             return
         topic, message = self._outgoing.message(output, address.codec.version)
+        dialect = self._addresses.dialect(output.robot)
         try:
-            payload = address.codec.encode(message)
+            payload = dialect.renamed(topic, address.codec.encode(dialect.fitted(message)))
         except (MalformedMessageError, ValidationError):
             log.exception(
                 "message not supported by the robot's VDA 5050 version", robot=str(output.robot), topic=topic

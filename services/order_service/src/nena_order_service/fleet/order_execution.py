@@ -26,6 +26,7 @@ from nena_order_service.fleet.outputs import (
 from nena_order_service.fleet.robot import VdaOrderPhase
 from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.fleet.vda_order import VdaOrder, grown, held_by, update_of
+from nena_shared.plant import property_keys as keys
 from nena_shared.vda5050.action import ActionState, ActionStatus
 from nena_shared.vda5050.error import ErrorEntry
 from nena_shared.vda5050.state import State
@@ -60,6 +61,9 @@ class PendingUpdate:
     def _is_named(self, error: ErrorEntry) -> bool:
         return failures.is_named(error, self.plan) or failures.names_update(error)
 
+
+STATES_NAMED: Final = 3
+"""Nodes that a reason names."""
 
 NOT_BEGUN: Final = frozenset({ActionStatus.WAITING, ActionStatus.FAILED})
 """A waiting action fails without ever having begun when its order is cancelled."""
@@ -307,6 +311,25 @@ class OrderExecution:
             self._look_for_standstill(state, now)
         elif self.phase is VdaOrderPhase.CANCELLING:
             yield from self._settle_cancel(state)
+
+    def at_end_with_nodes(self, state: State) -> str:
+        """Return the reason why the order of a robot that stands at its last node is not finished.
+
+        It is empty unless the robot still reports nodes or edges to go.
+        """
+        last = self.vda_order.nodes[-1]
+        at_end = (state.last_node_id, state.last_node_sequence_id) == (last.node_id, last.sequence_id)
+        if not at_end or state.driving or not self._known_in(state):
+            return ""
+        names = [each.node_id for each in state.node_states] or [each.edge_id for each in state.edge_states]
+        field = "nodeStates" if state.node_states else "edgeStates"
+        listed = ", ".join(f"'{each}'" for each in names[:STATES_NAMED])
+        return (
+            f"stands at the last node of its order, '{last.node_id}', but still lists {listed} in its "
+            f"{field}: it has to empty them (or set {keys.VDA5050_KEEPS_LAST_NODE_STATES})"
+            if names
+            else ""
+        )
 
     def _take_echo(self, state: State) -> None:
         """Note that the robot has the update under way, or, after a restart, that it has an older one."""

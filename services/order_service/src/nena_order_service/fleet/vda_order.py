@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import Final, Self, TypeVar
 from uuid import uuid4
 
-from pydantic import AliasChoices, Field
+from pydantic import AliasChoices, Field, JsonValue
 
 from nena_order_service.fleet.position import DEFAULT_DEVIATION_XY, RobotProfile, Standing
 from nena_order_service.routing.graph import Route
@@ -123,7 +123,7 @@ class OperationMap:
     def actions(
         self,
         operation: str,
-        properties: Mapping[str, str],
+        properties: Mapping[str, JsonValue],
         location: Location | None = None,
         *,
         retriable: bool = False,
@@ -148,14 +148,16 @@ class OperationMap:
         return (action,)
 
 
-def _station(action_type: str, location: Location | None) -> dict[str, str]:
+def _station(action_type: str, location: Location | None) -> dict[str, JsonValue]:
     if action_type not in STATION_ACTIONS:
         return {}
-    station = {"stationType": location.type, "stationName": location.name} if location else {}
+    station: dict[str, JsonValue] = (
+        {"stationType": location.type, "stationName": location.name} if location else {}
+    )
     return {"stationType": "point", **station, "loadType": UNSPECIFIED_LOAD}
 
 
-def _parameters(values: Iterable[tuple[str, str]]) -> Iterable[ActionParameter]:
+def _parameters(values: Iterable[tuple[str, JsonValue]]) -> Iterable[ActionParameter]:
     return (ActionParameter(key=key, value=value) for key, value in values)
 
 

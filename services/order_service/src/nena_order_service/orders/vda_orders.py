@@ -205,7 +205,7 @@ class OrderPlanner:
         for each in order.status.drive_orders[order.index :]:
             action_type = self._operations.action_type(each.destination.operation)
             if action_type == PICK:
-                given = {each.key: each.value for each in each.destination.properties}
+                given = {each.key: each.text for each in each.destination.properties}
                 return Pick(given.get("loadType", ""), given.get("lhd", ""))
             if action_type == DROP:
                 return None

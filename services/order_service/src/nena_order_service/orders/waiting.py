@@ -38,8 +38,8 @@ def kind_of(order: TransportOrder) -> OrderKind:
         tuple(
             (
                 each.destination.operation,
-                next((given.value for given in each.destination.properties if given.key == "loadType"), ""),
-                next((given.value for given in each.destination.properties if given.key == "lhd"), ""),
+                next((given.text for given in each.destination.properties if given.key == "loadType"), ""),
+                next((given.text for given in each.destination.properties if given.key == "lhd"), ""),
             )
             for each in status.drive_orders[order.index :]
         ),

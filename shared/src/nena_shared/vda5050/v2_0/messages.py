@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Self
 
 from pydantic import AliasChoices, Field, PlainSerializer
 
-from nena_shared.vda5050.base import Percent, UInt32
+from nena_shared.vda5050.base import Percent, UInt32, WireObject
+from nena_shared.vda5050.state import NodeState, State
 from nena_shared.vda5050.v2_1.factsheet import (
     FactsheetV21,
     MaximumArrayLengthsV21,
@@ -54,6 +55,19 @@ class StateV20(StateV21):
     maps: Absent = None
     errors: tuple[ErrorEntryV20, ...]
     power_supply: Annotated[PowerSupplyV20, Field(alias="batteryState")]
+
+    @classmethod
+    def from_neutral(cls, neutral: WireObject) -> Self:
+        """Make the 2.0 form of a state: its schema demands a theta of each position of a node."""
+        state = State.model_validate(neutral, by_name=True, by_alias=False)
+        nodes = tuple(map(_with_theta_or_no_position, state.node_states))
+        return super().from_neutral(state.model_copy(update={"node_states": nodes}))
+
+
+def _with_theta_or_no_position(node: NodeState) -> NodeState:
+    position = node.node_position
+    whole = position is None or position.theta is not None
+    return node if whole else node.model_copy(update={"node_position": None})
 
 
 class PhysicalParametersV20(PhysicalParametersV21):

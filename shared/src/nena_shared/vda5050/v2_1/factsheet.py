@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, Field, PlainSerializer, ValidationInfo, field_serializer, model_validator
 
-from nena_shared.vda5050.base import NotNegative, UInt32
+from nena_shared.vda5050.base import NotNegative, UInt32, WireObject
 from nena_shared.vda5050.factsheet import (
     ActionParameterDescription,
     ActionScope,
@@ -241,7 +241,11 @@ class MobileRobotConfigurationV21(MobileRobotConfiguration):
 
 
 class FactsheetV21(Factsheet):
-    """Properties and abilities of a robot (2.1 section 6.15)."""
+    """Properties and abilities of a robot (2.1 section 6.15); blockingTypes are read, but not written.
+
+    The schema of 2.1.0 says that this list equals a string: a fleet control that checks messages with
+    it refuses each factsheet that has one.
+    """
 
     header_id: UInt32 = 0
     timestamp: TimestampOrNow
@@ -254,3 +258,15 @@ class FactsheetV21(Factsheet):
     mobile_robot_configuration: Annotated[
         MobileRobotConfigurationV21 | None, Field(alias="vehicleConfig")
     ] = None
+
+    @classmethod
+    def from_neutral(cls, neutral: WireObject) -> Self:
+        """Make the 2.1 form of a factsheet."""
+        factsheet = Factsheet.model_validate(neutral, by_name=True, by_alias=False)
+        features = factsheet.protocol_features
+        actions = tuple(
+            each.model_copy(update={"blocking_types": None}) for each in features.mobile_robot_actions
+        )
+        features = features.model_copy(update={"mobile_robot_actions": actions})
+        made = factsheet.model_copy(update={"protocol_features": features})
+        return cls.model_validate(made, by_name=True, by_alias=False)

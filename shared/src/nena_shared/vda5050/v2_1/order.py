@@ -8,6 +8,7 @@ from typing import Annotated, Any, Final, Self
 
 from pydantic import (
     AfterValidator,
+    AliasChoices,
     BeforeValidator,
     Field,
     JsonValue,
@@ -48,6 +49,9 @@ ActionTypeV21 = Annotated[
 BlockingTypeV21 = Annotated[BlockingType, writes({"SINGLE": "HARD"}, BlockingType)]
 """2.1 lacks SINGLE: HARD also keeps other actions away, and never allows more."""
 
+
+INSTANT_ACTIONS_OF_1_1: Final = "instantActions"
+"""What 1.1 calls the array of instant actions."""
 
 TRIGGER: Final = ("waitForTrigger", "triggerType")
 """3.0 gives a list of triggers, 2.x a single one."""
@@ -244,7 +248,9 @@ class OrderV21(Order):
 
 
 class InstantActionsV21(InstantActions):
-    """Actions to execute immediately (2.1 section 6.9)."""
+    """Actions to execute immediately (2.1 section 6.9); some masters name the list as in 1.1."""
 
     timestamp: TimestampV2
-    actions: tuple[ActionV21, ...]
+    actions: Annotated[
+        tuple[ActionV21, ...], Field(validation_alias=AliasChoices("actions", INSTANT_ACTIONS_OF_1_1))
+    ]

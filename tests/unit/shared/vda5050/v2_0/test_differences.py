@@ -93,3 +93,18 @@ def test_what_2_1_added_to_the_factsheet_is_not_told(factsheet: JsonObject) -> N
     assert "angularSpeedMax" not in sent["physicalParameters"]
     assert "vehicleConfig" not in sent
     assert "blockingTypes" not in sent["protocolFeatures"]["agvActions"][0]
+
+
+@pytest.mark.clause("7.8")
+@pytest.mark.parametrize("theta", [None, 1.5])
+def test_the_position_of_a_coming_node_needs_its_theta(state: JsonObject, theta: float | None) -> None:
+    position = {"x": 1.0, "y": 2.0, "mapId": "hall"} | ({} if theta is None else {"theta": theta})
+    node = {"nodeId": "n1", "sequenceId": 2, "released": True, "nodePosition": position}
+    state["nodeStates"] = [node]
+
+    message = read(State, state)
+    payload = CODEC.encode(message)
+
+    assert message.node_states[0].node_position.x == 1.0
+    assert ("nodePosition" in json.loads(payload)["nodeStates"][0]) is (theta is not None)
+    assert schema_problems("2.0.0", "state", payload) == []

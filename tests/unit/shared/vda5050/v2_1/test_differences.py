@@ -418,3 +418,28 @@ def test_factsheet_reads_the_names_of_2_x(factsheet: JsonObject) -> None:
     assert message.protocol_features.mobile_robot_actions[0].action_parameters[0].value_data_type == "NUMBER"
     assert written(message)["typeSpecification"]["agvKinematic"] == "DIFF"
     assert written(message)["protocolLimits"]["maxArrayLens"] == {"order.nodes": 50}
+
+
+@pytest.mark.clause("7.10/message")
+def test_blocking_types_are_read_and_not_written(factsheet: dict[str, Any]) -> None:
+    action = factsheet["protocolFeatures"]["agvActions"][0]
+    action["blockingTypes"] = ["NONE", "SOFT", "HARD"]
+
+    message = read(Factsheet, factsheet)
+
+    assert message.protocol_features.mobile_robot_actions[0].blocking_types == (
+        BlockingType.NONE,
+        BlockingType.SOFT,
+        BlockingType.HARD,
+    )
+    assert "blockingTypes" not in written(message)["protocolFeatures"]["agvActions"][0]
+
+
+@pytest.mark.clause("7.4")
+def test_instant_actions_are_read_under_their_name_of_1_1(state: JsonObject) -> None:
+    pause = {"actionType": "startPause", "actionId": "p", "blockingType": "NONE"}
+
+    message = read(InstantActions, state | {"instantActions": [pause]})
+
+    assert [each.action_id for each in message.actions] == ["p"]
+    assert [each["actionId"] for each in written(message)["actions"]] == ["p"]
