@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from jsonschema_rs import Draft202012Validator, meta
 
 from nena_shared.vda5050.codec import Codec
-from nena_shared.vda5050.json_schema import json_schema
 from nena_shared.vda5050.malformed import MalformedMessageError
 from nena_shared.vda5050.topics import Topic
 from nena_shared.vda5050.versions import CODECS, UnknownVersionError
+from support.json_schema import json_schema
 from support.messages import messages
 from support.schemas import official_schema
 

@@ -8,7 +8,6 @@ import shutil
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from datetime import datetime
 from functools import partial
 from pathlib import Path, PurePosixPath
 from secrets import token_hex
@@ -321,10 +320,10 @@ class Site:
         text = SETTINGS.format(name=identity.name, host=host, port=port, folder="/etc/nena")
         (folder / "mqtt.toml").write_text(text)
 
-    def _save(self, now: datetime | None = None) -> None:
+    def _save(self) -> None:
         """Write the broker's files before our own, so that an interrupted change can be repeated."""
         broker = self.folder / "broker"
-        revoked = self._authority.revocations(self._register.revoked, now or utc_now())
+        revoked = self._authority.revocations(self._register.revoked, utc_now())
         _replace(broker / "access.list", access_list(self, self._register.topics).encode())
         _replace(broker / "revoked.pem", revoked)
         _replace(self.folder / "site.json", self._register.model_dump_json(indent=2).encode())
