@@ -20,7 +20,7 @@ from faults.history import History, Kind
 from nena_shared.mqtt.message import Inbound
 from nena_shared.tasks import end
 from support.broker import BrokerAddress, MqttPeer
-from support.instant_robot import FACTSHEET
+from support.json_messages import FACTSHEET
 from support.pausing import time_passes
 
 MANUFACTURER = "NeNa"

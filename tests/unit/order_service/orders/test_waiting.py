@@ -5,8 +5,8 @@ from support.order_service import assigned_order, dispatchable_order
 
 
 def test_the_oldest_order_is_the_first_created_whenever_it_came_into_the_queue() -> None:
+    assert WaitingOrders().oldest is None
     waiting = WaitingOrders()
-    assert waiting.oldest is None
     for number in (2, 1, 3):
         waiting.put(dispatchable_order(number=number, priority=number))
     assert waiting.oldest == 1

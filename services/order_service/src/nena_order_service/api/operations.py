@@ -88,7 +88,8 @@ def _does(operation: table.Operation[Any]) -> Callable[[M], M]:
 class HostOperations:
     """Executes host operations; a change is committed before its answer is returned.
 
-    Methods raise the errors in :mod:`nena_order_service.errors`; ``api.problems`` maps them to problems.
+    The table in :mod:`nena_shared.fleet_api.operations` says what each of them does. They raise the errors in
+    :mod:`nena_order_service.errors`; ``api.problems`` maps these to problems.
     """
 
     def __init__(self, hosts: HostServices) -> None:
@@ -101,14 +102,12 @@ class HostOperations:
         }
 
     @_does(table.CREATE_ORDER)
-    async def create_order(self, call: Call[TransportOrderRequest]) -> Reply:
-        """Create a transport order, or return the one that the same request has made before."""
+    async def _create_order(self, call: Call[TransportOrderRequest]) -> Reply:
         order, new = await self._orders.create(call.request)
         return Reply(order, _created(new=new))
 
     @_does(table.LIST_ORDERS)
-    async def list_orders(self, call: Call[TransportOrdersQuery]) -> Reply:
-        """List transport orders, newest first."""
+    async def _list_orders(self, call: Call[TransportOrdersQuery]) -> Reply:
         query = call.request
         states, before = tuple(query.state or ()), _number(query.after)
         found = await self._orders.orders(
@@ -119,51 +118,43 @@ class HostOperations:
         return Reply(TransportOrderPage(transport_orders=tuple(each.status for each in page), next=following))
 
     @_does(table.SHOW_ORDER)
-    async def show_order(self, call: Call[None]) -> Reply:
-        """Return a transport order."""
+    async def _show_order(self, call: Call[None]) -> Reply:
         return Reply(await self._orders.order(call.name))
 
     @_does(table.DELIVERY)
-    async def delivery(self, call: Call[None]) -> Reply:
-        """Return the delivery of a transport order to its robot."""
+    async def _delivery(self, call: Call[None]) -> Reply:
         return Reply(await self._orders.delivery(call.name))
 
     @_does(table.ASSIGNMENT)
-    async def assignment(self, call: Call[AssignmentQuery]) -> Reply:
-        """Return for each vehicle why it does not do a transport order."""
+    async def _assignment(self, call: Call[AssignmentQuery]) -> Reply:
         return Reply(await self._orders.assignment(call.name, call.request.limit))
 
     @_does(table.WITHDRAW)
-    async def withdraw(self, call: Call[WithdrawalRequest]) -> Reply:
-        """Withdraw a transport order."""
+    async def _withdraw(self, call: Call[WithdrawalRequest]) -> Reply:
         asked = call.request
         return Reply(
             await self._orders.withdraw(call.name, asked.reason, seen=call.seen, immediate=asked.immediate)
         )
 
     @_does(table.HOLD)
-    async def hold(self, call: Call[HoldRequest]) -> Reply:
-        """Hold a transport order."""
+    async def _hold(self, call: Call[HoldRequest]) -> Reply:
         asked, by = call.request, call.request.by or call.caller
         return Reply(
             await self._orders.hold(call.name, by, asked.reason, seen=call.seen, immediate=asked.immediate)
         )
 
     @_does(table.RESUME)
-    async def resume(self, call: Call[ResumeRequest]) -> Reply:
-        """Resume a held transport order."""
+    async def _resume(self, call: Call[ResumeRequest]) -> Reply:
         by = call.request.by or call.caller
         return Reply(await self._orders.resume(call.name, by, call.request.reason, seen=call.seen))
 
     @_does(table.CREATE_SEQUENCE)
-    async def create_sequence(self, call: Call[OrderSequenceRequest]) -> Reply:
-        """Create an order sequence, or return the one that the same request has made before."""
+    async def _create_sequence(self, call: Call[OrderSequenceRequest]) -> Reply:
         sequence, new = await self._sequences.create(call.request)
         return Reply(sequence, _created(new=new))
 
     @_does(table.LIST_SEQUENCES)
-    async def list_sequences(self, call: Call[OrderSequencesQuery]) -> Reply:
-        """List order sequences, newest first."""
+    async def _list_sequences(self, call: Call[OrderSequencesQuery]) -> Reply:
         query = call.request
         found = await self._sequences.sequences(
             SequenceFilter(query.finished, query.intended_vehicle, _number(query.after), query.limit + 1)
@@ -173,18 +164,15 @@ class HostOperations:
         return Reply(OrderSequencePage(order_sequences=tuple(each.status for each in page), next=following))
 
     @_does(table.SHOW_SEQUENCE)
-    async def show_sequence(self, call: Call[None]) -> Reply:
-        """Return an order sequence."""
+    async def _show_sequence(self, call: Call[None]) -> Reply:
         return Reply(await self._sequences.sequence(call.name))
 
     @_does(table.COMPLETE_SEQUENCE)
-    async def complete_sequence(self, call: Call[None]) -> Reply:
-        """Mark an order sequence complete."""
+    async def _complete_sequence(self, call: Call[None]) -> Reply:
         return Reply(await self._sequences.complete(call.name, seen=call.seen))
 
     @_does(table.LIST_VEHICLES)
-    async def list_vehicles(self, call: Call[VehiclesQuery]) -> Reply:
-        """List vehicles, those of the plant model first."""
+    async def _list_vehicles(self, call: Call[VehiclesQuery]) -> Reply:
         query = call.request
         states, processing = (
             query.state or tuple(VehicleState),
@@ -200,25 +188,21 @@ class HostOperations:
         return Reply(VehicleList(vehicles=page, next=page[-1].name if len(found) > query.limit else None))
 
     @_does(table.SHOW_VEHICLE)
-    async def show_vehicle(self, call: Call[None]) -> Reply:
-        """Return a vehicle."""
+    async def _show_vehicle(self, call: Call[None]) -> Reply:
         return Reply(self._orders.vehicle(call.name))
 
     @_does(table.INTEGRATION_LEVEL)
-    async def set_integration_level(self, call: Call[IntegrationLevelRequest]) -> Reply:
-        """Set the integration level of a vehicle."""
+    async def _set_integration_level(self, call: Call[IntegrationLevelRequest]) -> Reply:
         level = call.request.integration_level
         return Reply(await self._orders.set_integration_level(call.name, level))
 
     @_does(table.ORDER_TYPES)
-    async def accept_order_types(self, call: Call[OrderTypesRequest]) -> Reply:
-        """Set the types of orders that a vehicle accepts."""
+    async def _accept_order_types(self, call: Call[OrderTypesRequest]) -> Reply:
         types = call.request.acceptable_order_types
         return Reply(await self._orders.accept_order_types(call.name, types))
 
     @_does(table.DISPATCH)
-    async def dispatch(self, call: Call[DispatchRequest]) -> Reply:
-        """Send a vehicle somewhere by a transport order that only it may do."""
+    async def _dispatch(self, call: Call[DispatchRequest]) -> Reply:
         asked = call.request
         self._orders.vehicle(call.name)
         order, new = await self._orders.create(
@@ -243,58 +227,47 @@ class HostOperations:
         return Reply(_instant_action_answer(action, end), HTTPStatus.OK if end else HTTPStatus.ACCEPTED)
 
     @_does(table.REROUTE)
-    async def reroute(self, call: Call[ReroutingRequest]) -> Reply:
-        """Replan the route of a vehicle's current order."""
+    async def _reroute(self, call: Call[ReroutingRequest]) -> Reply:
         return Reply(await self._orders.reroute(call.name, call.request.type))
 
     @_does(table.LIST_PATHS)
-    async def list_paths(self, _: Call[None]) -> Reply:
-        """List the paths."""
+    async def _list_paths(self, _: Call[None]) -> Reply:
         return Reply(PathList(paths=self._locks.all()))
 
     @_does(table.SHOW_PATH)
-    async def show_path(self, call: Call[None]) -> Reply:
-        """Return a path."""
+    async def _show_path(self, call: Call[None]) -> Reply:
         return Reply(self._locks.get(call.name))
 
     @_does(table.LOCK_PATH)
-    async def lock_path(self, call: Call[PathLockRequest]) -> Reply:
-        """Lock or unlock a path."""
+    async def _lock_path(self, call: Call[PathLockRequest]) -> Reply:
         return Reply(await self._locks.set(call.name, locked=call.request.locked))
 
     @_does(table.LIST_ZONE_SETS)
-    async def list_zone_sets(self, _: Call[None]) -> Reply:
-        """List the zone sets."""
+    async def _list_zone_sets(self, _: Call[None]) -> Reply:
         return Reply(ZoneSetList(zone_sets=self._zones.all()))
 
     @_does(table.SHOW_ZONE_SET)
-    async def show_zone_set(self, call: Call[None]) -> Reply:
-        """Return a zone set's status at the robots."""
+    async def _show_zone_set(self, call: Call[None]) -> Reply:
         return Reply(self._zones.get(call.name))
 
     @_does(table.PUT_ZONE_SET)
-    async def put_zone_set(self, call: Call[ZoneSet]) -> Reply:
-        """Store a zone set and send it to the robots."""
+    async def _put_zone_set(self, call: Call[ZoneSet]) -> Reply:
         return Reply(await self._zones.put(call.request))
 
     @_does(table.ENABLE_ZONE_SET)
-    async def enable_zone_set(self, call: Call[None]) -> Reply:
-        """Enable a zone set at the robots."""
+    async def _enable_zone_set(self, call: Call[None]) -> Reply:
         return Reply(await self._zones.enable(call.name))
 
     @_does(table.DELETE_ZONE_SET)
-    async def delete_zone_set(self, call: Call[None]) -> Reply:
-        """Delete a zone set at the robots."""
+    async def _delete_zone_set(self, call: Call[None]) -> Reply:
         return Reply(await self._zones.delete(call.name))
 
     @_does(table.SUMMARISE)
-    async def summarise(self, _: Call[None]) -> Reply:
-        """Count unfinished orders and vehicles by state."""
+    async def _summarise(self, _: Call[None]) -> Reply:
         return Reply(await self._orders.summary())
 
     @_does(table.SHOW_TRAFFIC_PLAN)
-    async def show_traffic_plan(self, _: Call[None]) -> Reply:
-        """Return the plan of the next minute."""
+    async def _show_traffic_plan(self, _: Call[None]) -> Reply:
         return Reply(await self._orders.traffic_plan())
 
     def _parameters(self, vehicle: str, asked: InstantActionRequest) -> tuple[ActionParameter, ...]:
