@@ -47,7 +47,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.fixture(scope="session")
 def publications() -> Iterator[Publications]:
-    """Give what is watched of all messages that this process writes."""
+    """Yield the check of all messages that this process writes."""
     with watched() as found:
         yield found
 
@@ -62,9 +62,10 @@ def schemas_kept(publications: Publications) -> Iterator[None]:
 
 @pytest.fixture(autouse=True)
 def own_logging() -> Iterator[None]:
-    """Let each test configure logging; what was set before comes back after it.
+    """Restore the logging configuration after each test.
 
-    Programs configure it for their process: in a test, for a stream that is closed when the test has ended.
+    Programs configure logging for their process: in a test, for a stream that is closed when the test has
+    ended.
     """
     root = logging.getLogger()
     handlers, level, config = root.handlers[:], root.level, structlog.get_config()
@@ -76,7 +77,7 @@ def own_logging() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def broker() -> Iterator[Broker]:
-    """Give a Mosquitto that many tests share: take topics of your own, see ``interface_name``."""
+    """Yield a Mosquitto shared by many tests: use separate topics, see ``interface_name``."""
     broker = Broker()
     yield broker
     broker.close()
@@ -84,7 +85,7 @@ def broker() -> Iterator[Broker]:
 
 @pytest.fixture
 def own_broker() -> Iterator[Broker]:
-    """Give a Mosquitto that the test may kill, restart, freeze and thaw."""
+    """Yield a Mosquitto that the test may kill, restart, freeze and thaw."""
     broker = Broker()
     yield broker
     broker.close()
@@ -92,7 +93,7 @@ def own_broker() -> Iterator[Broker]:
 
 @pytest.fixture(scope="session")
 def postgres_server() -> Iterator[Postgres]:
-    """Give a PostgreSQL that many tests share; it holds what the test before has left, see ``postgres``."""
+    """Yield a PostgreSQL shared by many tests; it has the content of the previous test, see ``postgres``."""
     made = Postgres()
     yield made
     made.close()
@@ -100,14 +101,14 @@ def postgres_server() -> Iterator[Postgres]:
 
 @pytest.fixture
 def postgres(postgres_server: Postgres) -> Postgres:
-    """Give an empty PostgreSQL."""
+    """Return an empty PostgreSQL."""
     postgres_server.empty()
     return postgres_server
 
 
 @pytest.fixture
 def own_postgres() -> Iterator[Postgres]:
-    """Give a PostgreSQL that the test may stop and start."""
+    """Yield a PostgreSQL that the test may stop and start."""
     made = Postgres()
     yield made
     made.close()
@@ -115,15 +116,15 @@ def own_postgres() -> Iterator[Postgres]:
 
 @pytest.fixture
 def interface_name() -> str:
-    """Give a first topic level that no other test uses."""
+    """Return a first topic level that no other test uses."""
     return f"test-{uuid4().hex[:12]}"
 
 
 @pytest.fixture
 def unmeasured(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let programs that a test starts run at their own speed; measuring their coverage takes as much again.
+    """Disable coverage in the programs that a test starts; measuring it doubles their CPU time.
 
-    It is for tests of whole sites, whose programs others have measured.
+    Use it in tests of whole sites, whose programs are measured by other tests.
     """
     monkeypatch.delenv("COVERAGE_PROCESS_CONFIG", raising=False)
 
@@ -139,7 +140,7 @@ def domain_id() -> Iterator[int]:
 
 @pytest.fixture
 def issuer() -> Iterator[OidcIssuer]:
-    """Run an OpenID Connect issuer on loopback, which stands in for Keycloak and its like."""
+    """Run an OpenID Connect issuer on loopback in place of Keycloak and the like."""
     from support.oidc_issuer import oidc_issuer  # noqa: PLC0415 - loads what only its tests need
 
     with oidc_issuer() as made:

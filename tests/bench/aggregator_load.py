@@ -40,7 +40,7 @@ LITTLE_CPU = 0.02
 
 
 async def measure(folder: Path, seconds: float) -> dict[str, Any]:
-    """Run aggregators of its own; give all figures, and which of the targets they keep to."""
+    """Run separate aggregators; return all figures, and which of the targets they meet."""
     async with _aggregator(folder) as (port, pid, url):
         load = await asyncio.to_thread(_measure_load, port, pid, url, seconds)
     async with _aggregator(folder / "events") as (port, _, url):
@@ -74,7 +74,7 @@ def _targets(figures: dict[str, Any]) -> dict[str, Any]:
 
 @asynccontextmanager
 async def _aggregator(folder: Path) -> AsyncIterator[tuple[int, int, str]]:
-    """Start a broker and an aggregator; give the broker's port, the aggregator's pid and its URL."""
+    """Start a broker and an aggregator; yield the broker's port, the aggregator's pid and its URL."""
     async with Processes(folder) as processes:
         port, http_port = free_port(), free_port()
         await start_broker(processes, port, "mosquitto")
@@ -154,7 +154,7 @@ def _cost(
     *,
     url: str,
 ) -> Figures:
-    """Give the CPU that each process takes per state, µs, and how many times the yardstick's that is."""
+    """Return the CPU that each process takes per state, µs, and its ratio to the yardstick's."""
     before = cpu_of_each(processes)
     sender.send(number, rate)
     _wait_for_quiet(processes, resting)
@@ -166,7 +166,7 @@ def _cost(
 
 
 def _half_second(processes: dict[str, int]) -> dict[str, float]:
-    """Give the CPU, s, that each process takes in half a second."""
+    """Return the CPU, s, that each process takes in half a second."""
     before = cpu_of_each(processes)
     pass_time(LOOK_EVERY)
     after = cpu_of_each(processes)
@@ -193,7 +193,7 @@ def _wait_for_count(url: str, number: int) -> None:
 
 
 def _scrapes(pid: int, url: str) -> Figures:
-    """Give what a scrape costs the aggregator as a whole, HTTP included, and how much it says."""
+    """Return the total cost of a scrape for the aggregator, HTTP included, and its size."""
     before = cpu_of(pid)
     for _ in range(SCRAPES):
         text = httpx.get(f"{url}/metrics").text
@@ -205,7 +205,7 @@ def _scrapes(pid: int, url: str) -> Figures:
 
 
 def _metric(url: str, name: str) -> float:
-    """Give a metric's value for states."""
+    """Return a metric's value for states."""
     families = text_string_to_metric_families(httpx.get(f"{url}/metrics").text)
     return next(
         sample.value

@@ -1,7 +1,7 @@
-"""The yardstick of (d), (i) and (k): bare rclpy with the six subscriptions of the agent, and nothing more.
+"""The yardstick of (d), (i) and (k): bare rclpy with the six subscriptions of the agent.
 
-Run as a process of its own: ``bench.bare_node DOMAIN_ID NAMESPACE``; says when it is ready, and ends when its
-input closes.
+Run in a separate process: ``bench.bare_node DOMAIN_ID NAMESPACE``; reports when it is ready, and exits when
+its input closes.
 """
 
 from __future__ import annotations

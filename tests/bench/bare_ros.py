@@ -1,4 +1,4 @@
-"""A bare rclpy node in a process of its own, as a yardstick: it listens until its input closes."""
+"""A bare rclpy node in a separate process, as a yardstick: it listens until its input closes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ END_SECONDS = 5.0
 
 
 def run_node(name: str, *, domain_id: int, namespace: str, prepare: Callable[[Node], object]) -> None:
-    """Spin a node with what ``prepare`` gives it; says when it is ready, returns when the input closes."""
+    """Spin a node prepared by ``prepare``; report when it is ready, return when the input closes."""
     context = Context()
     rclpy.init(context=context, domain_id=domain_id)
     node = rclpy.create_node(name, namespace=namespace, context=context)

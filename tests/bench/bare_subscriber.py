@@ -1,7 +1,7 @@
-"""The yardstick of CPU per state: bare paho that parses the JSON of each state, and nothing more.
+"""The yardstick of CPU per state: bare paho that parses the JSON of each state.
 
-Run as a process of its own: ``bench.bare_subscriber PORT``; says for each line of its input how many states
-have come, and ends when its input closes.
+Run in a separate process: ``bench.bare_subscriber PORT``; prints for each line of its input how many states
+have arrived, and exits when its input closes.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class BareSubscriber:
         self.pid = process.pid
 
     def count(self) -> int:
-        """Give how many states it has parsed."""
+        """Return how many states it has parsed."""
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._process.stdin.write("\n")

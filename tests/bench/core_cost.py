@@ -55,7 +55,7 @@ def _long_order() -> Order:
 
 
 def _state_under_way(version: str) -> State:
-    """Give a state of some 4 KB: an order of which a part is left."""
+    """Return a state of some 4 KB: an order of which a part is left."""
     bench = Bench(rules=RULES[version])
     names = [f"n{number}" for number in range(21)]
     bench.send(order(*names, node_actions={name: [action(f"a-{name}", "HARD")] for name in names[5::5]}))
@@ -63,7 +63,7 @@ def _state_under_way(version: str) -> State:
 
 
 def _accepting(version: str, sent: Order) -> float:
-    """Let as many idle robots take the order."""
+    """Make as many idle robots accept the order; return the time."""
 
     def accepted() -> float:
         benches = [Bench(rules=RULES[version]) for _ in range(TIMES)]
@@ -76,7 +76,7 @@ def _accepting(version: str, sent: Order) -> float:
 
 
 def _building(version: str, sent: Order) -> float:
-    """Let a robot come along its order, and build a state at each node."""
+    """Drive a robot along its order, and build a state at each node; return the time."""
 
     def built() -> float:
         bench, spent, states = Bench(rules=RULES[version]), 0.0, 0

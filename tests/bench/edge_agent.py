@@ -50,7 +50,7 @@ START = 2.0
 
 
 async def measure(folder: Path, samples: int, seconds: float) -> dict[str, Any]:
-    """Give all figures; the latencies are medians of several runs, each with an agent of its own."""
+    """Return all figures; the latencies are medians of several runs, each with a new agent."""
     runs, memory = [], []
     for number in range(RUNS):
         async with _broker(folder / f"latency-{number}") as (processes, port):
@@ -109,7 +109,9 @@ domain_id = {DOMAIN_ID}
 
 
 async def _idle(processes: Processes, port: int, seconds: float) -> dict[str, Any]:
-    """(i), and the yardstick of (d): a robot that stands, with poses alone and with odometry as well."""
+    """Measure (i), and the yardstick of (d): a robot at standstill, with poses alone and with odometry as
+    well.
+    """
     agent = await _start_agent(processes, port, "interval = { state_maximum = 1.0 }")
     fleet = FleetControl(port, ROBOT)
     figures: dict[str, Any] = {}

@@ -41,7 +41,7 @@ _FOLLOW = """() => {
 
 
 async def measure(port: int, url: str, seconds: float) -> dict[str, Any]:
-    """Publish for ``seconds`` while clients follow; give the latencies at all of them, and at the page."""
+    """Publish for ``seconds`` while clients follow; return the latencies at all of them, and at the page."""
     wire = Wire(port, "bench-latency", ())
     for number in range(ROBOTS):
         publish(wire, number, 0)

@@ -9,7 +9,7 @@ Figures = dict[str, float]
 
 
 def milliseconds(samples: Sequence[float]) -> Figures:
-    """Give median, 99th percentile, least and most of ``samples`` (s) in ms, and how many they are."""
+    """Return median, 99th percentile, minimum, maximum and count of ``samples`` (s) in ms."""
     hundredths = quantiles(samples, n=100, method="inclusive")
     return {
         "samples": len(samples),
@@ -21,15 +21,15 @@ def milliseconds(samples: Sequence[float]) -> Figures:
 
 
 def ratio(one: Figures, other: Figures) -> Figures:
-    """Give how many times as long ``one`` takes as ``other``."""
+    """Return the ratio of ``one`` to ``other``."""
     return {key: round(one[f"{key}_ms"] / other[f"{key}_ms"], 2) for key in ("p50", "p99")}
 
 
 def within(value: float, target: float) -> dict[str, float | bool]:
-    """Give a figure with the most that it may be, and whether it keeps to it."""
+    """Return a figure with its maximum, and whether it is within it."""
     return {"value": value, "target": target, "met": value <= target}
 
 
 def at_least(value: float, target: float) -> dict[str, float | bool]:
-    """Give a figure with the least that it may be, and whether it keeps to it."""
+    """Return a figure with its minimum, and whether it reaches it."""
     return {"value": value, "target": target, "met": value >= target}

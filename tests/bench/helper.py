@@ -1,4 +1,4 @@
-"""Processes of the benchmark's own beside those that are measured: they say when they are ready."""
+"""Helper processes of the benchmark beside the measured ones: they report when they are ready."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The plant of the order service's benchmarks: each robot has a lane of its own, two points and both ways."""
+"""The plant of the order service's benchmarks: each robot has its own two-way lane of two points."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def end_of(number: int, end: int) -> str:
 
 
 def start_of(number: int) -> Start:
-    """Give where a robot stands at first."""
+    """Return the start position of a robot."""
     return Start(robot(number), end_of(number, 0), 0.0, float(number * APART_M), MAP_ID)
 
 
@@ -103,7 +103,7 @@ class Hall:
     robots: int
 
     def wait_for_robots(self) -> None:
-        """Wait until every robot could take an order, or has one that was stored."""
+        """Wait until every robot can accept an order, or has one that was stored."""
 
         def all_there() -> bool:
             vehicles = httpx.get(f"{self.url}/v1/vehicles", timeout=READY_SECONDS).json()["vehicles"]
@@ -113,11 +113,11 @@ class Hall:
         wait_until(all_there, timeout=READY_SECONDS, what="every robot is there", every=LOOK_EVERY)
 
     def cpu(self) -> float:
-        """Give the seconds of CPU that the order service has taken."""
+        """Return the CPU time of the order service, seconds."""
         return cpu_of(self.pid)
 
     def rss_mb(self) -> float:
-        """Give its resident memory."""
+        """Return its resident memory, MB."""
         return rss_mb_of(self.pid)
 
 

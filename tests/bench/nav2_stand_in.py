@@ -1,4 +1,4 @@
-"""Stands for Nav2 and AMCL at the far end of the agent: notes when goals come, and ends them when told.
+"""Replaces Nav2 and AMCL for the agent: notes when goals arrive, and ends them on request.
 
 In the process of the benchmark, for some namespaces of one domain. The robot is wherever it was sent.
 """
@@ -55,11 +55,11 @@ class Nav2StandIn:
         self._thread.start()
 
     def place(self, x: float, y: float) -> None:
-        """Put the robot there, m; its pose says so from now on."""
+        """Put the robot at a position, m, and publish its pose there."""
         self._place = (x, y)
 
     def joined(self, namespace: str) -> bool:
-        """Tell whether somebody gives goals there and follows them."""
+        """Return whether an agent sends goals there and follows them."""
         goals = self._node.count_publishers(f"/{namespace}/goal_pose")
         return bool(goals and self._statuses[namespace].get_subscription_count())
 

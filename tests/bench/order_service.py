@@ -33,7 +33,7 @@ PAGE = 1000
 
 
 async def measure(folder: Path, samples: int, seconds: float) -> dict[str, Any]:
-    """Run order services of its own; give all figures, and which of the targets they keep to."""
+    """Run separate order services; return all figures, and which of the targets they meet."""
     async with lanes(folder / "finishing", FINISHING) as hall:
         finishing = await asyncio.to_thread(_finishing, hall, samples)
     async with lanes(folder / "fleet", FLEET) as hall:
@@ -81,7 +81,7 @@ def _states(hall: Hall, seconds: float) -> dict[str, Any]:
 
 
 def _memory(hall: Hall, seconds: float) -> dict[str, Any]:
-    """Have robots work and report over the stored orders, and a host read all of them."""
+    """Make robots work and report over the stored orders, and a host read all of them."""
     at_start = hall.rss_mb()
     robots = DrivingRobots(hall.port, tuple(map(start_of, range(hall.robots))))
     hall.wait_for_robots()

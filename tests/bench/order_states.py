@@ -1,4 +1,4 @@
-"""What states of a large fleet under way cost the order service, and how soon it tells what they say."""
+"""Cost of states of a large fleet under way at the order service, and the delay of its statuses."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ CHARGES = tuple(range(40, 80))
 
 
 def measure(hall: Hall, robots: DrivingRobots, seconds: float) -> dict[str, Any]:
-    """Have every robot drive for an order and report at 1 Hz for ``seconds``."""
+    """Make every robot drive for an order and report at 1 Hz for ``seconds``."""
     _give_orders(hall, robots)
     said = {number: robots.messages(robot(number)) for number in range(hall.robots)}
     with bare_subscriber(hall.port) as bare, _marks(hall.port) as marks:
@@ -60,7 +60,7 @@ def measure(hall: Hall, robots: DrivingRobots, seconds: float) -> dict[str, Any]
 
 
 def _give_orders(hall: Hall, robots: DrivingRobots) -> None:
-    """Give every robot an order, and wait until all have taken theirs up."""
+    """Create an order for every robot, and wait until all have accepted theirs."""
     with httpx.Client(base_url=hall.url, timeout=WAIT_SECONDS) as client:
         for number in range(hall.robots):
             robots.say_state(robot(number))  # or it would count as silent by now
@@ -71,14 +71,14 @@ def _give_orders(hall: Hall, robots: DrivingRobots) -> None:
 
 
 class _Marks:
-    """When charges of batteries were said, and when they were told."""
+    """Times when battery charges were sent, and when they were published."""
 
     def __init__(self) -> None:
         self.said: dict[tuple[str, int], float] = {}
         self._told: queue.SimpleQueue[float] = queue.SimpleQueue()
 
     def told(self, topic: str, payload: bytes, moment: float) -> None:
-        """Take in the status of a vehicle."""
+        """Handle the status of a vehicle."""
         at = payload.find(b'"energyLevel":')
         if at >= 0:
             charge = int(float(payload[at + 14 : payload.index(b",", at)]))
@@ -87,7 +87,7 @@ class _Marks:
                 self._told.put(moment - said)
 
     def ages(self) -> list[float]:
-        """Give the seconds from each state to the status that tells of it."""
+        """Return the seconds from each state to its status."""
         return [self._told.get() for _ in range(self._told.qsize())]
 
 

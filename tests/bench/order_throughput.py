@@ -21,7 +21,7 @@ WAIT_SECONDS = 300.0
 
 
 def measure(hall: Hall, robots: InstantRobots, orders: int) -> dict[str, Any]:
-    """Give ``orders`` over REST as fast as they are answered, and wait until the end of each is told."""
+    """Create ``orders`` over REST as fast as they are answered, and wait for the end of each."""
     ends = _Ends(hall.port, orders)
     numbers = iter(range(orders))
     lock = threading.Lock()
@@ -82,7 +82,7 @@ def _sent(robots: InstantRobots) -> Counter[str]:
 
 
 class _Ends:
-    """Counts the orders whose good end is told over MQTT."""
+    """Counts the orders whose successful end is published over MQTT."""
 
     def __init__(self, port: int, wanted: int) -> None:
         self._wanted = wanted

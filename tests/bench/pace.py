@@ -1,4 +1,4 @@
-"""The pace of a load: so many a second, however long each takes to send."""
+"""The pace of a load: a fixed number per second, however long each takes to send."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from support.pausing import pass_time, time_passes
 
 
 class Pace:
-    """``rate`` a second from now on; what is late is made up for."""
+    """Runs at ``rate`` per second; delays are caught up."""
 
     def __init__(self, rate: float) -> None:
         self._start = time.perf_counter()

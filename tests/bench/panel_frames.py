@@ -31,10 +31,10 @@ _ROBOTS_SHOWN = "(wanted) => document.querySelector('nena-fleet-map').store?.rob
 
 
 async def measure(port: int, url: str, seconds: float) -> dict[str, Any]:
-    """Give the frames per second: map moved, map at rest, and those of an empty page, the yardstick.
+    """Return the frames per second: map moved, map at rest, and those of an empty page, the yardstick.
 
-    What others do on the machine slows all of them down; ``moved_per_busy_second`` counts the frames per
-    second of the page's own processor time instead.
+    Other work on the machine slows all of them down; ``moved_per_busy_second`` counts the frames per second
+    of the page's own processor time instead.
     """
     wire = Wire(port, "bench-frames", ())
     plant = read(sample_plant_path().read_bytes()).model
@@ -68,7 +68,7 @@ async def measure(port: int, url: str, seconds: float) -> dict[str, Any]:
 
 
 async def _frames(page: Page, seconds: float, *, move: bool) -> float:
-    """Give the median of some runs."""
+    """Return the median of some runs."""
     runs = [await frames_per_second(page, seconds / RUNS, move=move) for _ in range(RUNS)]
     return round(sorted(runs)[RUNS // 2], 1)
 

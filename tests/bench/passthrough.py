@@ -1,7 +1,7 @@
 """The yardstick of (b) and (h): MQTT in, goal_pose out; a status in, a message of a state's size out.
 
-Bare paho and rclpy, and nothing in between. Run as a process of its own: ``bench.passthrough PORT DOMAIN_ID
-NAMESPACE TOPIC ANSWER_TOPIC SIZE``; ends when its input closes.
+Bare paho and rclpy. Run in a separate process: ``bench.passthrough PORT DOMAIN_ID NAMESPACE TOPIC
+ANSWER_TOPIC SIZE``; exits when its input closes.
 """
 
 from __future__ import annotations

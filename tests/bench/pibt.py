@@ -1,12 +1,12 @@
 """The yardstick of the traffic benchmark: priority inheritance with backtracking (PIBT) in lock-step.
 
 Okumura, Machida, Défago, Tamura: Priority Inheritance with Backtracking for Iterative Multi-agent Path
-Finding, Artificial Intelligence 310 (2022). All robots move at once from point to point. A step takes as long
-as a path takes on average on the ways between stations. What takes longer than that, the work at stations
-and, if asked for, turning, is a debt of time: who owes a step stands still for one.
+Finding, Artificial Intelligence 310 (2022). All robots move at once from point to point. A step takes the
+average time of a path on the routes between stations. Longer times, the work at stations and, if requested,
+turning, are a debt: a robot that owes a step stands still for one.
 
-Beyond the paper, robots in a dead end go first: else one that wants to enter it and one that wants to leave
-it wait for each other for good.
+Beyond the paper, robots in a dead end go first: otherwise one that wants to enter it and one that wants to
+leave it wait for each other for ever.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Road:
 
 
 class Roads:
-    """The plant as lock-step and bound see it: points, and what it takes to get from one to the next."""
+    """The plant for lock-step and bound: points, and the time from one to the next."""
 
     def __init__(self, hall: Hall) -> None:
         self.of: dict[str, list[Road]] = {each.name: [] for each in hall.plant.points}
@@ -124,14 +124,14 @@ class LockStep:
         self.seconds = fmean(road.seconds for way in ways for road in way)
 
     def run(self, minutes: float) -> int:
-        """Go on for so long; returns how many orders were finished."""
+        """Run for so many minutes; return how many orders were finished."""
         before = self.finished
         for _ in range(round(minutes * 60 / self.seconds)):
             self.step()
         return self.finished - before
 
     def step(self) -> None:
-        """Let all robots move, or stand, once."""
+        """Move all robots by one step."""
         self.steps += 1
         self._here = {each.at: each for each in self.agents}
         self._taken: set[str] = set()

@@ -12,7 +12,7 @@ LOOK_EVERY = 0.1
 
 
 def wait_until_ready(url: str) -> None:
-    """Keep the thread waiting until the service at ``url`` says that it is ready."""
+    """Block the thread until the service at ``url`` is ready."""
 
     def ready() -> bool:
         try:

@@ -32,7 +32,9 @@ def measure(
     samples: int,
     order: Callable[[int], dict[str, Any]] = to_demo_robot,
 ) -> dict[str, Figures]:
-    """Give one order after the other to robots that finish at once, an echo over the broker after each."""
+    """Create one order after the other for robots that finish at once, with an echo over the broker after
+    each.
+    """
     answered, on_wire, echoed = [], [], []
     echo = _Echo(broker_port)
     with httpx.Client(base_url=rest_url, timeout=WAIT_SECONDS) as client:
@@ -55,7 +57,7 @@ def measure(
 
 
 def _sent(robots: InstantRobots, name: str) -> float:
-    """Give when the order was on the wire; robots that only make room for others get orders too."""
+    """Return when the order was on the wire; robots that only make room for others get orders too."""
     while True:
         _, order_id, moment = robots.orders.get(timeout=WAIT_SECONDS)
         if order_id.startswith(f"{name}-"):

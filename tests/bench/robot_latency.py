@@ -57,14 +57,14 @@ class FleetControl:
         self.wire = Wire(port, f"bench-fleet-control-{robot.serial_number}", topics, self._on_message)
 
     def give_order(self, here: Place, there: Place) -> str:
-        """Publish an order from one place to another; give its id."""
+        """Publish an order from one place to another; return its ID."""
         order_id = f"bench-{uuid.uuid4().hex[:8]}"
         payload = CODEC.encode(self._order(order_id, here, there))
         self.wire.publish(SCHEME.of(self._robot, Topic.ORDER), payload)
         return order_id
 
     def wait_until(self, found: Callable[[State], object]) -> tuple[bytes, float]:
-        """Wait for a state of that kind; give it and the moment at which it came."""
+        """Wait for a state of that kind; return it and its time of arrival."""
         end = time.perf_counter() + WAIT_SECONDS
         while time.perf_counter() < end:
             payload, moment = self._states.get(timeout=WAIT_SECONDS)
@@ -85,7 +85,7 @@ class FleetControl:
         self.wire.publish(PASS_TOPIC, json.dumps({"x": place[1], "y": place[2]}).encode())
 
     def passed_back(self) -> float:
-        """Wait for what the bare pass-through sends, and give the moment at which it came."""
+        """Wait for a message of the bare pass-through, and return its time of arrival."""
         return self._passed.get(timeout=WAIT_SECONDS)
 
     def _on_message(self, topic: str, payload: bytes, moment: float) -> None:
@@ -137,7 +137,7 @@ class _Disk:
         self._record = b"x" * 16384
 
     def write(self) -> float:
-        """Write and wait; give the seconds."""
+        """Write and sync; return the seconds."""
         start = time.perf_counter()
         os.pwrite(self._file.fileno(), self._record, 0)
         os.fdatasync(self._file.fileno())
@@ -159,7 +159,7 @@ class _Run:
         self.bare_to_state: list[float] = []
 
     def drive(self, here: Place, there: Place) -> bytes:
-        """Send one order through the agent; give the last state."""
+        """Send one order through the agent; return the last state."""
         start = time.perf_counter()
         order_id = self._fleet.give_order(here, there)
         self.to_goal.append(self._nav2.goals[self._namespace].get(timeout=WAIT_SECONDS) - start)
@@ -223,7 +223,7 @@ def measure(
 
 
 def ready(state: State) -> object:
-    """Tell whether the robot knows where it is and reports no error."""
+    """Return whether the robot is localised and reports no error."""
     position = state.mobile_robot_position
     return position and position.localized and not state.errors
 
@@ -234,7 +234,7 @@ def _beside(samples: list[float], bare: list[float]) -> dict[str, Figures]:
 
 
 def medians(runs: Sequence[Mapping[str, Any]], figure: str) -> dict[str, Any]:
-    """Give the medians of a figure over several runs, and whether the ratios keep to the target."""
+    """Return the medians of a figure over several runs, and whether the ratios meet the target."""
     agent, bare, ratios = (
         middle([run[figure][part] for run in runs]) for part in ("agent", "bare_pass_through", "ratio")
     )
@@ -247,5 +247,5 @@ def medians(runs: Sequence[Mapping[str, Any]], figure: str) -> dict[str, Any]:
 
 
 def middle(runs: Sequence[Figures]) -> Figures:
-    """Give the median of each figure over several runs."""
+    """Return the median of each figure over several runs."""
     return {key: round(median(run[key] for run in runs), 3) for key in runs[0]}

@@ -25,7 +25,7 @@ WAY_LENGTH = 20
 
 @dataclass
 class Start:
-    """Where a robot stands at first: a point of the plant, m."""
+    """Start position of a robot: a point of the plant, m."""
 
     serial_number: str
     node_id: str
@@ -117,10 +117,10 @@ class InstantRobots:
 
 
 class DrivingRobots(InstantRobots):
-    """Robots that take an order up and are on their ways from then on; their states are long."""
+    """Robots that accept an order and are under way from then on; their states are long."""
 
     def messages(self, serial: str) -> bytes:
-        """Give the robot's state as it is, to be said with other header ids and places."""
+        """Return the robot's state, to be sent with other header IDs and places."""
         return CODEC.encode(self._states[serial])
 
     def _on_order(self, topic: str, payload: bytes, moment: float) -> None:
@@ -141,7 +141,7 @@ class DrivingRobots(InstantRobots):
 
 
 def node_states() -> tuple[NodeState, ...]:
-    """Give the nodes that are left of a long way."""
+    """Return the remaining nodes of a long route."""
     return tuple(
         NodeState(
             node_id=f"node-{index}",
@@ -154,7 +154,7 @@ def node_states() -> tuple[NodeState, ...]:
 
 
 def edge_states() -> tuple[EdgeState, ...]:
-    """Give the edges that are left of it."""
+    """Return the remaining edges of a long route."""
     return tuple(
         EdgeState(edge_id=f"node-{index} --- node-{index + 1}", sequence_id=2 * index + 1, released=True)
         for index in range(WAY_LENGTH - 1)
@@ -162,7 +162,7 @@ def edge_states() -> tuple[EdgeState, ...]:
 
 
 def _factsheet(robot: RobotKey) -> Factsheet:
-    """Make the factsheet of a robot that takes orders as fast as they come."""
+    """Make the factsheet of a robot that accepts orders at any rate."""
     made = factsheet(robot=robot)
     timing = made.protocol_limits.timing.model_copy(update={"minimum_order_interval": 0.0})
     limits = made.protocol_limits.model_copy(update={"timing": timing})
@@ -170,5 +170,5 @@ def _factsheet(robot: RobotKey) -> Factsheet:
 
 
 def now() -> float:
-    """Give the clock that all moments of a benchmark are of."""
+    """Return the time on the clock of all measurements of a benchmark."""
     return time.perf_counter()

@@ -44,7 +44,7 @@ STARTS = (
 
 
 async def main() -> None:
-    """Run what was asked for and write the figures."""
+    """Run the requested benchmarks and write the figures."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--output", type=Path, default=Path("bench.json"))
     parser.add_argument(

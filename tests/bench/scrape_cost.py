@@ -29,7 +29,7 @@ SERIES = 20
 
 
 class _LoopWatch:
-    """Takes every turn of the event loop, and notes the longest CPU time between two."""
+    """Runs in every turn of the event loop, and notes the longest CPU time between two."""
 
     def __init__(self) -> None:
         self.longest = 0.0
@@ -71,7 +71,7 @@ async def measure(robots: int) -> Figures:
 
 
 async def _scrape(url: str) -> float:
-    """Give the CPU time of the event loop's thread that a scrape takes, s."""
+    """Return the CPU time of the event loop's thread for a scrape, s."""
     before = time.thread_time()
     await asyncio.to_thread(_get, url)
     return time.thread_time() - before
@@ -94,7 +94,7 @@ def _aggregator(robots: int) -> Aggregator:
 
 
 def _generate_latest(robots: int) -> float:
-    """Give what the client library takes to write as many gauges, s of CPU."""
+    """Return the client library's time to write as many gauges, s of CPU."""
     registry = CollectorRegistry()
     for number in range(SERIES):
         gauge = Gauge(f"bench_{number}", "A gauge.", ("manufacturer", "serial_number"), registry=registry)

@@ -1,6 +1,6 @@
-"""(l): what 200 starts and stops of the ROS session cost and leave, beside as many bare rclpy nodes.
+"""(l): cost and leftovers of 200 starts and stops of the ROS session, beside as many bare rclpy nodes.
 
-Run as a process of its own, ``bench.sessions DOMAIN_ID CYCLES``, it is the yardstick.
+Run in a separate process, ``bench.sessions DOMAIN_ID CYCLES``, it is the yardstick.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ LEAST = 0.8
 
 
 async def measure(folder: Path) -> dict[str, Any]:
-    """Give the figures of each way to drive."""
+    """Return the figures of each way to drive."""
     return {"s_" + navigation: await _way(folder / navigation, navigation) for navigation in WAYS}
 
 
@@ -45,7 +45,10 @@ async def _way(folder: Path, navigation: Navigation) -> dict[str, Any]:
 
 
 async def _run(folder: Path, navigation: Navigation) -> tuple[float, float]:
-    """Drive once, with programs of their own; give the least speed at nodes, the agent's CPU in percent."""
+    """Drive once, with separate programs.
+
+    Return the minimum speed at nodes, and the agent's CPU in percent.
+    """
     broker = Broker()
     with own_domain_id() as domain_id, RosPeer(domain_id) as peer:
         bench = Bench(broker, "bench", ros=peer, domain_id=domain_id, folder=folder)

@@ -32,7 +32,7 @@ SETTLE_SECONDS = 2.0
 
 
 def measure(port: int, services: dict[str, int], seconds: float) -> dict[str, Figures]:
-    """Publish states of 4 KB for ``seconds``; give the CPU that each process (name to pid) took per state."""
+    """Publish states of 4 KB for ``seconds``; return the CPU per state of each process (name to pid)."""
     with bare_subscriber(port) as bare:
         return _measure(port, {**services, "bare_subscriber": bare.pid}, seconds)
 
@@ -64,7 +64,7 @@ def _measure(port: int, processes: dict[str, int], seconds: float) -> dict[str, 
 
 
 def _publish_states(wire: Wire, seconds: float) -> int:
-    """Publish at the set rate, in small batches; give how many."""
+    """Publish at the set rate, in small batches; return the number."""
     start = time.perf_counter()
     sent = 0
     while (elapsed := time.perf_counter() - start) < seconds:
@@ -82,7 +82,7 @@ def publish(wire: Wire, number: int, header_id: int) -> None:
 
 
 def payload(number: int, header_id: int) -> bytes:
-    """Give a state of a robot on its way."""
+    """Return a state of a robot under way."""
     x = (header_id % 100) / 10
     state = State(
         header_id=header_id,

@@ -1,8 +1,8 @@
-"""Orders per minute of a backlog that never empties, by the programs as they are, with loopback robots.
+"""Orders per minute of a backlog that never empties, by the real programs with loopback robots.
 
-Beside it PIBT in lock-step with the same robots, places and orders, and robots that never meet. What takes
-too long here, and what goes wrong on purpose, is simulated by the same programs under accelerated time; the
-cases that are both measured and simulated show how far these agree.
+Beside it PIBT in lock-step with the same robots, places and orders, and robots that never meet. Long cases,
+and those with faults, are simulated by the same programs under accelerated time; cases that are both measured
+and simulated show how far these agree.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ class Extent:
 
 
 async def measure(folder: Path, _samples: int, _seconds: float) -> dict[str, Any]:
-    """Give orders per minute of each hall and number of robots beside the yardsticks."""
+    """Return orders per minute of each hall and number of robots beside the yardsticks."""
     extent, found = Extent(), dict[str, Any]()
     for name, robots in extent.cases():
         hall = HALLS[name]()
@@ -116,7 +116,7 @@ async def measure(folder: Path, _samples: int, _seconds: float) -> dict[str, Any
 
 
 def yardsticks(hall: Hall, robots: int) -> dict[str, float]:
-    """Give orders per minute of PIBT and of robots that never meet, without and with time to turn."""
+    """Return orders per minute of PIBT and of robots that never meet, without and with time to turn."""
     return {
         "pibt": round(orders_per_minute(hall, robots), 1),
         "pibt_turning": round(orders_per_minute(hall, robots, turns=True), 1),

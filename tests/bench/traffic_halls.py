@@ -1,4 +1,4 @@
-"""The halls of the traffic benchmark: plant models, their stations, and where robots stand at first."""
+"""The halls of the traffic benchmark: plant models, their stations, and the robots' start positions."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Hall:
         return {name: self.plant.location(name).links[0].point for name in self.stations}
 
     def starts(self, robots: int) -> tuple[Point, ...]:
-        """Choose by lot where robots stand at first, not at stations; the same for a number each time."""
+        """Return random start positions, not at stations; the same for a number each time."""
         taken = set(self.station_points.values())
         free = [point for point in self.plant.points if point.name not in taken]
         return tuple(Random(robots).sample(free, robots))
@@ -188,7 +188,7 @@ def stations_on_aisles() -> Hall:
 
 @cache
 def stations_on_spurs() -> Hall:
-    """Return the same hall with each station on a spur of its own beside the aisle."""
+    """Return the same hall with each station on its own spur beside the aisle."""
     sketch = Sketch()
     _grid(sketch)
     spurs = []

@@ -40,10 +40,10 @@ class Standing(StrEnum):
 class Clause(BaseModel):
     """A rule of the standard.
 
-    ``id`` is the section of 3.0.0, with a name behind a slash where a section has several rules or sides.
-    ``v2`` is the section of 2.0 and 2.1, ``2.1:`` before it where 2.0 has none, empty where neither has.
-    ``how`` says how every version is spoken; ``in_2``, ``in_2_0``, ``in_2_1``, ``in_3`` take its place where
-    a version differs. A version of which nothing is said does not have the clause.
+    ``id`` is the section of 3.0.0, with a name behind a slash if a section has several rules or sides. ``v2``
+    is the section of 2.0 and 2.1, with ``2.1:`` before it if 2.0 has none, empty if neither has one. ``how``
+    describes the implementation in every version; ``in_2``, ``in_2_0``, ``in_2_1``, ``in_3`` replace it for a
+    version that differs. A version without a text does not have the clause.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -71,14 +71,14 @@ class Clause(BaseModel):
         return self
 
     def in_version(self, version: str) -> str:
-        """Say how the clause is kept in ``version``; empty where the version does not have it."""
+        """Return how the clause is implemented in ``version``; empty if the version does not have it."""
         major, minor = version.split(".")[:2]
         own = self.in_3 if major == "3" else getattr(self, f"in_2_{minor}") or self.in_2
         return own or self.how
 
     @property
     def place(self) -> tuple[tuple[int, ...], bool]:
-        """Where the clause stands among the others; those of one section stay as the catalogue has them."""
+        """Return the sort key of the clause; those of one section keep the catalogue's order."""
         section, _, name = self.id.partition("/")
         return tuple(map(int, section.split("."))), bool(name)
 
@@ -97,11 +97,10 @@ class CatalogueError(Exception):
 
 
 def chapters(folder: Path = FOLDER) -> tuple[Chapter, ...]:
-    """Read the catalogue, by the names of its files.
+    """Read the catalogue, sorted by file name.
 
     Raises:
-        CatalogueError: a clause stands twice.
-
+        CatalogueError: an ID occurs twice.
     """
     found = tuple(
         Chapter.model_validate(tomllib.loads(path.read_text())) for path in sorted(folder.glob("*.toml"))

@@ -1,4 +1,4 @@
-"""Which tests say of themselves that they show a clause; found in their sources, so that none has to run."""
+"""Which tests verify which clause, by their markers; read from their sources, so that none has to run."""
 
 from __future__ import annotations
 
@@ -26,11 +26,10 @@ class MarkerError(Exception):
 
 
 def shown_by_tests(folder: Path = TESTS) -> tuple[Shown, ...]:
-    """Give what each marker says, by file and then as the tests stand in it.
+    """Return the content of each marker, sorted by file and test.
 
     Raises:
-        MarkerError: a marker names its clauses by something else than text.
-
+        MarkerError: a marker's clauses are not string literals.
     """
     return tuple(
         Shown(clause, path.relative_to(folder).as_posix(), test)
@@ -42,7 +41,7 @@ def shown_by_tests(folder: Path = TESTS) -> tuple[Shown, ...]:
 
 
 def _tests_in(scope: ast.Module | ast.ClassDef, path: Path) -> Iterator[tuple[str, list[str]]]:
-    """Give each test of a module or class with its clauses, those of its surroundings first."""
+    """Yield each test of a module or class with its clauses, those of its scope first."""
     around = [clause for node in scope.body if _is_own_mark(node) for clause in _clauses(node, path)]
     for node in scope.body:
         if isinstance(node, ast.ClassDef):
@@ -60,7 +59,7 @@ def _is_own_mark(node: ast.stmt) -> bool:
 
 
 def _case(node: ast.stmt) -> str | None:
-    """Give the name of a state machine that is made a test, as in ``TestX = X.TestCase``."""
+    """Return the name of a state machine used as a test, as in ``TestX = X.TestCase``."""
     if (
         isinstance(node, ast.Assign)
         and isinstance(node.value, ast.Attribute)
@@ -71,7 +70,7 @@ def _case(node: ast.stmt) -> str | None:
 
 
 def _clauses(node: ast.AST, path: Path) -> Iterator[str]:
-    """Give the clauses of every marker within ``node``, also those of single parameters of a test."""
+    """Yield the clauses of every marker within ``node``, including those of single parameters of a test."""
     for call in ast.walk(node):
         if isinstance(call, ast.Call) and ast.unparse(call.func) == _MARKER:
             for argument in call.args:

@@ -27,7 +27,7 @@ def by_clause(shown: Iterable[Shown]) -> Tests:
 
 
 def problems(catalogue: Iterable[Chapter], tests: Tests) -> list[str]:
-    """Say what does not fit together, a sentence each; empty if all does."""
+    """Return what does not match, a sentence each; empty if everything does."""
     clauses = {clause.id: clause for chapter in catalogue for clause in chapter.clause}
     unknown = (
         f"{test.file}::{test.test} shows clause {test.clause}, which is not in the catalogue"
@@ -43,7 +43,7 @@ def problems(catalogue: Iterable[Chapter], tests: Tests) -> list[str]:
 
 
 def document() -> str:
-    """Give the whole text."""
+    """Return the whole text."""
     catalogue, tests = chapters(), by_clause(shown_by_tests())
     parts = [
         (_HERE / "introduction.md").read_text(),

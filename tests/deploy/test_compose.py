@@ -25,7 +25,7 @@ ORDER_WITHIN = 180.0
 
 @pytest.fixture(scope="module")
 def compose() -> Iterator[Compose]:
-    """Give the stack with every profile, after a look at what stands in the default one."""
+    """Yield the stack with every profile, after checking the images of the default one."""
     skip_without_docker()
     project = Compose(IN_POSTGRESQL)
     try:
@@ -40,7 +40,7 @@ def compose() -> Iterator[Compose]:
 
 @pytest.fixture
 async def healthy(compose: Compose) -> Compose:
-    """Give the stack once each health check is content."""
+    """Return the stack once every health check succeeds."""
     await compose.all_healthy(ALL)
     return compose
 
@@ -56,7 +56,7 @@ async def order_ended(compose: Compose, name: str) -> dict[str, Any]:
 
 
 async def stored(compose: Compose, statement: str, row: str) -> None:
-    """Wait until the database where both services keep what they know has a row."""
+    """Wait until the database of both services has a row."""
 
     def rows() -> list[str]:
         done = compose.execute("postgres", "psql", "-U", "nena", "-d", "nena", "-Atc", statement)
@@ -202,7 +202,7 @@ async def test_nothing_listens_beyond_this_machine(healthy: Compose) -> None:
 
 
 async def test_a_robot_with_a_hanging_program_is_unhealthy(healthy: Compose) -> None:
-    """Stands before the last test: it leaves one robot unwell."""
+    """Run before the last test: it leaves one robot unhealthy."""
     healthy.run("kill", "-s", "SIGSTOP", "robot-02")
 
     await until(lambda: healthy.health()["robot-02"] == "unhealthy", timeout=90, what="robot-02 is unhealthy")

@@ -22,13 +22,13 @@ FILES = "docker-compose.yml:docker-compose.site.yml"
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Give where the site is to be."""
+    """Return the folder of the site."""
     return tmp_path_factory.mktemp("nena") / "site"
 
 
 @pytest.fixture(scope="module")
 def compose(folder: Path) -> Iterator[Compose]:
-    """Give a site that the guide's commands have made."""
+    """Yield a site made by the guide's commands."""
     skip_without_docker()
     if os.geteuid():
         pytest.skip("gives files to users of containers, which only root may")
@@ -50,7 +50,7 @@ async def healthy(compose: Compose) -> Compose:
 
 
 def client_at(compose: Compose, port: str, tls: MqttTlsSettings) -> Client:
-    """Give somebody who tries to get into the site's broker, for the plant model."""
+    """Return a client that tries to connect to the site's broker, for the plant model."""
     settings = MqttSettings(
         host="localhost", port=compose.ports[port], tls=tls, reconnect_min=0.05, reconnect_max=0.2
     )

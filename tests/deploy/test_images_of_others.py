@@ -23,7 +23,7 @@ UNLOAD = {"locationName": "Storage", "operation": "Unload cargo"}
 
 
 def is_there(variable: str, instead: str) -> bool:
-    """Tell whether an image can be used, and warn where a program of this machine stands in for it."""
+    """Return whether an image can be used, and warn if a local program replaces it."""
     image = image_of(variable)
     why = why_not_there(image)
     if why:

@@ -64,7 +64,7 @@ def labels_of(name: str, index: int) -> set[tuple[str, str]]:
 
 
 def environment(name: str) -> dict[str, str]:
-    """Give a container's variables as the kubelet sets them."""
+    """Return a container's variables as the kubelet sets them."""
     container = container_of(name)
     made: dict[str, str] = {}
     for source in container["envFrom"]:
@@ -76,7 +76,7 @@ def environment(name: str) -> dict[str, str]:
 
 
 def files_made_by_the_guide() -> Iterator[tuple[str, str]]:
-    """Give each secret or config map with each file in it, as the guide's commands make them."""
+    """Yield each secret or config map with each of its files, as the guide's commands make them."""
     for line in re.findall(r"create (?:secret generic|configmap) (.*)", GUIDE):
         name, *sources = line.split()
         for source in sources:
@@ -85,7 +85,7 @@ def files_made_by_the_guide() -> Iterator[tuple[str, str]]:
 
 
 def files_of(name: str) -> set[str]:
-    """Give all files that a pod has mounted."""
+    """Return all files that a pod has mounted."""
     spec, found = pod_of(name)["spec"], set()
     volumes = {each["name"]: each for each in spec["volumes"]}
     for mount in container_of(name)["volumeMounts"]:

@@ -38,7 +38,7 @@ def test_the_settings_file_fits() -> None:
 
 @pytest.fixture(scope="module")
 def prefix(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Give the folder into which colcon has installed the package."""
+    """Return the folder into which colcon has installed the package."""
     colcon = os.environ.get("COLCON") or shutil.which("colcon")
     if not colcon:
         pytest.skip("colcon is not installed: `make colcon-test` brings it and runs this")
@@ -59,7 +59,7 @@ def in_workspace(prefix: Path, command: str) -> subprocess.CompletedProcess[str]
 
 
 def after_setup(prefix: Path, command: str) -> list[str]:
-    """Give a command as it is on a robot: after the workspace's setup, with what pip has installed."""
+    """Return a command as on a robot: after the workspace's setup, with pip's packages."""
     installed = next(path for path in sys.path if path.endswith("site-packages"))
     script = f'. "{prefix.parent}/setup.bash" && PYTHONPATH="$PYTHONPATH:{SHARED}:{installed}" exec {command}'
     return ["bash", "-c", script]

@@ -26,7 +26,7 @@ pytestmark = pytest.mark.skipif(not shutil.which("systemd-analyze"), reason="sys
 
 @pytest.fixture(params=UNITS, ids=[path.stem for path in UNITS])
 def unit(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
-    """Give a unit with its drop-in, as installed, but with the programs of this environment."""
+    """Return a unit with its drop-in, as installed, but with the programs of this environment."""
     source: Path = request.param
     text = source.read_text().replace("/opt/nena/bin", str(Path(sys.executable).parent))
     copy = tmp_path / source.name
@@ -63,7 +63,7 @@ def test_there_is_a_unit_for_each_service() -> None:
 
 @pytest.fixture
 def supervisor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[socket.socket]:
-    """Listen as systemd does, and have programs told where."""
+    """Listen as systemd does, and pass the address to programs."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listener:
         listener.bind(str(tmp_path / "notify"))
         listener.settimeout(0)

@@ -1,4 +1,4 @@
-"""A host's order over the whole stack, with every part a process of its own and ROS over real DDS."""
+"""A host's order over the whole stack, with every part in a separate process and ROS over real DDS."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Running:
         self.processes, self.stack, self.host = processes, running, host
 
     async def order(self, point: str, vehicle: str = "Robot-01") -> str:
-        """Ask for a drive to a point; give the order's name."""
+        """Request a drive to a point; return the order's name."""
         request = TransportOrderRequest(
             destinations=(Destination(location_name=point),), intended_vehicle=vehicle
         )
@@ -45,7 +45,7 @@ class Running:
         return self.host.orders[name]
 
     async def until(self, condition: Callable[[], bool]) -> None:
-        """Wait until what the host knows fulfils a condition."""
+        """Wait until the host's knowledge fulfils a condition."""
         await self.host.wait_for(condition, ENDED_WITHIN)
 
     async def robot(self, serial_number: str) -> dict[str, object]:

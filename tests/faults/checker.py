@@ -1,4 +1,4 @@
-"""Compares what hosts were told, what the store says and what robots did: nothing lost or done twice."""
+"""Compares hosts' statuses, the store and robots' reports: nothing lost or done twice."""
 
 from __future__ import annotations
 
@@ -41,11 +41,10 @@ class Account:
 
 
 async def settled(site: Site, host: Host) -> Account:
-    """Wait until every order is at its end, and see that the accounts agree.
+    """Wait until every order has ended, and check that the accounts agree.
 
     Raises:
-        AssertionError: an order is lost, done twice, or told otherwise than it was.
-
+        AssertionError: an order is lost, done twice, or reported wrongly.
     """
 
     async def not_ended() -> dict[str, str]:
@@ -78,7 +77,7 @@ async def settled(site: Site, host: Host) -> Account:
 
 
 async def account_of(site: Site) -> Account:
-    """Give what is known of all orders by now."""
+    """Return what is known of all orders now."""
     own = {f"{site.interface}/v2/NeNa/{each}/state" for each in site.vehicles}
     states = (each for each in site.wire.history if each.topic in own)
     done = executions(states)
@@ -87,11 +86,10 @@ async def account_of(site: Site) -> Account:
 
 
 def check(account: Account, answered: set[str]) -> None:
-    """See that the accounts agree.
+    """Check that the accounts agree.
 
     Raises:
-        AssertionError: an order is lost, done twice, or told otherwise than it was.
-
+        AssertionError: an order is lost, done twice, or reported wrongly.
     """
     assert answered, "nothing was ordered at all"
     lost, strange = answered - account.store.keys(), account.store.keys() - answered
@@ -102,7 +100,7 @@ def check(account: Account, answered: set[str]) -> None:
 
 
 def _check_work(account: Account) -> None:
-    """See that each leg was worked off once, and all legs of an order by one robot, which has the load."""
+    """Check that each leg was done once, and all legs of an order by one robot, which has the load."""
     ordered = {f"{name}-{leg}" for name in account.store for leg in range(2)}
     ended_well = [name for name, each in account.store.items() if each.state == "FINISHED"]
     finished = {f"{name}-{leg}" for name in ended_well for leg in range(2)}
@@ -140,7 +138,7 @@ def _check_programs(site: Site) -> None:
 
 
 def check_journals(files: Iterable[Path]) -> None:
-    """See that none has grown."""
+    """Check that none has grown."""
     sizes = {file.name: file.stat().st_size for file in files}
     assert sizes, "no robot has a journal"
     large = {name: size for name, size in sizes.items() if size > MOST_JOURNAL_KB * 1024}
@@ -170,7 +168,7 @@ def _statuses(site: Site) -> list[Inbound]:
 
 
 def told_in(statuses: Iterable[Inbound]) -> dict[str, list[TransportOrderStatus]]:
-    """Give what hosts were told of each order."""
+    """Return the statuses that hosts received of each order."""
     told: dict[str, list[TransportOrderStatus]] = defaultdict(list)
     for message in statuses:
         if message.payload:

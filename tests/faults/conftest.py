@@ -42,7 +42,7 @@ class Trial:
     """So many messages of the wire."""
 
     def finished(self) -> int:
-        """How many orders were told to have ended so far."""
+        """Return how many orders have been reported as ended so far."""
         history = self.site.wire.history
         new, self._looked_at = history[self._looked_at :], len(history)
         self._finished |= {
@@ -92,12 +92,12 @@ class Trial:
 
 @pytest.fixture(autouse=True)
 def _unmeasured(unmeasured: None) -> None:
-    """Let every site run at its own speed."""
+    """Disable coverage in the programs of every site."""
 
 
 @pytest.fixture
 def trial(tmp_path: Path, request: pytest.FixtureRequest) -> Callable[..., Any]:
-    """Give a block that runs a site under orders, and checks the accounts at its end."""
+    """Return a block that runs a site under orders, and checks the accounts at its end."""
 
     @asynccontextmanager
     async def run(

@@ -1,4 +1,4 @@
-"""Tells whether what was measured in a long run has drifted: grown, and not only gone up and down."""
+"""Detects drift in the measurements of a long run: steady growth, not just variation."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ class Window:
 
 
 def drift(windows: Sequence[Window]) -> list[str]:
-    """Say what has drifted, a sentence each; nothing where all is well.
+    """Return what has drifted, a sentence each; empty if nothing has.
 
-    The windows in which programs and caches warm up are left out: the first one, and where the run is long
+    The windows in which programs and caches warm up are left out: the first one, and if the run is long
     enough, those until the order service has as many ended orders as it keeps.
     """
     settled = windows[_warming_up(windows) :]
@@ -46,7 +46,7 @@ def drift(windows: Sequence[Window]) -> list[str]:
 
 
 def _warming_up(windows: Sequence[Window]) -> int:
-    """Return how many windows it takes."""
+    """Return the number of warm-up windows."""
     ended = 0
     for count, window in enumerate(windows[:-LEAST_WINDOWS], 1):
         ended += len(window.orders)

@@ -1,4 +1,4 @@
-"""Somebody on the site's network who says what harms: on every topic, over every route, and old messages."""
+"""An attacker on the site's network: on every topic, over every route, and with old messages."""
 
 from __future__ import annotations
 
@@ -106,41 +106,41 @@ class Enemy:
             return None
 
     def _to_strangers(self) -> ReceivedMessage:
-        """Say a damaged message beside where it belongs, or an old one as it was."""
+        """Send a damaged message on a foreign topic, or an old one unchanged."""
         kind, payload = self._any()
         robot = self._chance.choice((*STRANGERS, "NeNa/loop-1"))
         interface = self._chance.choice(INTERFACES[1:] if robot == "NeNa/loop-1" else INTERFACES)
         return f"{interface}/{robot}/{kind}", damaged(payload, self._chance)
 
     def _under_a_robots_name(self) -> ReceivedMessage:
-        """Say what is no message: what is one is what the robot says, or has to do."""
+        """Send an invalid message under a robot's name: a valid one could be obeyed."""
         kind, payload = self._any()
         return self._of_a_robot(kind), unfit(damaged(payload, self._chance))
 
     def _to_services(self) -> ReceivedMessage:
-        """Ask as a host does, or tell as the order service does, what has no sense."""
+        """Send a meaningless request as a host, or a status as the order service."""
         return self._chance.choice(self._host_topics), self._body()
 
     def _beside_the_standard(self) -> ReceivedMessage:
-        """Say what NeNa's parts say to each other, and what tells a loopback robot how to be."""
+        """Send NeNa's internal messages, and loopback control commands."""
         control = f"{self._site.interface}/loopback/NeNa/loop-1/control"
         map_of_a_robot = FLEET.robot_map(RobotKey("NeNa", self._chance.choice(self._site.serials)))
         return self._chance.choice((map_of_a_robot, control)), self._body()
 
     def _again(self) -> ReceivedMessage:
-        """Say again what was said before, with its old header."""
+        """Repeat an earlier message, with its old header."""
         topic = self._of_a_robot(self._chance.choice(REPEATED))
         said = [each.payload for each in self._site.wire.received(topic) if each.payload not in self._own]
         return topic, self._chance.choice([each for each in said if each] or [b"{}"])
 
     def _body(self) -> bytes:
-        """Give a body of what hosts say, or nothing like it."""
+        """Return a body like those of hosts, or random content."""
         if self._chance.random() < 1 / 3:
             return json.dumps(self._chance.choice(VALUES)).encode()
         return damaged(json.dumps(self._chance.choice(BODIES)).encode(), self._chance)
 
     def _any(self) -> ReceivedMessage:
-        """Give the last level of a topic, and what was said there once."""
+        """Return the last level of a topic, and a message recorded there."""
         kind = self._chance.choice(tuple(self._recorded))
         return kind, self._chance.choice(self._recorded[kind])
 
@@ -149,7 +149,7 @@ class Enemy:
 
 
 def unfit(payload: bytes) -> bytes:
-    """Make sure that nobody can take it for a message: its header does not fit."""
+    """Make sure that no reader accepts it as a message: its header is invalid."""
     try:
         message = json.loads(payload)
     except (ValueError, RecursionError):
@@ -160,7 +160,7 @@ def unfit(payload: bytes) -> bytes:
 
 
 def _recorded() -> dict[str, list[bytes]]:
-    """Give all that was recorded, by the last level of its topic."""
+    """Return all recorded messages, by the last level of their topic."""
     found: dict[str, list[bytes]] = defaultdict(list)
     for file in sorted(FOLDER.glob("*.jsonl")):
         for each in read_file(file):

@@ -1,4 +1,4 @@
-"""What programs take of the machine, before and after the faults: none of it may grow without a bound."""
+"""Resources of programs before and after the faults: none may grow without bound."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ class Footprint:
 
     @classmethod
     def of(cls, pid: int) -> Self:
-        """Look at a process."""
+        """Measure a process."""
         process = psutil.Process(pid)
         with process.oneshot():
             megabytes = process.memory_info().rss / 1e6
             return cls(round(megabytes, 1), process.num_fds(), process.num_threads())
 
     def growth_to(self, after: Footprint) -> list[str]:
-        """Say what has grown more than it may; nothing where all is well."""
+        """Return what has grown more than allowed; empty if nothing has."""
         grown = {
             f"{after.megabytes} MB after {self.megabytes}": after.megabytes - self.megabytes - MORE_MB,
             f"{after.descriptors} descriptors after {self.descriptors}": after.descriptors
@@ -46,6 +46,6 @@ class Footprint:
 
 
 def grown(before: Mapping[str, Footprint], after: Mapping[str, Footprint]) -> dict[str, list[str]]:
-    """Give what has grown more than it may, by program; programs that were not there before are new."""
+    """Return what has grown more than allowed, by program; programs that did not exist before are new."""
     found = {name: before[name].growth_to(each) for name, each in after.items() if name in before}
     return {name: said for name, said in found.items() if said}

@@ -22,7 +22,7 @@ def station_point(number: int) -> str:
 
 
 def start_of(robot: int) -> tuple[float, float]:
-    """Where a robot stands at first, m: in the rows between the stations."""
+    """Return the start position of a robot, m: in the rows between the stations."""
     return (2 * (robot % 5) * GRID_MM / 1000, (2 + robot // 5) * GRID_MM / 1000)
 
 

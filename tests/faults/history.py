@@ -1,7 +1,7 @@
-"""What happened at robots and hosts, by their own clocks, and what of it must never be: judged afterwards.
+"""Events at robots and hosts, by their own clocks, and the rules that they must not break: judged afterwards.
 
-Nothing here knows how NeNa works. Robots note each order that comes, each action that begins and ends, and
-each place that they enter and leave; hosts note each status that they are told.
+Nothing here depends on how NeNa works. Robots note each order received, each action begun and ended, and each
+place entered and left; hosts note each status received.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class History:
 
 
 def done_wrongly(history: History, store: Mapping[str, TransportOrderStatus]) -> list[str]:
-    """Return what was not done exactly once, though the order was told as done, or done twice at all."""
+    """Return what was not done exactly once although reported as done, or was done twice."""
     done: dict[str, list[Event]] = defaultdict(list)
     for each in history.of(Kind.ENDED):
         done[drive_order_of(each.order)].append(each)
@@ -108,7 +108,7 @@ def shared_places(history: History) -> list[str]:
 
 
 def lost(answered: Iterable[str], store: Mapping[str, TransportOrderStatus]) -> list[str]:
-    """Return the orders that a host was told to be taken, and that are gone or without an end or a reason."""
+    """Return the orders accepted for a host that are missing or have no end or reason."""
     gone = [f"{name} was answered, and is not in the store" for name in answered if name not in store]
     endless = [f"{each.name} has no end: {each.reason}" for each in store.values() if not each.state.final]
     silent = [
@@ -120,7 +120,7 @@ def lost(answered: Iterable[str], store: Mapping[str, TransportOrderStatus]) -> 
 
 
 def told_back(statuses: Iterable[Inbound]) -> list[str]:
-    """Return the statuses that a host was told after newer ones; none comes from a replaced order service."""
+    """Return the statuses that a host received after newer ones; none comes from a replaced order service."""
     newest: dict[str, tuple[int, int, TransportOrderState]] = {}
     found = []
     for message in statuses:

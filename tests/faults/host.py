@@ -1,4 +1,4 @@
-"""A host that orders without end, and gives up no order: it asks by the same key until it is answered."""
+"""A host that creates orders without end and never gives up one: it repeats the key until it is answered."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ class Host:
             await time_passes(ASK_AGAIN)
 
     async def _under_way(self) -> int:
-        """Count the orders that are not at their end; as many as may be where nobody answers."""
+        """Return the number of orders that have not ended; the maximum if no service answers."""
         try:
             answer = await self._site.orders.get("/v1/transportOrders", params=UNFINISHED)
             return len(answer.json()["transportOrders"])

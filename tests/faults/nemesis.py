@@ -215,7 +215,7 @@ class NemesisSite(PairSite):
 
     @asynccontextmanager
     async def under(self, fault: Fault) -> AsyncIterator[None]:
-        """Let a fault last until the block ends."""
+        """Apply a fault until the block ends."""
         if fault.kind in self.skipped:
             yield
             return
@@ -241,7 +241,7 @@ class NemesisSite(PairSite):
             yield
 
     def _begin_on_line(self, fault: Fault) -> Callable[[], None]:
-        """Let a fault of a line begin; return what ends it."""
+        """Start a fault of a line; return a function that ends it."""
         changed = {
             Kind.CUT_ONE_WAY: ("held", {fault.way}),
             Kind.SLOW: ("delay", fault.strength),
@@ -255,7 +255,7 @@ class NemesisSite(PairSite):
         return partial(setattr, conduct, name, getattr(Conduct(), name))
 
     def _begin(self, kind: Kind, seconds: float) -> Callable[[], object]:
-        """Let a fault of programs, clocks or disks begin; return what ends it."""
+        """Start a fault of programs, clocks or disks; return a function that ends it."""
         begin: Callable[[], object]
         undo: Callable[[], object]
         if clock := self._clocks.get(kind):
@@ -282,11 +282,10 @@ class NemesisSite(PairSite):
         return undo
 
     async def _rival(self) -> None:
-        """Start an order service with a store of its own on this fleet: it has to end, and to take nothing.
+        """Start an order service with a separate store on this fleet: it must exit and accept nothing.
 
         Raises:
-            AssertionError: it goes on, or took an order.
-
+            AssertionError: it keeps running, or accepted an order.
         """
         await self.leader()
         port = free_port()

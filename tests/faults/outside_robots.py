@@ -78,7 +78,7 @@ class Route:
 
 
 class OutsideRobot(ABC):
-    """Works off its route in a task of its own."""
+    """Executes its route in a separate task."""
 
     def __init__(self, standing: Standing, history: History) -> None:
         self.standing = standing
@@ -98,7 +98,7 @@ class OutsideRobot(ABC):
         """Report the status of an action."""
 
     def go_on(self) -> None:
-        """Look again at what is to be done."""
+        """Check again what is to be done."""
         self._more.set()
 
     async def work(self) -> None:
@@ -157,12 +157,12 @@ class StandardRobot(OutsideRobot):
             await time_passes(STATE_INTERVAL)
 
     def announce(self) -> None:
-        """Tell that the robot is there and what it can do, at each connect."""
+        """Publish the robot's connection and factsheet on each connection."""
         self._publish("connection", {"connectionState": "ONLINE"}, retain=True)
         self._publish("factsheet", OWN_FACTSHEET, retain=True)
 
     def take(self, topic: str, payload: bytes) -> None:
-        """Take an order or instant actions."""
+        """Handle an order or instant actions."""
         message = json.loads(payload)
         if topic.endswith("/order"):
             self._take_order(message)
@@ -318,14 +318,14 @@ async def standard_robot(
 
 
 class LibraryRobot(OutsideRobot):
-    """On vda5050-sdk: the library takes orders, keeps the state and publishes it."""
+    """A robot on vda5050-sdk: the library accepts orders, keeps the state and publishes it."""
 
     def __init__(self, standing: Standing, history: History, client: Any) -> None:
         super().__init__(standing, history)
         self._client = client
 
     def take(self, order: Any) -> None:
-        """Take an order that the library has accepted."""
+        """Handle an order that the library has accepted."""
         wire = order.to_wire()
         self.history.note(self.standing.serial, Kind.RECEIVED, wire["orderId"])
         if wire["orderId"] != self.route.order_id:

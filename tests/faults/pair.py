@@ -42,7 +42,10 @@ ECHO = 0.3
 
 
 class _Either(httpx.AsyncBaseTransport):
-    """Asks the order service that answered last; where it stands by or does not answer, the other one."""
+    """Requests the order service that answered last.
+
+    If it is on standby or does not answer, the other one.
+    """
 
     def __init__(self, ports: list[int]) -> None:
         self._ports = ports
@@ -72,7 +75,7 @@ class PairSite(Site):
     """Robots: ``loop-...`` are NeNa's, ``single-1`` is a library's, ``single-2`` from the standard alone."""
 
     def __init__(self, folder: Path, store_url: str, *, library: bool = True, **layout: Any) -> None:
-        """Prepare it; ``library``: whether the robot on the library is there."""
+        """Prepare it; ``library``: whether it has the robot on the library."""
         super().__init__(folder, Layout(loopback=LOOPBACK, singles=2, store_url=store_url, **layout))
         self._stores = store_url
         self._library = library
@@ -87,7 +90,7 @@ class PairSite(Site):
         self._robots = AsyncExitStack()
 
     async def start(self) -> None:
-        """Start everything, and wait until every robot could take an order."""
+        """Start everything, and wait until every robot can accept an order."""
         for name in NAMES:
             self.start_service(name)
         self.start_loopback()
@@ -113,7 +116,7 @@ class PairSite(Site):
         )
 
     async def role_of(self, name: str) -> str:
-        """Return what an order service says that it is; nothing if it does not answer."""
+        """Return the role that an order service reports; empty if it does not answer."""
         try:
             told = (await self._roles.get(f"http://127.0.0.1:{self._own_ports[name]}/readyz")).json()
         except (httpx.HTTPError, ValueError):
@@ -137,7 +140,7 @@ class PairSite(Site):
         )
 
     async def stands_by(self, name: str) -> None:
-        """Wait until an order service stands by; start it again if it has ended."""
+        """Wait until an order service is on standby; start it again if it has exited."""
 
         async def look() -> str:
             if self.programs[f"order-service-{name}"].process.poll() is not None:
@@ -153,7 +156,7 @@ class PairSite(Site):
         )
 
     async def start_again_what_is_stuck(self) -> None:
-        """Kill and start each order service that neither is the active one nor stands by."""
+        """Kill and restart each order service that is neither active nor on standby."""
         for name in NAMES:
             if await self.role_of(name) not in ("active", "standby"):
                 self.programs[f"order-service-{name}"].kill()
@@ -161,7 +164,7 @@ class PairSite(Site):
 
     @asynccontextmanager
     async def paused(self, name: str) -> AsyncIterator[None]:
-        """Let an order service hang until the block ends."""
+        """Suspend an order service until the block ends."""
         process = self.programs[f"order-service-{name}"].process
         process.send_signal(signal.SIGSTOP)
         try:
@@ -194,9 +197,9 @@ class PairSite(Site):
 
 
 def places(robot: str, states: list[State]) -> Iterator[Event]:
-    """Yield where a robot was by its states: on its last node, until it tells of the next one.
+    """Yield where a robot was by its states: on its last node, until it reports the next one.
 
-    Where states are missing, it is known to have been there as long as it said so.
+    If states are missing, it is known to have been there as long as it reported so.
     """
     here, last = "", 0.0
     for state in sorted(states, key=lambda each: each.timestamp):

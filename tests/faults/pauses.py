@@ -1,4 +1,4 @@
-"""Let the active order service hang for 1 to 60 s, again and again, while robots of three kinds work.
+"""Suspend the active order service for 1 to 60 s, repeatedly, while robots of three kinds work.
 
 ``python -m faults.pauses --pauses 50``; the exit status is 1 if an order was done twice or lost, or a status
 went back.
@@ -93,11 +93,10 @@ async def run(pauses: list[float], folder: Path, store_url: str) -> Result:
 
 
 async def _pause(site: PairSite, seconds: float) -> bool:
-    """Let the active order service hang; return whether another one has replaced it.
+    """Suspend the active order service; return whether another one has replaced it.
 
     Raises:
-        AssertionError: an order service did not become what it should be in time.
-
+        AssertionError: an order service did not reach the expected role in time.
     """
     leader = await site.leader()
     await site.stands_by(site.other(leader))

@@ -54,7 +54,7 @@ class Record:
 
     @classmethod
     def read(cls, line: str) -> Self:
-        """Take what :meth:`append_to` has written."""
+        """Read what :meth:`append_to` has written."""
         found: dict[str, Any] = json.loads(line)
         for moment in ("before", "after"):
             found[moment] = {name: Footprint(**each) for name, each in found[moment].items()}
@@ -63,7 +63,7 @@ class Record:
 
 
 def read_all(file: Path) -> list[Record]:
-    """Give the newest record of each test, in the order of the tests' first ones."""
+    """Return the newest record of each test, in the order of the tests' first ones."""
     newest: dict[str, Record] = {}
     for line in file.read_text(encoding="utf-8").splitlines():
         record = Record.read(line)

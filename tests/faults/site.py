@@ -1,4 +1,4 @@
-"""A whole site in processes of its own: broker, order service, aggregator, ten robots, two of them on ROS."""
+"""A whole site in separate processes: broker, order service, aggregator, ten robots, two of them on ROS."""
 
 from __future__ import annotations
 
@@ -152,7 +152,7 @@ class Site:
         return broker
 
     async def start(self) -> None:
-        """Start everything, and wait until every robot could take an order."""
+        """Start everything, and wait until every robot can accept an order."""
         self.start_order_service()
         self.start_aggregator()
         self.start_loopback()
@@ -161,7 +161,7 @@ class Site:
         await self.all_robots_ready()
 
     async def all_robots_ready(self) -> None:
-        """Wait until every robot is there."""
+        """Wait until every robot is online."""
         await self.robots_are("ONLINE")
 
     async def robots_are(self, connection: str, *more: str) -> None:
@@ -223,7 +223,7 @@ class Site:
         return self._robot("loopback", more)
 
     def start_single(self, serial: str, *, at: tuple[float, float], machine: str) -> Program:
-        """Start a robot without ROS in a program of its own; each ``machine`` has a journal of its own."""
+        """Start a robot without ROS in a separate program; each ``machine`` has its own journal."""
         start = f"[[loopback.starts]]\nx = {at[0]}\ny = {at[1]}\n"
         agent = self._agent(serial, journal=self._data / machine)
         text = f'driver = "loopback"\n{agent}{LOOPBACK_PART.format(speed=SPEED, starts=start)}'
@@ -243,7 +243,7 @@ class Site:
         return self._robot(serial, text)
 
     def footprints(self) -> dict[str, Footprint]:
-        """What each program takes now, the broker among them."""
+        """Return the resources of each program, including the broker."""
         running = {
             name: each.process.pid for name, each in self.programs.items() if each.process.poll() is None
         }

@@ -1,4 +1,4 @@
-"""The checker of the faults finds what it is there for, in conversations that are forged for it."""
+"""The checker of the faults finds what it is meant to find, in forged conversations."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ LATER = 1000.0
 
 
 class Robot:
-    """Says what it has done, with headers as the edge agent makes them."""
+    """Reports its actions, with headers as the edge agent makes them."""
 
     def __init__(self, serial: str = "loop-1", *, start: float = 0.0) -> None:
         self._robot = RobotKey("NeNa", serial)
@@ -34,7 +34,7 @@ class Robot:
         self._start = start
 
     def says(self, order_id: str, status: str, action: str = "") -> Inbound:
-        """Show the action of an order, a second after what was said before."""
+        """Report the status of an order's action, a second after the previous report."""
         self._number += 1
         operation = {
             "action_id": action or f"of {order_id.partition('~')[0]}",
@@ -55,7 +55,7 @@ class Robot:
         return [self.says(order_id, status, action) for status in ("WAITING", "RUNNING", "FINISHED")]
 
     def sets_its_clock_back(self) -> None:
-        """Say the same times as before from now on."""
+        """Repeat the same timestamps from now on."""
         self._start -= self._number
 
     def restarts(self) -> None:
@@ -75,7 +75,7 @@ def judge(
     log: str = "",
     answered: Iterable[str] = (NAME,),
 ) -> None:
-    """Let the checker judge an order that was stored and told as finished, unless said otherwise."""
+    """Run the checker on an order that, by default, was stored and reported as finished."""
     known = [status()] if store is None else list(store)
     messages = [
         Inbound(STATUS, each.model_dump_json(by_alias=True).encode(), retained=False)

@@ -28,7 +28,7 @@ NEAR = timedelta(minutes=30)
 
 
 async def said_with(site: Site, shift: timedelta) -> None:
-    """Wait until a robot has said the time with this shift: the fault is on the wire."""
+    """Wait until a robot has sent a timestamp with this shift: the fault is on the wire."""
     states = f"{site.interface}/v2/NeNa/loop-1/state"
 
     def look() -> bool:

@@ -38,7 +38,7 @@ def fill(disk: SmallDisk) -> None:
 
 
 async def refused_for_lack_of_room(host: Host) -> None:
-    """Give more orders, and wait until one is refused because the store takes nothing."""
+    """Create more orders, and wait until one is refused because the store is full."""
     host.put_off.clear()
     host.at_once += MORE
     await until(

@@ -20,7 +20,7 @@ def run(
     answer: Callable[[int], float] = lambda _: 0.01,
     order: Callable[[int], float] = lambda _: 8.0,
 ) -> list[Window]:
-    """Give the windows of a run, each by its number."""
+    """Return the windows of a run, each by its number."""
     return [
         Window(
             answers=[answer(number)] * 20,

@@ -57,12 +57,12 @@ async def test_nobody_is_impressed(trial: Callable[..., Any]) -> None:
 
 
 def assert_answered(answer: httpx.Response | None) -> None:
-    """See that a request was answered, and no failure of the service."""
+    """Check that a request was answered without a failure of the service."""
     if answer is not None and not answer.request.url.path.startswith(SWITCHED_OFF):
         assert answer.status_code < HTTPStatus.INTERNAL_SERVER_ERROR, f"{answer.request.url}: {answer.text}"
 
 
 def count(metrics: str, sign: str) -> float:
-    """Give the value of a metric, 0 where there is none."""
+    """Return the value of a metric, 0 if it is missing."""
     found = re.search(rf"^{re.escape(sign)} (\S+)$", metrics, re.MULTILINE)
     return float(found[1]) if found else 0.0

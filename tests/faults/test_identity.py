@@ -1,4 +1,4 @@
-"""A robot is there twice, or another one than before: its order ends once, with a reason, and all goes on."""
+"""A robot that exists twice, or is replaced: its order ends once, with a reason, and all others continue."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SINGLE, OTHER = "single-1", "single-2"
 
 
 async def vehicle(site: Site, name: str) -> dict[str, Any]:
-    """Give what the order service knows of a vehicle."""
+    """Return the order service's status of a vehicle."""
     try:
         found: dict[str, Any] = (await site.orders.get(f"/v1/vehicles/{name}")).raise_for_status().json()
     except httpx.HTTPError:
@@ -32,7 +32,7 @@ async def vehicle(site: Site, name: str) -> dict[str, Any]:
 
 
 async def at_an_order(site: Site, name: str) -> tuple[float, float]:
-    """Wait until a vehicle drives for an order, and give where it is, m."""
+    """Wait until a vehicle drives for an order, and return its position, m."""
     found = await awaited(
         lambda: vehicle(site, name),
         lambda now: bool(now.get("transportOrder")) and now["state"] == "EXECUTING",
@@ -44,13 +44,15 @@ async def at_an_order(site: Site, name: str) -> tuple[float, float]:
 
 
 async def with_single(running: Trial) -> None:
-    """Let the robot with a program of its own begin."""
+    """Start the robot that has its own program."""
     running.site.start_single(SINGLE, at=start_of(len(running.site.serials)), machine="first")
     await running.site.robots_are("ONLINE", SINGLE)
 
 
 async def test_replaced_by_a_machine_without_a_journal(trial: Callable[..., Any]) -> None:
-    """In mid-order, of which the new machine knows nothing: it fails, as nobody knows who has the load."""
+    """Replace the machine during an order, which the new one does not have: it fails, because the load may be
+    anywhere.
+    """
     async with trial(seed=13, singles=1) as running:
         site = running.site
         await with_single(running)
@@ -68,7 +70,7 @@ async def test_replaced_by_a_machine_without_a_journal(trial: Callable[..., Any]
 
 
 async def test_another_robot_in_its_place(trial: Callable[..., Any]) -> None:
-    """The old one is taken out of traffic, which ends its order; the other one stands where it stood."""
+    """Take the old one out of traffic, which ends its order; the other one is at the same place."""
     async with trial(seed=14, singles=2) as running:
         site = running.site
         await with_single(running)
@@ -84,10 +86,11 @@ async def test_another_robot_in_its_place(trial: Callable[..., Any]) -> None:
 
 
 async def test_there_twice(trial: Callable[..., Any]) -> None:
-    """Two programs with one identity throw each other out at the broker, ever more seldom, and say so.
+    """Run two programs with one identity: they disconnect each other at the broker at growing intervals, and
+    log it.
 
-    What such a robot has and carries nobody can know, so its orders may fail, and a person sees to it. The
-    others work on.
+    The order and load of such a robot are uncertain, so its orders may fail, and a person has to check it.
+    The others continue.
     """
     async with trial(seed=15, singles=1) as running:
         site = running.site

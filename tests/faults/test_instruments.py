@@ -1,4 +1,4 @@
-"""The instruments of the faults do what the tests say they do."""
+"""The instruments of the fault tests do what the tests expect."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ TIME_OF_DAY = (
 
 
 async def answer_time(found: Line, seconds: float = 20) -> float:
-    """Let a program behind the line ask a server on this side, and give how long the answer took."""
+    """Request a server on this side from a program behind the line, and return the time of its answer."""
 
     async def echo(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         writer.write(await reader.readexactly(1))

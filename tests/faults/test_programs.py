@@ -24,7 +24,7 @@ async def test_order_service_killed(trial: Callable[..., Any]) -> None:
 
 @only_in_whole
 async def test_robots_killed(trial: Callable[..., Any]) -> None:
-    """All loopback robots at once: they stand where they were, and take up what they had."""
+    """Kill all loopback robots at once: they keep their positions, and continue their orders."""
     async with trial(seed=3) as running:
         for _ in range(TIMES):
             running.site.programs["loopback"].kill()
@@ -34,7 +34,7 @@ async def test_robots_killed(trial: Callable[..., Any]) -> None:
 
 @only_in_whole
 async def test_aggregator_killed(trial: Callable[..., Any]) -> None:
-    """Nobody waits for it; afterwards it knows the fleet again."""
+    """Kill the aggregator: no other program waits for it, and afterwards it has the fleet again."""
     async with trial(seed=4) as running:
         for _ in range(TIMES):
             running.site.programs["aggregator"].kill()
@@ -54,7 +54,7 @@ async def test_aggregator_killed(trial: Callable[..., Any]) -> None:
 
 
 async def test_agents_on_ros_killed(trial: Callable[..., Any]) -> None:
-    """Ten robots, two of them on ROS, whose agents are killed while they drive: they take up the goals."""
+    """Kill the agents of ten robots, two of them on ROS, while they drive: they continue their goals."""
     async with trial(on_ros=True, seed=5) as running:
         for _ in range(TIMES):
             for number in (1, 2):

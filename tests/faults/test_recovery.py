@@ -1,6 +1,6 @@
-"""The order service dies at random moments of its work, with twenty robots: nothing is lost or done twice.
+"""Kill the order service at random moments, with twenty robots: nothing is lost or done twice.
 
-Nor is any robot ever given a place that may be somebody else's, which the conversation alone shows.
+Nor is any robot ever granted a place where another one may be, which the conversation alone shows.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def _kill_order_service(site: Site) -> None:
 
 
 async def _agree(running: Trial) -> None:
-    """Wait until each order that a robot says it works on is known to be that robot's, and no other one's."""
+    """Wait until the order service knows which robot works on each reported order."""
 
     async def differences() -> dict[str, str]:
         works = _work(running.site)
@@ -98,7 +98,7 @@ async def _agree(running: Trial) -> None:
 
 
 def _work(site: Site) -> dict[str, str]:
-    """Give the transport order that each robot says it works on, by its serial number."""
+    """Return the transport order that each robot reports to work on, by its serial number."""
     states: dict[str, State] = {}
     for message in site.wire.received(f"{site.interface}/v2/+/+/state"):
         states[message.topic.split("/")[-2]] = CODEC.decode(State, message.payload)

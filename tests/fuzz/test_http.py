@@ -1,4 +1,4 @@
-"""Both HTTP interfaces, asked what their descriptions allow and what they forbid: no undescribed answer."""
+"""Both HTTP interfaces, with allowed and forbidden requests by their descriptions: no undescribed answer."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ STREAMS = "/events"
 
 
 def ask_everything(url: str, description: str) -> int:
-    """Ask each operation that ``description`` names; gives how many there are."""
+    """Send requests to each operation in ``description``; return their number."""
     schema = schemathesis.openapi.from_url(url + description)
     count = 0
     for found in schema.exclude(path_regex=STREAMS).get_all_operations():
@@ -80,7 +80,7 @@ def fleet(broker: Broker, interface_name: str, tmp_path: Path) -> Iterator[Fleet
 
 
 async def order_service(fleet: Fleet) -> str:
-    """Start one with a robot; give its address."""
+    """Start one with a robot; return its address."""
     fleet.agent()
     service = fleet.order_service("--http.burst", 1_000_000)
     async with await service.client() as client:

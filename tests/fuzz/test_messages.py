@@ -1,4 +1,4 @@
-"""Every reader of VDA 5050 messages, with what was really said and what became of it: read, or refused."""
+"""Every reader of VDA 5050 messages, with recorded and damaged messages: read, or refused."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ RECORDS: dict[Topic, Any] = {Topic.STATE: State, Topic.VISUALIZATION: Visualizat
 
 @cache
 def recorded(version: str) -> tuple[Entry, ...]:
-    """Give all that was recorded in a version."""
+    """Return all recorded messages of a version."""
     return tuple(entry for file in sorted(FOLDER.glob(f"{version}-*.jsonl")) for entry in read_file(file))
 
 

@@ -73,7 +73,7 @@ def names_of(program: str) -> st.SearchStrategy[Setting]:
 
 
 def problems(program: str, *arguments: str, environment: Mapping[str, str] | None = None) -> tuple[str, ...]:
-    """Read the settings, and give what is wrong with them."""
+    """Read the settings, and return their errors."""
     clean = {name: value for name, value in os.environ.items() if not name.startswith("NENA_")}
     with patch.dict(os.environ, {**clean, **(environment or {})}, clear=True):
         try:

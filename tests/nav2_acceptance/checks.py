@@ -37,7 +37,7 @@ SOON = 3.0
 
 
 def error_codes(state: dict[str, Any]) -> str:
-    """Return what the state says of a drive that has failed."""
+    """Return a state's description of a failed drive."""
     return " ".join(each.get("errorDescription", "") for each in state["errors"])
 
 
@@ -169,7 +169,7 @@ async def deaths(site: Nav2Site) -> str:
 
 
 async def _stopped_or_done(site: Nav2Site, order_id: str, since: int) -> str:
-    """Wait until the robot stands with an error, or the order is done; return which."""
+    """Wait until the robot stops with an error, or the order is finished; return which."""
 
     def over(state: dict[str, Any]) -> bool:
         failed = bool(state["errors"]) and not state["driving"]

@@ -20,7 +20,7 @@ COURSE = Course(
 
 @contextmanager
 def simulated_site(*, time_factor: float = 1.0) -> Iterator[SimulatedSite]:
-    """Run the simulator and give what the suite needs of it."""
+    """Run the simulator and yield what the suite needs of it."""
     with tempfile.TemporaryDirectory() as folder, own_domain_id() as domain_id, RosPeer(domain_id) as peer:
         broker = Broker()
         bench = Bench(broker, "nav2", ros=peer, domain_id=domain_id, folder=Path(folder))

@@ -22,7 +22,7 @@ FORGIVING = 0.6
 
 
 class LeftOutError(Exception):
-    """A check that this Nav2 gives no opportunity for; the text says what is missing."""
+    """A check that cannot run on this Nav2; the text says what is missing."""
 
 
 @dataclass(frozen=True)
@@ -66,14 +66,14 @@ class Nav2Site:
         await self._run(self.kill, server)
 
     async def live(self, server: str) -> None:
-        """Have the process started again; raises as :meth:`die`."""
+        """Restart the process; raises as :meth:`die`."""
         await self._run(self.revive, server)
 
     async def close_in(self) -> None:
         """Make ``course.obstacle`` a place without a way, where that is not so already."""
 
     async def open_up(self) -> None:
-        """Take :meth:`close_in` back."""
+        """Undo :meth:`close_in`."""
 
     async def _run(self, command: str, server: str) -> None:
         if not command:
@@ -93,7 +93,7 @@ class Nav2Site:
             yield fleet
 
     async def when(self, accept: Any, *, since: int, within: float = 60.0) -> dict[str, Any]:
-        """Wait for a state behind the first ``since`` that ``accept`` takes."""
+        """Wait for a state after the first ``since`` for which ``accept`` is true."""
         fleet = self.bench.fleet
         return await until(
             lambda: next((each for each in fleet.states[since:] if accept(each)), None),
@@ -103,7 +103,7 @@ class Nav2Site:
 
     @property
     def here(self) -> Place:
-        """Where the robot says that it is."""
+        """Return the robot's reported position."""
         found = self.bench.fleet.states[-1]["agvPosition"]
         return found["x"], found["y"]
 
@@ -113,7 +113,7 @@ class Nav2Site:
         return max(self.course.start, self.course.end, key=lambda place: dist(place, self.here))
 
     def send(self, *places: Place, radius: float = FORGIVING) -> str:
-        """Send an order from where the robot is over ``places``; gives its id."""
+        """Send an order from the robot's position over ``places``; return its ID."""
         order_id = f"nav2-{next(self._orders)}"
         nodes = {"n0": self.node(self.here, 2.0)}
         nodes |= {f"n{index}": self.node(place, radius) for index, place in enumerate(places, 1)}
@@ -155,7 +155,7 @@ class Nav2Site:
         return await self.when(lambda state: status_of(state, action_id) in ("FINISHED", "FAILED"), since=0)
 
     async def put_at(self, place: Place, theta: float = 0.0) -> dict[str, Any]:
-        """Tell the localisation where the robot is."""
+        """Set the robot's pose in the localisation."""
         x, y = place
         return await self.instant("initPosition", x=x, y=y, theta=theta, mapId="hall", lastNodeId="n0")
 

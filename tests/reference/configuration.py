@@ -66,7 +66,7 @@ class Setting:
 
 
 def settings_of(model: type[BaseModel]) -> list[Setting]:
-    """Give all settings of a model; ``ValueError`` where one is not described."""
+    """Return all settings of a model; raise ``ValueError`` if one has no description."""
     return list(_walk(model, {}, ()))
 
 
@@ -92,7 +92,7 @@ def _default(field: FieldInfo) -> Any:
 
 
 def _optional_group(field: FieldInfo) -> type[SettingsGroup] | None:
-    """Give the table that may be left out, if the setting is one."""
+    """Return the optional table, if the setting is one."""
     kinds = [each for each in get_args(field.annotation) if each is not NoneType]
     only = kinds[0] if len(kinds) == 1 and NoneType in get_args(field.annotation) else None
     return only if isinstance(only, type) and issubclass(only, SettingsGroup) else None
@@ -136,7 +136,7 @@ def _text(default: object) -> str:
 
 
 def document() -> str:
-    """Give the whole text."""
+    """Return the whole text."""
     parts = [(_HERE / "introduction.md").read_text(), _secrets()]
     parts += [_program(program, settings_of(model)) for program, model in PROGRAMS.items()]
     return "\n".join(parts)

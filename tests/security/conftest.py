@@ -162,7 +162,7 @@ def running_services(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TlsSi
 
 @pytest.fixture
 async def site(running_services: TlsSite) -> AsyncIterator[TlsSite]:
-    """Give a site whose services are well before the test, and still are after it."""
+    """Yield a site whose services are healthy before the test, and still are after it."""
     await running_services.ready()
     yield running_services
     for service, program in running_services.programs.items():

@@ -1,4 +1,4 @@
-"""What somebody tries who reaches the services of a TLS site: each attempt is refused, and work goes on."""
+"""Attacks on the services of a TLS site: each attempt is refused, and work continues."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ TEXTS = (
 
 
 async def test_no_text_is_taken_for_code(site: TlsSite) -> None:
-    """A name is refused, free text is kept as it is, and what is asked for is not found or refused."""
+    """A name is refused, free text is kept unchanged, and lookups find nothing or are refused."""
     async with site.client("order-service", Role.OPERATOR) as operator:
         before = len((await operator.get(ORDERS)).json()["transportOrders"])
         for text in TEXTS:
@@ -262,7 +262,7 @@ async def test_a_request_that_a_proxy_may_read_otherwise_is_refused(
 
 
 async def test_who_names_another_address_is_not_believed(site: TlsSite) -> None:
-    """Wrong tokens are counted by the address that they come from, whatever X-Forwarded-For says."""
+    """Wrong tokens are counted by the address that they come from, whatever X-Forwarded-For claims."""
     statuses = set()
     for number in range(60):
         head = (

@@ -1,4 +1,4 @@
-"""Sign-in and access tokens with a certified OpenID Connect issuer, oidc-provider, in a process of its own.
+"""Sign-in and access tokens with a certified OpenID Connect issuer, oidc-provider, in a separate process.
 
 `make oidc-test` installs it; without it these tests are skipped.
 """
@@ -91,7 +91,7 @@ async def panel_of(issuer: Issuer, **more: object) -> AsyncIterator[httpx.AsyncC
 
 
 async def at_issuer(start: str, name: str) -> str:
-    """Be a browser whose user is ``name``; return where the issuer sends it back to."""
+    """Act as the browser of the user ``name``; return the issuer's redirect."""
     async with httpx.AsyncClient(timeout=PATIENCE) as browser:
         answer = await browser.get(start)
         for _ in range(STEPS):

@@ -1,4 +1,4 @@
-"""Each threat of SECURITY.md names tests that try to carry it out, and each of these tests is there."""
+"""Each threat of SECURITY.md names tests that attempt it, and each of these tests exists."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ from datetime import UTC, datetime, timedelta
 
 @dataclass
 class ManualClock:
-    """A clock that stands still until it is moved."""
+    """A clock that only moves when it is set."""
 
     seconds: float = 0.0
     start: datetime = field(default=datetime(2026, 1, 1, tzinfo=UTC))

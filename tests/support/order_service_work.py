@@ -59,7 +59,7 @@ async def finished(client: httpx.AsyncClient, number: int) -> None:
 
 
 async def every_order_finished_once(fleet: Fleet, wire: MqttPeer, names: Sequence[str]) -> None:
-    """Start an order service on the store; it knows these orders, and each action of theirs is done once."""
+    """Start an order service on the store; it has these orders, and each of their actions is done once."""
     client = await started(fleet.order_service())
     assert [await order(client, name) for name in names] == [200] * len(names)
     orders = await every_order_ended(client)

@@ -86,7 +86,7 @@ def waits_for_whom_it_cancels(module: Path) -> Iterator[str]:
 
 
 def cancels(function: ast.AsyncFunctionDef) -> Iterator[tuple[str, int]]:
-    """Give what a function cancels, and in which line."""
+    """Yield what a function cancels, and in which line."""
     for node in ast.walk(function):
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "cancel":
             yield ast.unparse(node.func.value), node.lineno

@@ -25,7 +25,7 @@ ARGUMENTS = [
 
 @pytest.fixture(autouse=True)
 def _unmeasured(unmeasured: None) -> None:
-    """Let the programs behind the panel run at their own speed."""
+    """Disable coverage in the programs behind the panel."""
 
 
 @pytest.fixture

@@ -100,7 +100,7 @@ def populate(hall: Hall) -> None:
 
 
 def commanded() -> tuple[str, str]:
-    """Options with which the page takes commands, though nobody carries them out."""
+    """Return options that enable commands in the page, although no program executes them."""
     return ("--order_service.url", f"http://127.0.0.1:{free_port()}")
 
 

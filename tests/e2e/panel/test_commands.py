@@ -31,13 +31,13 @@ SLOW = 0.3
 
 @dataclass
 class Operated:
-    """A fleet of one robot that stands on South 1, and its panel."""
+    """A fleet of one robot at South 1, and its panel."""
 
     orders: httpx.AsyncClient
     url: str
 
     async def last_order(self) -> str:
-        """Wait for an order, and give the name of the newest one."""
+        """Wait for an order, and return the name of the newest one."""
 
         async def look() -> list[str]:
             answer = (await self.orders.get("/v1/transportOrders")).json()

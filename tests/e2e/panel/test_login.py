@@ -23,7 +23,7 @@ UNKNOWN = ("401",)
 
 
 class Site:
-    """A hall whose panel asks for a login: a token for each role, by the role's name."""
+    """A hall whose panel requires a login: a token for each role, by the role's name."""
 
     def __init__(self, hall: Hall, file: Path) -> None:
         self.hall = hall

@@ -148,9 +148,9 @@ def remainder(angle: float) -> float:
 
 
 async def test_two_hundred_robots_at_two_hertz_are_drawn_smoothly(hall: Hall, browser: Browser) -> None:
-    """Counted in the page's own processor time, so that others on the machine change nothing.
+    """Count in the page's own processor time, so that other work on the machine has no effect.
 
-    What the states take stays the same however few frames the page comes to draw; so it is counted apart.
+    The cost of the states is the same however few frames the page draws, so it is counted separately.
     """
     with hall.aggregator() as aggregator:
         await aggregator.logged("broker connected")

@@ -1,7 +1,7 @@
 """Signing in at the panel by an OpenID Connect issuer, in a real browser.
 
-The issuer on loopback stands in for Keycloak, Entra ID and the like, which cannot be had here. To the browser
-it is another site (localhost) than the panel (127.0.0.1): cookies go where they would go at a real one.
+The issuer on loopback replaces Keycloak, Entra ID and the like, which are not available here. For the browser
+it is another site (localhost) than the panel (127.0.0.1): cookies behave as at a real one.
 """
 
 from __future__ import annotations

@@ -5,4 +5,4 @@ import pytest
 
 @pytest.fixture(autouse=True)
 def _unmeasured(unmeasured: None) -> None:
-    """Let commands and order services go at their own speed; unit tests measure their code."""
+    """Disable coverage in commands and order services; unit tests measure their code."""

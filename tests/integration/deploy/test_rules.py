@@ -1,7 +1,7 @@
-"""Each rule of a site's access list, broken: what somebody else is told or says does not get through.
+"""Each rule of a site's access list, violated: what others send or receive does not get through.
 
 Mosquitto grants every subscription and every publication, and withholds the messages. So each test ends with
-a message that may pass, behind those that may not: what has not come before it never comes.
+an allowed message after the forbidden ones: what has not arrived before it never will.
 """
 
 from __future__ import annotations

@@ -55,7 +55,7 @@ async def test_the_main_job_is_possible(running: RunningSite) -> None:
 
 
 async def test_its_certificates_stand_the_strictest_look(running: RunningSite) -> None:
-    """As CPython 3.13 looks at them, whatever runs this test."""
+    """Verify them as CPython 3.13 does, whatever version runs this test."""
     async with running.client(ROBOT_2):
         pass  # the broker is there
     context = tls_context(running.settings_in(running.folder_of(*ROBOT_1)).tls)
@@ -155,7 +155,7 @@ async def test_who_is_added_has_its_rights_without_a_restart(running: RunningSit
 
 
 async def test_a_robot_cannot_take_its_neighbours_place_at_the_broker(running: RunningSite) -> None:
-    """It knows how client ids are made, and has a key of its own: it makes another id of them."""
+    """A robot knows how client IDs are made, but has its own key, so it gets another ID."""
     one, two = (running.settings_in(running.folder_of(*each)) for each in (ROBOT_1, ROBOT_2))
     neighbour = RobotKey("ACME", "2")
     async with connected(Client(two, client_id_of(neighbour, two))) as victim:
@@ -172,7 +172,7 @@ async def test_a_robot_cannot_take_its_neighbours_place_at_the_broker(running: R
 
 
 async def test_a_site_that_was_lost_comes_back_from_its_copy(running: RunningSite, tmp_path: Path) -> None:
-    """As `docs/operations.md` says: with its modes, and robots notice nothing."""
+    """Follow `docs/operations.md`: restored with its modes, and robots notice nothing."""
     stolen = shutil.copytree(running.folder_of(*ROBOT_2), tmp_path / "stolen")
     on_the_robot = shutil.copytree(running.folder_of(*ROBOT_1), tmp_path / "robot")
     running.site.remove(*ROBOT_2)

@@ -1,4 +1,4 @@
-"""Fleet control of a robot with topics of its own; `nav2` has fixtures with the same names for ROS."""
+"""Fleet control of a robot with separate topics; `nav2` has fixtures with the same names for ROS."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ pytestmark = pytest.mark.broker
 async def fleet(
     broker: Broker, peer: MqttPeer, interface_name: str, tmp_path: Path
 ) -> AsyncIterator[FleetControl]:
-    """Give fleet control of a robot that has told its first state."""
+    """Yield fleet control of a robot that has sent its first state."""
     fleet = FleetControl(peer, interface_name)
     async with running_agent(agent_settings(broker, interface_name, tmp_path)):
         await fleet.state()

@@ -42,7 +42,7 @@ def process(
 
 @pytest.fixture
 async def robot(process: BenchRobot) -> BenchRobot:
-    """Give the robot in AUTOMATIC at the place of n0, with no order under way and no error."""
+    """Return the robot in AUTOMATIC at n0, without an active order or an error."""
     await process.command("operatingMode", mode="AUTOMATIC")
     await process.command("speed", speed=500)
     if not idle(await process.state(lambda _: True)):
@@ -59,7 +59,7 @@ def ready(state: State) -> bool:
 
 @dataclass(frozen=True)
 class Refusal:
-    """What a refusal says; ``level`` is that of 3.0, in 2.x it is WARNING."""
+    """An expected refusal; ``level`` is that of 3.0, in 2.x it is WARNING."""
 
     error_type: ErrorType
     level: ErrorLevel = ErrorLevel.WARNING
@@ -71,7 +71,7 @@ def new_id() -> str:
 
 
 async def held(robot: BenchRobot, order_id: str) -> State:
-    """Have the robot wait at n1, its decision point, with n2 in the horizon and update 1."""
+    """Make the robot wait at n1, its decision point, with n2 in the horizon and update 1."""
     robot.fleet.send(order("n0", "n1", order_id=order_id))
     await robot.state(lambda state: state.order_id == order_id and idle(state))
     robot.fleet.send(order("n1", "n2", order_id=order_id, update=1, first=2, released=1))

@@ -31,7 +31,7 @@ OK, MISSING, UNKNOWN = LinkVerdict.OK, LinkVerdict.MISSING, LinkVerdict.UNKNOWN
 
 @pytest.fixture(autouse=True)
 def patient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is there answers, on however slow a machine."""
+    """Wait long enough for answers, also on slow machines."""
     monkeypatch.setattr("nena_edge_agent.doctor.broker.ANSWER_WITHIN", PATIENCE)
 
 
@@ -70,7 +70,7 @@ async def test_a_name_that_nobody_knows() -> None:
 
 
 async def test_something_that_is_no_broker(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It takes the connection and closes it."""
+    """Accept the connection and close it."""
     monkeypatch.setattr("nena_edge_agent.doctor.broker.ANSWER_WITHIN", 2.0)
 
     async def close(_reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -97,7 +97,7 @@ async def test_a_link_that_forgets_that_it_is_to_end_is_told_again(monkeypatch: 
 
 @pytest.fixture(scope="module")
 def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Broker]:
-    """Give a broker with two users, of whom one may not write what robots write."""
+    """Yield a broker with two users, one of whom may not write a robot's topics."""
     rules = tmp_path_factory.mktemp("acl") / "acl"
     rules.write_text("user mute\ntopic read uagv/#\n\nuser robot\ntopic readwrite uagv/#\n")
     rules.chmod(0o644)

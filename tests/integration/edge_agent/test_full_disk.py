@@ -1,4 +1,4 @@
-"""A disk that takes nothing more, in the middle of an order; a limit on the size of files has that effect."""
+"""A disk that becomes full during an order; a limit on the size of files has that effect."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ def agent(broker: Broker, interface_name: str, tmp_path: Path) -> Iterator[Agent
 
 
 def fill(agent: AgentProcess, *, full: bool) -> None:
-    """Let the disk be full for the agent, or have room again."""
+    """Make the disk full for the agent, or free again."""
     _, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.prlimit(agent.process.pid, resource.RLIMIT_FSIZE, (ROOM if full else hard, hard))
 
 
 def full_disk(state: dict[str, Any]) -> bool:
-    """Accept a state that says so, as something that a person has to see to."""
+    """Return whether a state reports that as a problem for a person."""
     return any(
         e["errorType"] == "JOURNAL_NOT_WRITTEN" and e["errorLevel"] == "FATAL" for e in state["errors"]
     )

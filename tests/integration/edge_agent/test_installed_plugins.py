@@ -44,7 +44,7 @@ def make(context):
 
 
 def example() -> dict[str, str]:
-    """Give the files of the example, as they stand on the page."""
+    """Return the files of the example, as they are on the page."""
     part = PAGE.read_text(encoding="utf-8").split("## A plug-in of your own")[1]
     (project, *_), (code,) = (
         re.findall(rf"```{kind}\n(.*?)```", part, re.DOTALL) for kind in ("toml", "python")

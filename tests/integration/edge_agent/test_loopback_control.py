@@ -33,7 +33,7 @@ def charged(percent: float) -> Callable[[State], bool]:
 def robot(
     request: pytest.FixtureRequest, broker: Broker, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[BenchRobot]:
-    """Give a robot that all tests of this module share: each leaves it in order."""
+    """Yield a robot shared by all tests of this module: each leaves it in order."""
     with shared_robot(broker, tmp_path_factory.mktemp("journal"), request.param) as made:
         yield made
 

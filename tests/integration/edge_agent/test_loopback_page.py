@@ -26,7 +26,7 @@ PAGE = (Path(__file__).parents[3] / "docs" / "loopback.md").read_text(encoding="
 
 
 def commands(program: str) -> list[list[str]]:
-    """Give the words of each call of ``program`` on the page."""
+    """Return the words of each call of ``program`` on the page."""
     blocks = "".join(re.findall(r"```bash\n(.*?)```", PAGE, re.DOTALL)).replace("\\\n", " ")
     words = shlex.split(blocks)
     programs = ("mosquitto", "mosquitto_pub", "mosquitto_sub", "nena-edge-agent")
@@ -36,7 +36,7 @@ def commands(program: str) -> list[list[str]]:
 
 
 def first_column(heading: str) -> list[str]:
-    """Give the names in the first column of the table under a heading, or behind a line."""
+    """Return the names in the first column of the table under a heading, or after a line."""
     table = PAGE.split(heading, 1)[1].split("|---", 1)[1]
     return [
         name

@@ -1,4 +1,4 @@
-"""The program in a process of its own: killed, restarted, cut off, and started by mistake."""
+"""The program in a separate process: killed, restarted, disconnected, and started by mistake."""
 
 from __future__ import annotations
 

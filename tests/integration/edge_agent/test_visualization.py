@@ -1,4 +1,4 @@
-"""Where the robot is, for displays, at a rate of its own."""
+"""The robot's position for displays, at a separate rate."""
 
 from __future__ import annotations
 

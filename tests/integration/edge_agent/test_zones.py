@@ -1,4 +1,4 @@
-"""Zones over a real broker: a set is brought, enabled and honoured, a zone is asked for and left."""
+"""Zones over a real broker: a set is sent, enabled and obeyed, a zone is requested and left."""
 
 from __future__ import annotations
 

@@ -87,7 +87,7 @@ def test_dashboards_are_provisioned_over_one_source() -> None:
 
 
 def queries() -> Iterator[tuple[str, str]]:
-    """Give all queries of the dashboards, variables filled in, with the panel that asks."""
+    """Yield all queries of the dashboards with their panels, with variables filled in."""
     for file in DASHBOARDS:
         board = json.loads(file.read_text(encoding="utf-8"))
         for variable in board["templating"]["list"]:
@@ -106,7 +106,7 @@ def _filled(expression: str) -> str:
 
 
 def say_everything(served: Served, peer: MqttPeer, turn: int) -> None:
-    """Let two robots and the order service do one of each thing."""
+    """Make two robots and the order service send one message of each kind."""
     order = f"v{turn}"
     power = {"state_of_charge": 55.0, "charging": False, "battery_voltage": 48.0, "range": 900.0}
     error = {"error_type": "orderError", "error_level": "WARNING", "error_references": ()}
@@ -176,6 +176,6 @@ async def test_every_query_of_rules_and_dashboards_finds_something(
 
 
 async def evaluated(prometheus: Prometheus) -> list[dict[str, Any]]:
-    """Give the rules once all of them have been evaluated."""
+    """Return the rules once all of them have been evaluated."""
     rules = await prometheus.rules()
     return [] if any(rule["health"] == "unknown" for rule in rules) else rules

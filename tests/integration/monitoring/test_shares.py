@@ -21,7 +21,7 @@ ROBOTS = tuple(RobotKey("ACME", f"r{number}") for number in range(1, 13))
 
 
 def halves(broker: Broker, peer: MqttPeer, interface_name: str) -> list[Hall]:
-    """Give the same hall twice, for an aggregator each."""
+    """Return the same hall twice, one per aggregator."""
     return [Hall.of(broker, peer, interface_name) for _ in range(2)]
 
 
@@ -36,7 +36,7 @@ def robots_of(shown: dict[str, Any]) -> set[str]:
 
 
 async def both(halls: list[Hall]) -> list[dict[str, Any]]:
-    """Give what both show, once they show all robots between them."""
+    """Return the fleets of both, once together they have all robots."""
     shown = [await fleet(hall) for hall in halls]
     return shown if sum(len(each["robots"]) for each in shown) >= len(ROBOTS) else []
 
@@ -59,7 +59,7 @@ async def test_two_aggregators_divide_the_robots_and_one_prometheus_sums_them_up
 
 
 def say(hall: Hall) -> None:
-    """Have each robot say something, and the order service something of one of them."""
+    """Make each robot send a state, and the order service a status of one of them."""
     for robot in ROBOTS:
         hall.send(Topic.STATE, state(robot=robot, at=seconds_now()), robot=robot)
     status = vehicle_status(robot=ROBOTS[0])

@@ -25,7 +25,7 @@ def fleet(broker: Broker, interface_name: str, tmp_path: Path) -> Iterator[Fleet
 
 @pytest.fixture
 async def service(fleet: Fleet) -> AsyncIterator[Callable[..., Awaitable[httpx.AsyncClient]]]:
-    """Give a function that starts the order service in this process, and a client of it."""
+    """Yield a function that starts the order service in this process, and returns its client."""
     async with AsyncExitStack() as stack:
 
         async def start(**settings: Any) -> httpx.AsyncClient:
@@ -36,7 +36,7 @@ async def service(fleet: Fleet) -> AsyncIterator[Callable[..., Awaitable[httpx.A
 
 @pytest.fixture(params=["sqlite", "postgresql"])
 def keeper(request: pytest.FixtureRequest, fleet: Fleet, tmp_path: Path) -> Iterator[Keeper]:
-    """Give the fleet's store."""
+    """Yield the fleet's store."""
     if request.param == "sqlite":
         made: Keeper = SqliteKeeper(tmp_path)
     else:
@@ -49,11 +49,11 @@ def keeper(request: pytest.FixtureRequest, fleet: Fleet, tmp_path: Path) -> Iter
 
 @pytest.fixture
 def shared(fleet: Fleet, postgres: Postgres) -> Fleet:
-    """Give a fleet whose store several order services may use."""
+    """Return a fleet whose store several order services may use."""
     fleet.store_url = postgres.url
     return fleet
 
 
 @pytest.fixture(autouse=True)
 def _unmeasured(unmeasured: None) -> None:
-    """Let order services that run as programs go at their own speed; their code is measured in here."""
+    """Disable coverage in order services that run as programs; their code is measured in this process."""

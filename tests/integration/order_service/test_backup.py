@@ -1,4 +1,4 @@
-"""Back up, destroy, restore, continue: as docs/operations.md says, at work, on both kinds of store."""
+"""Back up, destroy, restore, continue: by docs/operations.md, during work, on both kinds of store."""
 
 from __future__ import annotations
 
@@ -102,9 +102,9 @@ async def test_after_a_loss_the_site_goes_on_from_its_last_backup(fleet: Fleet, 
 async def robots_are_free_of_what_nobody_knows(
     client: httpx.AsyncClient, states: Callable[[], list[Inbound]]
 ) -> None:
-    """Cancel what robots are at that the store knows nothing of: they wait for more of it for ever.
+    """Cancel the robots' orders that the store does not know: they would wait for updates for ever.
 
-    A robot that has not reported yet may be at something unknown though the store has an order for it.
+    A robot that has not reported yet may have an unknown order even if the store has an order for it.
     """
 
     async def look() -> dict[str, str]:
@@ -135,7 +135,7 @@ def held_orders(states: Iterable[Inbound]) -> dict[str, str]:
 
 
 async def robots_stand(panel: httpx.AsyncClient) -> dict[str, dict[str, Any]]:
-    """Wait until each robot has come to the end of what it was given; give the orders as last told."""
+    """Wait until each robot is at the end of its base; return the last statuses of the orders."""
 
     async def look() -> list[dict[str, Any]]:
         robots: list[dict[str, Any]] = (await panel.get("/api/v1/fleet")).json()["robots"]

@@ -1,4 +1,6 @@
-"""An order service that starts with its disk full: it says so to people and probes, and goes on by itself."""
+"""An order service that starts with its disk full: it reports that to people and probes, and continues
+automatically.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,7 @@ def fleet_on_it(fleet: Fleet, disk: SmallDisk) -> Fleet:
 
 
 async def killed_with_a_full_disk(fleet: Fleet, disk: SmallDisk) -> None:
-    """Have an order service die with an order under way and no room on its disk."""
+    """Kill an order service during an order, with no space on its disk."""
     fleet.agent(speed=0.01)
     program = fleet.order_service("--kernel.commit_timeout", 1)
     async with await program.client() as client:

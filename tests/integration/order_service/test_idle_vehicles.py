@@ -62,7 +62,7 @@ async def orders(client: httpx.AsyncClient, kind: str) -> list[dict[str, Any]]:
 
 
 async def ended(client: httpx.AsyncClient, kind: str) -> list[dict[str, Any]]:
-    """Give the orders of a kind at their end: vehicles are shown as they are, orders as they are stored."""
+    """Return the ended orders of a kind: vehicles are shown as they are, orders as they are stored."""
 
     def finished(found: list[dict[str, Any]]) -> bool:
         return bool(found) and all(each["state"] == "FINISHED" for each in found)

@@ -18,7 +18,7 @@ ORDER = {"name": "T-1", "destinations": [{"locationName": "Goods in", "operation
 
 
 async def line(program: Program, event: str) -> dict[str, Any]:
-    """Give the first line of an event in a log of JSON, once it is there."""
+    """Return the first line of an event in a log of JSON, once it exists."""
 
     def look() -> dict[str, Any] | None:
         lines = [json.loads(each) for each in program.log.splitlines(keepends=True) if each.endswith("\n")]

@@ -1,4 +1,4 @@
-"""Every topic of the MQTT API in use, with a real broker and a robot; each message as the document says."""
+"""Every topic of the MQTT API in use, with a real broker and a robot; each message as documented."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Host:
         await self._peer.wait_for(f"{self._topics}/transportOrders/answer")
 
     def heard(self) -> list[tuple[str, bytes]]:
-        """Return what was said to hosts; order services settle among themselves below leader/."""
+        """Return the messages to hosts; those below leader/ are internal to order services."""
         return [(each.topic, each.payload) for each in self._peer.history if "/leader/" not in each.topic]
 
 
@@ -66,7 +66,7 @@ def host(fleet: Fleet) -> Host:
 
 
 def misfits(document: dict[str, Any], messages: list[tuple[str, bytes]]) -> tuple[list[str], set[str]]:
-    """Give what is wrong with messages, and the channels that they were on."""
+    """Return the errors of messages, and their channels."""
     addresses = {
         re.compile(re.sub(r"\\\{\w+\\\}", "[^/]+", re.escape(channel["address"]))): name
         for name, channel in document["channels"].items()
@@ -142,7 +142,7 @@ async def orders_are_held_and_withdrawn(host: Host) -> None:
 
 
 async def everything_is_as_documented(client: httpx.AsyncClient, host: Host) -> None:
-    """Wait for a message on each channel that the service describes, and look at all of them."""
+    """Wait for a message on each described channel, and check all of them."""
     document = (await client.get("/asyncapi.json")).json()
     channels = set(document["channels"])
 

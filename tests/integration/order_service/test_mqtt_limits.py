@@ -1,4 +1,6 @@
-"""Hosts that ask too much of a real order service over MQTT: they are told so, and the rest goes on."""
+"""Hosts that send too many requests to a real order service over MQTT: they are told so, and the others are
+served.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,7 @@ STOP = {"locationName": "Goods in", "operation": "Load cargo"}
 
 
 class Hosts:
-    """Asks under any host's name."""
+    """Sends requests under any host's name."""
 
     def __init__(self, fleet: Fleet) -> None:
         self._prefix = f"{fleet.prefix}/hosts"
@@ -56,7 +58,7 @@ class Hosts:
 
 
 class Gate:
-    """Lets requests wait before they are worked on, as a slow store does."""
+    """Delays requests before they are executed, as a slow store does."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, method: str) -> None:
         self.opened = asyncio.Event()

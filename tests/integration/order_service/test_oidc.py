@@ -1,4 +1,4 @@
-"""A real order service and an issuer on loopback, which stands in for Keycloak and its like."""
+"""A real order service and an issuer on loopback in place of Keycloak and the like."""
 
 from __future__ import annotations
 

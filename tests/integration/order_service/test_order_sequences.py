@@ -24,7 +24,7 @@ Start = Callable[..., Awaitable[httpx.AsyncClient]]
 
 @pytest.fixture(params=["sqlite", "postgresql"])
 def site(request: pytest.FixtureRequest, fleet: Fleet) -> Fleet:
-    """Give a fleet with one kind of store."""
+    """Return a fleet with one kind of store."""
     if request.param == "postgresql":
         postgres: Postgres = request.getfixturevalue("postgres")
         fleet.store_url = postgres.url

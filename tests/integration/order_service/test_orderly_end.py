@@ -1,4 +1,4 @@
-"""Programs that are told to end, in mid-work: what was answered is kept, nobody is told what is not so."""
+"""Programs that are stopped during work: answered requests are kept, and no answer is false."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ HOSTS = 8
 
 
 class Host:
-    """Orders without a pause, until nobody answers."""
+    """Creates orders without a pause, until the service does not answer."""
 
     def __init__(self, client: httpx.AsyncClient) -> None:
         self._client = client
@@ -106,7 +106,7 @@ class MqttHosts:
 
 
 async def end_while_asked(program: Program, hosts: MqttHosts) -> list[str]:
-    """End the program while hosts go on; give the keys of the requests that were not answered."""
+    """Stop the program while hosts continue; return the keys of unanswered requests."""
     asking = [asyncio.create_task(hosts.order_on(f"h{number}")) for number in range(HOSTS)]
     await until(lambda: len(hosts.taken) > 5 * HOSTS)
     program.process.send_signal(signal.SIGTERM)

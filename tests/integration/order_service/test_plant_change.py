@@ -28,7 +28,7 @@ def with_hall(**changes: Any) -> PlantModel:
 
 
 def without(point: str) -> PlantModel:
-    """Take out a point, and all that hangs on it."""
+    """Remove a point, and everything that depends on it."""
     return with_hall(
         points=tuple(each for each in SAMPLE.points if each.name != point),
         paths=tuple(each for each in SAMPLE.paths if point not in (each.source, each.destination)),
@@ -40,7 +40,7 @@ async def put(client: httpx.AsyncClient, content: str | bytes, **query: Any) -> 
 
 
 def actions(wire: MqttPeer, fleet: Fleet) -> set[str]:
-    """Give the ids of all actions in orders to robots."""
+    """Return the IDs of all actions in orders to robots."""
     orders = [json.loads(each.payload) for each in wire.received(f"{fleet.interface}/v2/NeNa/robot-01/order")]
     return {action["actionId"] for order in orders for node in order["nodes"] for action in node["actions"]}
 

@@ -1,4 +1,4 @@
-"""Rerouting over a real broker: robots take the other way, and nothing breaks the standard."""
+"""Rerouting over a real broker: robots take the other route, and nothing violates the standard."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ async def waits(client: httpx.AsyncClient, reason: str) -> None:
 
 
 def sent(wire: MqttPeer, fleet: Fleet) -> list[dict[str, Any]]:
-    """Give the VDA 5050 orders that the robot was sent, with their points."""
+    """Return the VDA 5050 orders sent to the robot, with their points."""
     messages = wire.received(f"{fleet.interface}/+/NeNa/robot-01/order")
     return [json.loads(each.payload) for each in messages]
 

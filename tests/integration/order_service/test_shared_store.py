@@ -1,4 +1,4 @@
-"""An order service that has the lead, but whose shared store takes nothing of what its beginning writes."""
+"""An active order service whose shared store rejects the writes of its start."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ ROOM = "DROP TRIGGER full_disk ON documents"
 
 @pytest.fixture
 def full(fleet: Fleet, postgres: Postgres) -> Engine:
-    """Give a store with a plant model for another file, which a beginning takes out and cannot."""
+    """Return a store with a plant model for another file, which the start cannot remove."""
     fleet.store_url = postgres.url
     engine = open_database(postgres.url)
     stored = StoredPlant(file="another", model=load_plant(sample_plant_path()).model.to_json())

@@ -1,7 +1,7 @@
-"""Six robots and one single track: sixty orders are done, and nobody is ever where somebody else is.
+"""Six robots and one single track: sixty orders are finished, and no two robots are ever in the same place.
 
-The order service and the robots are processes of their own, with a real broker between them. What the robots
-were given and what they say is read from the conversation alone.
+The order service and the robots are separate processes, with a real broker between them. What the robots were
+granted and what they report is read from the conversation alone.
 """
 
 from __future__ import annotations

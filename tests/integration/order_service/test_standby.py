@@ -45,7 +45,7 @@ async def active(client: httpx.AsyncClient) -> httpx.AsyncClient:
 
 
 async def taken(client: httpx.AsyncClient, body: Mapping[str, object]) -> float:
-    """Ask until the order is taken; give how many seconds that took."""
+    """Repeat the request until the order is accepted; return the seconds that it took."""
     start = time.monotonic()
 
     async def ask() -> int:
@@ -56,7 +56,7 @@ async def taken(client: httpx.AsyncClient, body: Mapping[str, object]) -> float:
 
 
 async def heard(client: httpx.AsyncClient, event: str, *, last_id: int | None = None) -> int:
-    """Follow the events to the first one of a kind; give its id."""
+    """Follow the events to the first one of a kind; return its ID."""
     headers = {} if last_id is None else {"Last-Event-ID": str(last_id)}
     fields: dict[str, str] = {}
     async with asyncio.timeout(PATIENCE), client.stream("GET", "/v1/events", headers=headers) as answer:

@@ -94,7 +94,7 @@ async def test_a_broker_that_has_lost_the_record_is_told_again(fleet: Fleet, own
 
 
 async def test_one_that_was_cut_off_and_replaced_ends_when_it_is_back(fleet: Fleet) -> None:
-    """It hangs for so long that the broker gives it up, and another one with its own store leads then."""
+    """Suspend it until the broker drops it and another one with a separate store leads."""
     first = fleet.order_service("--mqtt.keep_alive", 5, name="first")
     await listening(await first.client())
     with MqttPeer(fleet.broker, topic(fleet)) as peer:

@@ -38,7 +38,7 @@ ORDERS = tuple(f"T-{number}" for number in range(3))
 
 
 def in_first_store(query: str) -> list[Any]:
-    """Give the JSON documents that a query finds in the store of the first release."""
+    """Return the JSON documents that a query finds in the store of the first release."""
     with closing(sqlite3.connect(":memory:")) as store:
         store.executescript(FIRST_STORE.read_text(encoding="utf-8"))
         return [json.loads(document) for (document,) in store.execute(query)]

@@ -29,7 +29,7 @@ Fault = Callable[[str], None]
 
 @pytest.fixture
 def fault(domain_id: int, peer: RosPeer) -> Iterator[Fault]:
-    """Return a robot of its own, and what lets its faults begin."""
+    """Yield a separate robot, and a function that starts its faults."""
     with simulated_robot(domain_id):
         publisher = publisher_to(peer, String, "simulator/fault")
 

@@ -1,4 +1,4 @@
-"""The line that knows MQTT does to messages what it says, and nothing else."""
+"""The proxy that understands MQTT does to messages what it claims, and nothing else."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ def broker() -> Iterator[Broker]:
 
 @pytest.fixture
 def files(tmp_path: Path) -> Path:
-    """Give a folder with each secret in a file of its own."""
+    """Return a folder with each secret in a separate file."""
     away = f"://nena:{DATABASE_PASSWORD}@127.0.0.1:{free_port()}/nena"
     (tmp_path / "password").write_text(PASSWORD + "\n")
     (tmp_path / "store").write_text(f"postgresql{away}\n")

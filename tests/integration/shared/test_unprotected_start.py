@@ -1,4 +1,4 @@
-"""A service that would listen for other machines without TLS or a login does not start, and says why."""
+"""A service that would listen beyond loopback without TLS or a login does not start, and reports why."""
 
 from __future__ import annotations
 

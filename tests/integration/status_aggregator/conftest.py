@@ -12,6 +12,6 @@ from support.served_aggregator import Served, serving
 
 @pytest.fixture
 async def served(broker: Broker, interface_name: str) -> AsyncIterator[Served]:
-    """Return a running aggregator with topics of its own."""
+    """Yield a running aggregator with separate topics."""
     async with serving(broker, interface_name) as made:
         yield made

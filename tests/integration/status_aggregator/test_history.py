@@ -30,10 +30,10 @@ def codes(page: dict[str, Any]) -> list[str]:
 
 
 async def drive(served: Served, peer: MqttPeer) -> None:
-    """Let a robot drive an order from A to B, and wait until all of that is in the history.
+    """Drive an order from A to B, and wait until all of it is in the history.
 
-    What is told of its condition follows its states a moment later: when the robot is shown at the end of its
-    order all has been told, and what is told after that, here of TO-0, is written after it.
+    Events of its condition follow its states a moment later: once the robot is shown at the end of its order
+    all have been published, and later ones, here of TO-0, are written after them.
     """
     for number, fields in enumerate(
         (

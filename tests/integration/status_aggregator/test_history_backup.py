@@ -1,4 +1,7 @@
-"""The history is backed up, destroyed and restored as docs/operations.md says; a newer one is put aside."""
+"""The history is backed up, destroyed and restored as docs/operations.md describes.
+
+A newer one is moved aside.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +33,7 @@ def orders_in(history: list[dict[str, Any]]) -> list[str]:
 
 @dataclass
 class Panel:
-    """A running aggregator, and who tells it of orders."""
+    """A running aggregator, and the publisher of its orders."""
 
     process: AggregatorProcess
     http: httpx.AsyncClient
@@ -38,7 +41,7 @@ class Panel:
     topics: FleetTopics
 
     async def connected(self) -> None:
-        """Wait until it hears what is said."""
+        """Wait until it receives messages."""
 
         async def fleet() -> dict[str, Any]:
             found: dict[str, Any] = (await self.http.get("/api/v1/fleet")).json()
@@ -54,7 +57,7 @@ class Panel:
         return [json.loads(line) for line in lines.splitlines()]
 
     async def learns_of(self, *orders: str) -> list[dict[str, Any]]:
-        """Publish of orders, and give the history once they are in it."""
+        """Publish orders, and return the history once they are in it."""
         for name in orders:
             self.peer.publish(
                 self.topics.order_status(name), order_status(name).model_dump_json(by_alias=True)

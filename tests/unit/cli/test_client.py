@@ -1,4 +1,4 @@
-"""Connections to real servers: the active one of several is asked, and what goes wrong is told."""
+"""Connections to real servers: the active one of several is used, and errors are reported."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from support.waiting import PATIENCE
 
 
 def at(path: str) -> Operation[DeliveryStatus]:
-    """Return an operation whose answer stands at this path."""
+    """Return an operation whose answer is at this path."""
     return replace(DELIVERY, path=path)
 
 
@@ -123,7 +123,7 @@ def test_events_are_read_and_half_an_event_is_none() -> None:
 
 
 class Breaking(Connection):
-    """Its streams break after what the test gives them."""
+    """Its streams break after the content from the test."""
 
     def __init__(self, *streams: list[str] | None) -> None:
         super().__init__(["http://127.0.0.1:1"], None)

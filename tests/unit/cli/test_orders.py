@@ -1,4 +1,4 @@
-"""Files that people give to commands; what is no file of its kind is told in a line, and nothing is sent."""
+"""Files for commands; an invalid one is reported in a line, and nothing is sent."""
 
 from __future__ import annotations
 

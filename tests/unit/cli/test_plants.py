@@ -29,7 +29,7 @@ def codes(found: dict[str, Any]) -> list[str]:
 
 @pytest.fixture
 def odd_lif(tmp_path: Path) -> Path:
-    """Give a file that keeps to LIF but for a field."""
+    """Return a file that is valid LIF except for one field."""
     file = tmp_path / "odd.lif.json"
     file.write_bytes(lif_of(node("A", colour="[red]"), node("B"), edge("A B"), edge("B A")))
     return file

@@ -14,7 +14,7 @@ from support.talk import VERSIONS, Talk, doing
 
 
 def at_once(*statuses: tuple[str, str], version: str = "3.0.0", blocking: str = "NONE") -> Talk:
-    """Have the robot say ``statuses`` of the actions a and b, which stand on the node where it is."""
+    """Make the robot report ``statuses`` of the actions a and b on its node."""
     actions = [action("a", blocking), action("b")]
     talk = Talk(version).order("n0", "n1", node_actions={"n0": actions})
     return talk.state("n0", "n1", action_states=doing(*statuses))

@@ -99,7 +99,7 @@ def sent(version: str, topic: str, payload: bytes) -> Talk:
 
 
 def changed(version: str, **fields: Any) -> Talk:
-    """Give a conversation of one state, with some fields of its JSON replaced."""
+    """Return a conversation of one state, with some fields of its JSON replaced."""
     content = json.loads(codec_for(version).encode(example_state())) | fields
     return sent(version, "state", json.dumps(content).encode())
 

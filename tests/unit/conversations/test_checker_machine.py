@@ -1,6 +1,6 @@
 """The checker and the robot's core against each other, over random histories with wild fleet controls.
 
-They share the message models and nothing else: what the core says is never found to break the standard.
+They share the message models and nothing else: the core's messages never violate the standard.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from unit.edge_agent.protocol import test_robot_machine as histories
 
 
 class RecordedBench(Bench):
-    """Has everything that is said go into the talk of the machine that runs."""
+    """Adds all messages to the conversation of the running machine."""
 
     talk: ClassVar[Talk]
 

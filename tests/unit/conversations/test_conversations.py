@@ -101,7 +101,7 @@ class Replay:
                 self.bench.do(ResponsesReceived(message, NOON))
 
     def follow(self, state: State) -> None:
-        """Let the driver and the plug-ins do what ``state`` tells of them."""
+        """Make the driver and the plug-ins do what ``state`` reports."""
         goal = self.bench.core.robot.goal
         while self.bench.state.last_node_sequence_id < state.last_node_sequence_id:
             self.bench.arrive()
@@ -121,7 +121,7 @@ class Replay:
 
 
 def told(state: State) -> dict[str, object]:
-    """What must be the same: all but texts, poses, and what only the driver knows."""
+    """Return what must be the same: all but texts, poses, and what only the driver knows."""
     shown = (*state.action_states, *state.instant_action_states)
     return {
         "order": (state.order_id, state.order_update_id),

@@ -89,7 +89,7 @@ FULL: dict[str, Any] = {
 
 
 def changed(fields: dict[str, Any], before: dict[str, Any] | None = None) -> list[str]:
-    """Give what is told of a state that differs from the one before it by ``fields``."""
+    """Return the lines shown for a state that differs from the one before it by ``fields``."""
     return describe(state(2, **{**(before or {}), **fields}), state(1, **(before or {})))
 
 

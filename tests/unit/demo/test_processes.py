@@ -91,7 +91,7 @@ async def test_a_broker_that_cannot_start_is_told_with_its_log(tmp_path: Path) -
 
 
 async def second_broker(processes: Processes, port: int) -> None:
-    """A second broker on the same port answers nobody; the first one would, so only its end can tell."""
+    """Start a second broker on the same port, which answers no client; only its end shows that."""
     child = await start_broker(processes, port, "mosquitto")
     await child.process.wait()
     child.check()

@@ -136,7 +136,7 @@ def test_what_an_address_reaches_is_known(address: str, what: str) -> None:
 
 
 class Elsewhere:
-    """Lets names lead to the file server here, whose address then counts as another one."""
+    """Makes names resolve to the file server here, whose address then counts as another one."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, addresses: dict[str, str]) -> None:
         self._addresses = addresses
@@ -167,7 +167,7 @@ class Elsewhere:
 async def test_a_server_cannot_send_the_robot_to_where_only_the_robot_gets(
     files: Files, monkeypatch: pytest.MonkeyPatch, target: str, why: str
 ) -> None:
-    """Loopback services and the metadata of clouds answer whoever asks from there."""
+    """Loopback services and the metadata of clouds answer all local clients."""
     Elsewhere(
         monkeypatch,
         {"maps.site": "192.168.1.7", "127.1": "127.0.0.1", "metadata.internal": "169.254.169.254"},
@@ -210,7 +210,7 @@ async def test_servers_that_send_the_robot_in_a_circle_are_left(files: Files) ->
 
 
 def test_a_server_cannot_send_the_robot_from_https_to_http() -> None:
-    """What is fetched without TLS is whatever somebody on the way says."""
+    """Content fetched without TLS can be changed by anyone on the way."""
     request = Request("https://maps.site/map.zip")
 
     with pytest.raises(DownloadError, match=r"from https to http://maps\.site/map\.zip"):

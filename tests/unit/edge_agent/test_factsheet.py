@@ -1,4 +1,4 @@
-"""The factsheet is true to the actions that are set, and the order service understands what it says."""
+"""The factsheet agrees with the configured actions, and the order service understands it."""
 
 from __future__ import annotations
 
@@ -229,7 +229,7 @@ def test_it_fits_the_official_schema_of_each_version(version: str) -> None:
 def test_both_sides_agree_about_an_action(
     version: str, parameters: dict[str, Any], problem: str | None
 ) -> None:
-    """What the order service sends by the factsheet the robot takes; what it refuses the robot would too."""
+    """The robot accepts what the order service sends by the factsheet, and would refuse what it refuses."""
     codec = CODECS[version]
     settings, capabilities = robot(LIFT, version=version)
     sheet = make_factsheet(HEADER | {"version": version}, settings, capabilities)

@@ -132,7 +132,7 @@ def test_a_torn_write_leaves_the_old_record(tmp_path: Path) -> None:
 
 
 def every_other_block(before: bytes, after: bytes) -> bytes:
-    """Mix two contents as a disk leaves them that has written some blocks only, in an order of its own."""
+    """Mix two contents as on a disk that has written only some blocks, in its own order."""
     starts = range(0, len(after), 2 * BLOCK)
     return b"".join(
         before[start : start + BLOCK] + after[start + BLOCK : start + 2 * BLOCK] for start in starts
@@ -367,7 +367,7 @@ WAIT = 30.0
 
 
 class SlowDisk(Journal):
-    """A journal on a disk that takes its time, as long as the test wants."""
+    """A journal on a disk that takes as long as the test wants."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__(folder, ROBOT)
@@ -385,7 +385,7 @@ class SlowDisk(Journal):
 
 
 class Rig:
-    """A recorder, a robot to record, and what the recorder tells."""
+    """A recorder, a robot to record, and the recorder's reports."""
 
     def __init__(self, journal: Journal | None) -> None:
         self.bench = Bench()

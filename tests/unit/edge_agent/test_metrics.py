@@ -28,7 +28,7 @@ def program(journal: Path | None) -> Program:
 
 
 async def test_a_disk_that_hangs_is_asked_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Each question takes a thread, which is not free before the disk answers."""
+    """Check that only one thread waits: each query takes one, which is not free before the disk answers."""
     answer, asked = threading.Event(), list[Path]()
 
     def usage(folder: Path) -> SimpleNamespace:

@@ -17,7 +17,7 @@ FIRST = Map(map_id="hall", map_version="1", map_status=MapStatus.ENABLED)
 
 
 class Loader(MapServer):
-    """A map_server that takes every map, or none."""
+    """A map_server that accepts every map, or none."""
 
     def __init__(self) -> None:
         super().__init__(RosSettings(), "hall")

@@ -1,8 +1,8 @@
-"""An agent that dies at any moment of an order: what comes of it is what would have come without its death.
+"""An agent that dies at any moment of an order: the result is the same as without its death.
 
-The whole agent runs, with its journal on disk, over a link, a driver and actions that let it die before, in
-the middle of or after each thing that it does to the world, and before each thing that it hears. Then another
-agent goes on with the same journal and the same robot, which has driven on meanwhile.
+The whole agent runs, with its journal on disk, over a link, a driver and actions that let it die before,
+during or after each of its effects on the world, and before each input. Then another agent continues with the
+same journal and the same robot, which has driven on meanwhile.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ ALWAYS = 10_000
 
 @pytest.fixture
 def folder() -> Iterator[Path]:
-    """Give a folder for journals, in memory where that can be had: the disk is not the point."""
+    """Return a folder for journals, in memory if possible: the disk does not matter here."""
     memory = Path("/dev/shm")  # noqa: S108 - the folder in it is our own
     with TemporaryDirectory(dir=memory if memory.is_dir() else None, prefix="nena-test-") as name:
         yield Path(name)

@@ -21,7 +21,7 @@ NOW = datetime(2026, 1, 1, tzinfo=UTC)
 
 
 class Dated:
-    """What of an order says when it was sent."""
+    """The part of an order that has its timestamp."""
 
     def __init__(self, timestamp: datetime) -> None:
         self.timestamp = timestamp

@@ -44,7 +44,7 @@ def settings(tmp_path: Path) -> OrderServiceSettings:
 
 @pytest.fixture
 async def service(settings: OrderServiceSettings) -> AsyncIterator[OrderService]:
-    """Give an order service without a broker, so that orders are taken and wait."""
+    """Yield an order service without a broker, so that orders are accepted and wait."""
     store = Store(open_database(settings.store.location()))
     made = build(settings, load_plant(settings.plant).model, store)
     async with Supervisor() as supervisor:
@@ -57,7 +57,7 @@ async def service(settings: OrderServiceSettings) -> AsyncIterator[OrderService]
 
 @pytest.fixture
 def failing_create(service: OrderService, monkeypatch: pytest.MonkeyPatch) -> str:
-    """Have a fault of the program in the creation of orders; gives what its error says."""
+    """Make the creation of orders raise an unexpected error; return its text."""
     inside = "secret"
 
     def fail(*_: object) -> None:

@@ -1,4 +1,4 @@
-"""The bodies in the guide are what the doors take."""
+"""The APIs accept the bodies in the guide."""
 
 from __future__ import annotations
 

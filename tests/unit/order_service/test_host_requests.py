@@ -1,4 +1,4 @@
-"""Answers to hosts that ask at the same time."""
+"""Answers to hosts with concurrent requests."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PLANT = PlantModel(
 
 
 class AskedStore(MemoryStore):
-    """Holds one order that has ended, and answers when all have asked who are to."""
+    """Has one ended order, and answers when all expected queries have arrived."""
 
     ready = True
 

@@ -35,7 +35,7 @@ def runner_of(
 
 
 async def taken_up(settings: OrderServiceSettings, store: Store, file: PlantFile = FILE) -> PlantModel:
-    """Give the plant that counts after a restart with this file."""
+    """Return the plant used after a restart with this file."""
     async with Supervisor() as supervisor:
         runner = runner_of(settings, store, supervisor, file)
         await runner.begin()

@@ -1,4 +1,4 @@
-"""Fleets on random plants under the real engine: orders end, nobody collides, nothing stands for good."""
+"""Fleets on random plants under the real engine: orders end, no robots collide, and none waits for ever."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ IDLE_ONES_MOVE = DispatchSettings(
 
 
 def simulated(seed: int, random: Random, robots: int, dispatch: DispatchSettings) -> EngineSimulation:
-    """Give a simulation that has run."""
+    """Return a simulation that has run."""
     plant, stations = random_plant(random, robots)
     simulation = EngineSimulation(
         plant,

@@ -8,7 +8,7 @@ from nena_shared.database_lines import hang_up, remember
 
 
 class ClosedError(Exception):
-    """What a driver says of a connection that was closed."""
+    """A driver's error for a closed connection."""
 
 
 class Engine:

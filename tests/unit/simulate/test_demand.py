@@ -1,4 +1,4 @@
-"""Orders come from tables and from what the order service has told, or are drawn by lot."""
+"""Orders come from tables, from the order service's statuses, or are drawn at random."""
 
 from __future__ import annotations
 

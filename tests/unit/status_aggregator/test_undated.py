@@ -1,4 +1,4 @@
-"""Robots whose timestamps cannot be read: the time of arrival stands for them, and tells no order."""
+"""Robots whose timestamps cannot be read: the time of arrival replaces them, and does not define an order."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ def peer(domain_id: int) -> Iterator[RosPeer]:
 
 @pytest.fixture
 def version() -> str:
-    """Give the version of VDA 5050 that the robot of ``bench`` speaks."""
+    """Return the VDA 5050 version of the robot of ``bench``."""
     return "2.1.0"
 
 
@@ -32,7 +32,7 @@ def version() -> str:
 def bench(
     broker: Broker, interface_name: str, peer: RosPeer, domain_id: int, tmp_path: Path, *, version: str
 ) -> Iterator[Bench]:
-    """Give what a test needs for a robot of its own, which nothing runs of yet."""
+    """Yield what a test needs for a separate robot, before anything of it runs."""
     made = Bench(broker, interface_name, ros=peer, domain_id=domain_id, folder=tmp_path, version=version)
     with made.mqtt:
         yield made
@@ -40,4 +40,4 @@ def bench(
 
 @pytest.fixture(autouse=True)
 def _unmeasured(unmeasured: None) -> None:
-    """Let agents and simulators that run as programs go at their own speed; others measure their code."""
+    """Disable coverage in agents and simulators that run as programs; other tests measure their code."""

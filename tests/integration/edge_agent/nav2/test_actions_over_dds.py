@@ -44,7 +44,7 @@ ANSWER = {
 
 
 def lifting(action_type: str, verb: str, **more: Any) -> dict[str, Any]:
-    """Give the settings of an action that has the lift do something."""
+    """Return the settings of an action executed by the lift."""
     return {
         "kind": "topic",
         "action_type": action_type,
@@ -90,7 +90,7 @@ OPERATIONS: list[dict[str, Any]] = [
 
 
 class Robot:
-    """The actions of one robot on a node of its own."""
+    """The actions of one robot on a separate node."""
 
     def __init__(self, port: PluginRos) -> None:
         settings = EdgeAgentSettings.model_validate({"operations": OPERATIONS})

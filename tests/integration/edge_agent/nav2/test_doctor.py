@@ -36,14 +36,14 @@ CALLS = 30.0
 
 @pytest.fixture(autouse=True)
 def patient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """All that is there is found, on however slow a machine."""
+    """Wait long enough that everything present is found, also on slow machines."""
     monkeypatch.setattr(f"{PROBE}.LOOK_FOR", PATIENCE)
     monkeypatch.setattr(f"{PROBE}.LOOK_ELSEWHERE", 6.0)
     monkeypatch.setattr(f"{PROBE}.POSE_WAIT", 0.5)
 
 
 def expect(monkeypatch: pytest.MonkeyPatch, enough: Callable[[_Probe], object]) -> None:
-    """Have the look end once ``enough`` is seen: what is missing would be waited for in vain."""
+    """End the observation once ``enough`` is seen; waiting for the missing parts would be pointless."""
     monkeypatch.setattr(_Probe, "_complete", enough)
 
 
@@ -167,7 +167,7 @@ async def test_another_frame(domain_id: int) -> None:
 
 
 async def test_simulated_time(domain_id: int, peer: RosPeer, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Odometry with stamps of its own instead of the simulator's."""
+    """Publish odometry with other stamps than the simulator's."""
     expect(monkeypatch, lambda probe: probe._clock_offset)
     settings = RosSettings(domain_id=domain_id, namespace="r1")
     odometry = peer.node.create_publisher(Odometry, "/r1/odom", BEST_EFFORT)

@@ -45,7 +45,7 @@ def fault(peer: RosPeer, text: str) -> Iterator[None]:
 
 
 def statuses(peer: RosPeer, namespace: str = "") -> list[int]:
-    """Give the statuses of the newest array of a simulated robot."""
+    """Return the statuses of the newest array of a simulated robot."""
     topic = f"/{namespace}/navigate_to_pose/_action/status".replace("//", "/")
     array = peer.subscribe(GoalStatusArray, topic, LATCHED).wait_for()
     return [entry.status for entry in array.status_list]
@@ -53,14 +53,14 @@ def statuses(peer: RosPeer, namespace: str = "") -> list[int]:
 
 @pytest.fixture(params=[Navigation.TOPICS, pytest.param(Navigation.ACTION, marks=needs_action_types)])
 def navigation(request: pytest.FixtureRequest) -> Navigation:
-    """Have a robot driven by topics, and then by the action."""
+    """Return each way to drive a robot: by topics, and by the action."""
     found: Navigation = request.param
     return found
 
 
 @pytest.fixture
 async def robot(domain_id: int, navigation: Navigation) -> AsyncIterator[DrivenRobot]:
-    """Give a robot, and patience with it; what is said to stand does so by its odometry."""
+    """Yield a robot with long timeouts; its standstill is determined by its odometry."""
     goals = PATIENT.model_copy(update={"standstill_timeout": 600.0})
     with simulated_robot(domain_id):
         async with DrivenRobot(domain_id, navigation=navigation, goals=goals) as started:
@@ -69,7 +69,7 @@ async def robot(domain_id: int, navigation: Navigation) -> AsyncIterator[DrivenR
 
 @pytest.fixture
 async def hurried_robot(domain_id: int, navigation: Navigation) -> AsyncIterator[DrivenRobot]:
-    """Give a robot to which goals are given again soon."""
+    """Yield a robot to which goals are resent soon."""
     with simulated_robot(domain_id):
         async with DrivenRobot(domain_id, navigation=navigation, goals=QUICK) as started:
             yield await started.ready()

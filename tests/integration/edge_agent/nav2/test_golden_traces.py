@@ -1,7 +1,7 @@
 """Each conversation that Nav2's action server can have, between the driver and a simulator process, over DDS.
 
-The arrays are listened to from a third node. The status topic keeps only its newest array, so a step between
-two others may be missing; what stands in the end, and what the driver makes of it, must not differ.
+A third node receives the arrays. The status topic keeps only its newest array, so an intermediate one may be
+missing; the final array, and the driver's conclusions, must not differ.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ STATUS = "navigate_to_pose/_action/status"
 
 @pytest.fixture
 def simulator(tmp_path: Path, domain_id: int) -> Callable[..., Any]:
-    """Give what runs the simulator as a program of its own, with more of its settings and of its robot's."""
+    """Return a function that runs the simulator in a separate process, with more settings."""
 
     @contextmanager
     def running(*options: str, **fields: Any) -> Iterator[SimulatorProcess]:
@@ -55,7 +55,7 @@ class Arrays:
         self._inbox: Inbox[Any] = peer.subscribe(GoalStatusArray, STATUS, LATCHED)
 
     def known(self) -> None:
-        """Have the simulator know of this node: the answer to a client that was made later shows it."""
+        """Wait until the simulator has discovered this node: it answers a client that was made later."""
         active = self._peer.client(Trigger, "lifecycle_manager_navigation/is_active")
         self._peer.call(active, Trigger.Request())
 

@@ -47,7 +47,7 @@ MOST_MORE = 15
 
 
 class Witness:
-    """Sends orders as fleet control does, and keeps all that the robot has said."""
+    """Sends orders as fleet control does, and keeps all messages of the robot."""
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
@@ -58,7 +58,7 @@ class Witness:
         self.enough = False
 
     async def hears(self, *, states: int, more: int) -> None:
-        """Wait for so many states from now on, and for so many messages after them."""
+        """Wait for ``states`` new states, and for ``more`` messages after them."""
         history, topic, start = self._bench.mqtt.history, self._bench.fleet.topic(Topic.STATE), self.messages
         await until(
             lambda: sum(each.topic == topic for each in history[start:]) >= states,
@@ -82,7 +82,7 @@ class Witness:
         return self.states[-1]
 
     async def serve(self) -> None:
-        """Have the robot do one order after another, until it is enough."""
+        """Send the robot one order after another, until stopped."""
         for number in count(1):
             if self.enough:
                 return

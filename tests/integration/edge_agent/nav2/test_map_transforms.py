@@ -38,7 +38,7 @@ def version() -> str:
 
 
 def on_map(x: float, y: float) -> dict[str, float]:
-    """Give where a place of the plant, with the heading 0, is on the map."""
+    """Return where a place of the plant, with the heading 0, is on the map."""
     return {"x": 20.0 - 2.0 * y, "y": 2.0 * x, "yaw": pi / 2}
 
 
@@ -100,7 +100,7 @@ def instant_status(state: dict[str, Any], action_id: str) -> str | None:
 
 @asynccontextmanager
 async def driven_by_hosts(bench: Bench, fleet: Fleet, **agent: Any) -> AsyncIterator[httpx.AsyncClient]:
-    """Run an order service with the sample plant on a map of its own, and a robot of its."""
+    """Run an order service with the sample plant on its own map, and a robot."""
     model = read(sample_plant_path().read_bytes()).model
     plant = fleet.folder / "plant.json"
     properties = {**model.properties, f"nena:mapTransform.{HALL}": TRANSFORM}

@@ -1,4 +1,4 @@
-"""The map of a simulated robot, as it is told to those who show it."""
+"""The map of a simulated robot, as published for displays."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SAME = PlantFrame({})
 
 @asynccontextmanager
 async def watched(watch: MapWatch, domain_id: int) -> AsyncIterator[None]:
-    """Have the watch on a node of its own."""
+    """Run the watch on a separate node."""
     session = RosSession(node_name="watch", namespace="/", domain_id=domain_id)
     await session.start(lambda node: watch.enter(session, node))
     yield

@@ -22,7 +22,7 @@ def version() -> str:
 
 
 def progress(state: dict[str, Any]) -> dict[str, float]:
-    """Give the numbers of the information ``progress``."""
+    """Return the numbers of the information ``progress``."""
     found = [each for each in state["information"] if each["infoType"] == "progress"]
     return {
         each["referenceKey"]: float(each["referenceValue"])

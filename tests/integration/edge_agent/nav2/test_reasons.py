@@ -1,4 +1,4 @@
-"""Why a robot stands or a drive has failed: Nav2's codes, its recoveries, and the collision monitor."""
+"""Why a robot stands still or a drive has failed: Nav2's codes, its recoveries, and the collision monitor."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The recorded conversations of Nav2's action server, said to the driver over DDS word for word."""
+"""The recorded conversations of Nav2's action server, replayed to the driver over DDS."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ async def robot(nav2: ScriptedNav2, domain_id: int) -> AsyncIterator[DrivenRobot
 
 
 async def play(script: str, nav2: ScriptedNav2, robot: DrivenRobot) -> None:
-    """Act out a script, and say what is not a direction.
+    """Run a script; return an unknown direction.
 
-    ``goal 2`` gives a goal at x = 20 m, ``at 2`` has the robot be there, ``ended`` waits for a drive's end.
+    ``goal 2`` sends a goal at x = 20 m, ``at 2`` puts the robot there, ``ended`` waits for a drive's end.
     """
     for line in (part.strip() for part in script.split("|")):
         match line.split():

@@ -1,4 +1,4 @@
-"""Servers of Nav2 that die or hang alone: the robot stands, or the state says that it does not."""
+"""Servers of Nav2 that die or hang alone: the robot stops, or the state reports that it does not."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def stands(bench: Bench) -> bool:
 
 
 async def the_robot_stands(bench: Bench, before: float = 29.0) -> None:
-    """Wait until the robot stands, and see that it does so before the end of its path."""
+    """Wait until the robot is at standstill, and check that it stopped before the end of its path."""
     await until(lambda: stands(bench), what="the robot at rest")
     assert bench.places[-1] < before, "the controller has driven its path to the end"
 

@@ -36,7 +36,7 @@ GROWTH = 5.0
 
 
 def session_in(state: dict[str, Any]) -> dict[str, str]:
-    """Give what a state tells of the session."""
+    """Return a state's information about the session."""
     for entry in state.get("information") or ():
         if entry["infoType"] == ROS_SESSION:
             return {each["referenceKey"]: each["referenceValue"] for each in entry["infoReferences"]}
@@ -44,7 +44,7 @@ def session_in(state: dict[str, Any]) -> dict[str, str]:
 
 
 async def does(bench: Bench, action_id: str, action_type: str, **parameters: Any) -> dict[str, Any]:
-    """Have the robot do an instant action; gives the first state in which that has ended."""
+    """Execute an instant action; return the first state in which it has ended."""
     bench.fleet.instant(action(action_id, action_type=action_type, **parameters))
     return await bench.fleet.state(lambda state: status_of(state, action_id) in ("FINISHED", "FAILED"))
 

@@ -29,7 +29,7 @@ def limited(*node_ids: str, slow: int, places: dict[str, Any]) -> Any:
 
 
 def limits(bench: Bench) -> Any:
-    """Listen to what the controller is told."""
+    """Record the limits that the controller receives."""
     from nav2_msgs.msg import SpeedLimit  # noqa: PLC0415 - not everywhere
 
     return bench.ros.subscribe(SpeedLimit, "speed_limit", RELIABLE)

@@ -1,4 +1,4 @@
-"""Stopping a robot that drives: what is told as finished, and when, with a simulator process over DDS."""
+"""Stopping a driving robot: what is reported as finished, and when, with a simulator process over DDS."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ async def robot(domain_id: int) -> AsyncIterator[DrivenRobot]:
 
 
 class Faults:
-    """What lets faults of the robot begin and end."""
+    """Starts and ends faults of the robot."""
 
     def __init__(self, peer: RosPeer) -> None:
         self._peer = peer

@@ -1,4 +1,5 @@
-"""Which process of Nav2 dies, and what is active: the robot stands, or the state says truthfully that not.
+"""Which process of Nav2 dies, and what is active: the robot stops, or the state truthfully reports that it
+does not.
 
 A representative part by default; ``--long`` runs the whole table.
 """
@@ -69,7 +70,7 @@ def moving_at(bench: Bench, time: float) -> bool:
 
 
 async def begin(bench: Bench, fleet: FleetControl, work: str) -> None:
-    """Let the robot do what is active when a process dies."""
+    """Start what is active when a process dies."""
     if work == "dock":
         bench.fault("foreign_goal", x=20.0, y=0.0)  # a docking server drives by a goal of its own
     elif work == "pass":
@@ -104,7 +105,10 @@ async def test_a_death_leaves_no_robot_driving_in_secret(bench: Bench, process: 
 
 
 async def the_end(bench: Bench, died_at: float, process: str, work: str) -> float | None:
-    """Wait until the robot stands; None: it drives on under control, as nothing that it needs is missing."""
+    """Wait until the robot is at standstill.
+
+    None: it drives on under control, because it needs nothing that is missing.
+    """
 
     def stands() -> bool:
         return bench.speed < STANDING
@@ -124,7 +128,7 @@ def _still(message: Any) -> bool:
 
 
 def check(bench: Bench, states: list[dict[str, Any]], *, work: str) -> None:
-    """See that no state has told a standstill that was none, and that a stop was answered truthfully."""
+    """Check that no state has falsely reported a standstill, and that a stop was answered truthfully."""
     for state in states:
         if not state["driving"]:
             assert not moving_at(bench, told_at(state)), f"told as standing at {state['timestamp']}"

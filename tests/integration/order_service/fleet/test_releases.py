@@ -1,4 +1,4 @@
-"""Robots that ask for a zone get it from fleet control one after the other, over a real broker."""
+"""Robots that request a zone are granted it one after the other, over a real broker."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ async def peer(broker: Broker, interface_name: str) -> AsyncIterator[MqttPeer]:
 
 
 async def bring_gate(fleet: WiredFleet, peer: MqttPeer, interface_name: str, serial: str) -> None:
-    """Have a robot know the zone: the order service brings no zone sets."""
+    """Send a robot the zone set: the order service sends none here."""
     robot = RobotKey(MANUFACTURER, serial)
     await until(lambda: fleet.fleet.view(robot).availability.can_take_order, what="a free robot")
     FleetControl(peer, interface_name, serial, version="3.0.0").publish(Topic.ZONE_SET, transfer(GATE))

@@ -1,4 +1,4 @@
-"""The client at a broker that does what Mosquitto would not: a few bytes on a socket stand in for it."""
+"""The client at a broker that behaves differently from Mosquitto: a few bytes on a socket replace it."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def published(topic: bytes, payload: bytes) -> bytes:
 
 @dataclass
 class OddBroker:
-    """Takes one client, answers CONNECT and PINGREQ, and sends what a test gives it."""
+    """Accepts one client, answers CONNECT and PINGREQ, and sends bytes from the test."""
 
     ends_at: int | None = None
     """The first byte of the packet at which it ends the connection, if it does."""
@@ -62,7 +62,7 @@ class OddBroker:
     writer: asyncio.StreamWriter | None = None
 
     async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """Go on until the client has gone."""
+        """Serve until the client has disconnected."""
         self.writer = writer
         with suppress(ConnectionError):  # the client has not read all
             while (data := await reader.read(1000)) and self._goes_on(data, writer):
@@ -233,7 +233,7 @@ async def test_a_subscription_is_not_waited_for_once_the_connection_has_ended() 
 
 @pytest.mark.parametrize(("ends_at", "reason"), [(CONNECT, CLOSED_AT_ONCE), (SUBSCRIBE, CLOSED_UNANSWERED)])
 async def test_why_a_connection_has_ended_is_told_once(ends_at: int, reason: str) -> None:
-    """asyncio tells of errors that nobody has looked at, as they are forgotten."""
+    """asyncio logs errors that were never retrieved when they are garbage-collected."""
     faults = kept_faults()
 
     async def subscribe(port: int) -> None:
@@ -317,7 +317,7 @@ async def test_a_broker_that_takes_nothing_more_is_left_soon_and_for_good(
 
 
 def kept_faults() -> list[dict[str, Any]]:
-    """Give what the event loop is told from now on of errors that nobody takes."""
+    """Return the list of errors that the event loop reports as never retrieved."""
     faults = list[dict[str, Any]]()
     asyncio.get_running_loop().set_exception_handler(lambda _, fault: faults.append(fault))
     return faults
@@ -330,7 +330,7 @@ def connected_socket(client: Client) -> socket.socket:
 
 
 def fill(client: Client) -> None:
-    """Send more than the sockets take."""
+    """Send more than the sockets accept."""
     for _ in range(40):
         client.send(Outbound("a/b", bytes(1_000_000)), lambda: None)
 

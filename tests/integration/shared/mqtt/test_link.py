@@ -349,7 +349,7 @@ async def test_what_is_not_to_be_kept_is_gone_after_a_break(own_broker: Broker) 
 
 
 class Terms:
-    """A right to publish that a test gives and takes away."""
+    """A right to publish that a test grants and revokes."""
 
     def __init__(self) -> None:
         self.term: int | None = None
@@ -386,7 +386,7 @@ async def test_nothing_is_published_outside_of_a_term(broker: Broker, interface_
 
 
 async def test_what_waits_at_the_end_of_a_term_is_never_written(own_broker: Broker) -> None:
-    """In the outgoing queue, in flight, and behind a socket that takes no more."""
+    """Fill the outgoing queue, the messages in flight, and a socket that accepts no more."""
     terms = Terms()
     terms.term = 1
     link = MqttLink(own_broker.settings, client_id="link", term=terms)
@@ -588,9 +588,9 @@ async def test_it_can_be_ended_while_its_subscriptions_are_not_answered(
 
 
 async def test_small_messages_do_not_wait_for_each_other(broker: Broker, interface_name: str) -> None:
-    """Without TCP_NODELAY at both ends a round trip of steady messages takes up to 44 ms.
+    """Measure without TCP_NODELAY at both ends: a round trip of steady messages takes up to 44 ms.
 
-    The quickest quarter of them tells: others on the machine may hold up the rest.
+    Only the fastest quarter counts: other work on the machine may delay the rest.
     """
     back: asyncio.Queue[bytes] = asyncio.Queue()
     link = MqttLink(broker.settings, client_id=interface_name)
@@ -624,7 +624,7 @@ async def test_flood_within_the_limit_arrives_whole(broker: Broker, interface_na
 
 
 def open_socket(link: MqttLink) -> socket.socket:
-    """Give the TCP socket under a connected link, to break it or to look at its options."""
+    """Return the TCP socket under a connected link, to break it or to check its options."""
     assert link._session is not None
     found = link._session.client.socket
     assert found is not None

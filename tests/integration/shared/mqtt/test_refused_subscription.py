@@ -1,4 +1,4 @@
-"""A broker that does not let a program subscribe: it is seen, and not only logged."""
+"""A broker that refuses a program's subscription: it is reported, and not only logged."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ RULES = {
 
 @pytest.fixture
 def strict_broker(tmp_path: Path) -> Iterator[Broker]:
-    """Give a broker that refuses subscriptions to orders; Mosquitto's plain access list cannot do so."""
+    """Yield a broker that refuses subscriptions to orders, which Mosquitto's plain access list cannot do."""
     if not PLUGIN.exists():
         pytest.skip(f"Mosquitto's dynamic security plug-in is not at {PLUGIN}")
     rules = tmp_path / "security.json"

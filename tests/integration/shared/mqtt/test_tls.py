@@ -1,4 +1,6 @@
-"""The link over TLS to a real Mosquitto: who is believed, who is let in, and that traffic flows as before."""
+"""The link over TLS to a real Mosquitto: which servers and clients are accepted, and that messages flow as
+before.
+"""
 
 from __future__ import annotations
 

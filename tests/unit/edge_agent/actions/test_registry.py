@@ -97,7 +97,7 @@ HERE = __name__
 
 @pytest.fixture
 def there(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
-    """Have entry points of this module be installed."""
+    """Make entry points of this module count as installed."""
 
     class Found(EntryPoint):
         def load(self) -> Any:

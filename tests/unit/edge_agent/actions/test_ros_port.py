@@ -44,7 +44,7 @@ async def test_what_does_not_fit_is_refused_before_anything_else() -> None:
 
 
 class Silent:
-    """A session whose action server takes goals, if at all, and is silent from then on."""
+    """A session whose action server accepts goals, if at all, and never answers."""
 
     state = SessionState.ACTIVE
 

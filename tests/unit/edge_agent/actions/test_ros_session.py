@@ -22,7 +22,7 @@ ROBOT = RobotKey("ACME", "1")
 
 
 class Robot:
-    """A robot's session and its actions; the graph takes in whoever is not in ``closed``."""
+    """A robot's session and its actions; the graph admits all except ``closed``."""
 
     def __init__(self, journal: Path | None = None) -> None:
         self.closed: set[int] = set()
@@ -50,7 +50,7 @@ class Robot:
 
 
 async def done(switch: SessionSwitch, action_type: str, **parameters: Any) -> ActionReport:
-    """Have an action done, and give its end."""
+    """Execute an action, and return its end."""
     (plugin,) = (each for each in session_actions(switch) if each.declaration.action_type == action_type)
     told: list[ActionReport] = []
     plugin.start(action("a", action_type=action_type, **parameters), (), told.append)

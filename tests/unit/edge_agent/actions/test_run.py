@@ -41,7 +41,7 @@ LONG = ActionTimeouts(begin=30.0, obey=30.0)
 
 
 class Puppet:
-    """A plug-in that does nothing of its own accord: the test reports for it."""
+    """A plug-in that does nothing itself: the test reports for it."""
 
     def __init__(
         self, at_start: Callable[[], object] = lambda: ENDED, *, timeout: float | None = None

@@ -1,4 +1,4 @@
-"""Settings of ready-made actions: what does not go together is refused where it stands."""
+"""Settings of ready-made actions: invalid combinations are refused with their position."""
 
 from __future__ import annotations
 

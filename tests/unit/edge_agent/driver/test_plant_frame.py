@@ -43,7 +43,7 @@ TEXTS = st.builds(
 
 
 class MapRobot:
-    """A driver on the map: keeps what it is told, and says what a test makes it say."""
+    """A driver on the map: stores its commands, and emits the test's events."""
 
     def __init__(self, emit: MapEmit) -> None:
         self.emit = emit

@@ -16,7 +16,7 @@ class Stage:
         self.plugins = {each.declaration.action_type: each for each in simulated_actions()}
 
     async def play(self, action_type: str, **parameters: int) -> ActionStatus:
-        """Do an action to its end, and give it."""
+        """Run an action to its end, and return its status."""
         self.reports.clear()
         act = action("a", "HARD", action_type, retriable=None, **parameters)
         self.plugins[action_type].start(act, (), self.reports.append)

@@ -37,7 +37,7 @@ class Stand:
         self.control.attach(self.driver, self.events.append)
 
     def do(self, command: str, **fields: Any) -> Event:
-        """Obey a command, and give the event that came of it last."""
+        """Execute a command, and return the last resulting event."""
         self.control.apply(parse(json.dumps({"command": command, **fields}).encode()))
         return self.events[-1]
 

@@ -42,7 +42,7 @@ def goal(generation: int, x: float = 5.0) -> MapGoal:
 
 @dataclass
 class Conversation:
-    """A tracker that drives by the action, the time, and all that it has said."""
+    """A tracker that drives by the action, the time, and all of its reports."""
 
     tracker: ActionTracker = field(default_factory=lambda: ActionTracker(GoalSettings(), MARK))
     now: float = 10.0
@@ -60,7 +60,7 @@ class Conversation:
         self.said += self.tracker.go_to(wanted, self.now)
 
     def driving(self, generation: int = 1) -> str:
-        """Give a goal and have it accepted; gives its id."""
+        """Send a goal and make it accepted; return its ID."""
         self.go_to(goal(generation))
         self.answer()
         return self.sent[-1]

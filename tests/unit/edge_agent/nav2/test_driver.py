@@ -94,7 +94,7 @@ async def test_a_place_of_the_map_before_does_not_count_after_a_restart(
 
 
 class Station:
-    """A map_server that answers when it is let, and a robot that notes the goals that it is given."""
+    """A map_server that answers on request, and a robot that notes its goals."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.let_answer = asyncio.Event()
@@ -115,7 +115,7 @@ class Station:
 
 
 def available(driver: Nav2Driver) -> None:
-    """Let a look find Nav2 there."""
+    """Let a check find Nav2."""
     driver._on_navigation(
         frozenset({"navigator"}), driver._with_map(NavigationReport(available=True, reason=""))
     )
@@ -147,7 +147,7 @@ async def test_an_order_that_starts_while_a_map_is_being_enabled_drives_to_nothi
 async def test_a_look_under_way_when_a_map_is_enabled_does_not_make_navigation_available(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Nav2's parameters are read between the look at Nav2 and what follows from it."""
+    """Enable a map between the check of Nav2 and its evaluation, while Nav2's parameters are read."""
     station, told = Station(monkeypatch), list[MapDriverEvent]()
     async with started(monkeypatch, told, Nav2Options(map_server=station.server)) as driver:
         enabling: list[asyncio.Task[None]] = []

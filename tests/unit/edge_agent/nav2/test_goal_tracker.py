@@ -29,14 +29,14 @@ def goal(generation: int, x: float = 5.0, *, xy: float = 0.5, theta: float | Non
 
 @dataclass
 class Conversation:
-    """A tracker, the time, and all that it has said."""
+    """A tracker, the time, and all of its reports."""
 
     tracker: GoalTracker = field(default_factory=lambda: GoalTracker(GoalSettings()))
     now: float = 0.0
     said: list[Command] = field(default_factory=list)
 
     def ready(self) -> Conversation:
-        """Nav2 is there, has no goals, and the robot is at x = 0."""
+        """Make Nav2 available without goals, with the robot at x = 0."""
         self.said += self.tracker.on_servers(frozenset({"gid"}), self.now)
         self.said += self.tracker.on_navigation(READY, self.now)
         self.at(0.0)
@@ -50,7 +50,7 @@ class Conversation:
         self.said += self.tracker.halt(self.now)
 
     def array(self, text: str) -> None:
-        """Hear an array written as ``A:2 B:6``."""
+        """Handle an array written as ``A:2 B:6``."""
         entries = [
             GoalEntry(name, GoalStatus.of(int(status)))
             for name, status in (x.split(":") for x in text.split())
@@ -73,7 +73,7 @@ class Conversation:
 
     @property
     def goal_reports(self) -> list[tuple[str, bool, str]]:
-        """Rows of the tables that were told, each when it was new or had changed."""
+        """Return the rows of the reported tables, each when it was new or had changed."""
         told: list[GoalReport] = []
         table: tuple[GoalReport, ...] = ()
         for event in (command.event for command in self.said if isinstance(command, Report)):
@@ -91,7 +91,7 @@ class Conversation:
         return [command.goal_id for command in self.said if isinstance(command, CancelGoal)]
 
     def rolls(self, seconds: float, speed: float = 0.5) -> None:
-        """Hear from the odometry that the robot moves, as time passes."""
+        """Report motion by the odometry, as time passes."""
         for _ in range(round(seconds / 0.1)):
             self.tracker.on_velocity(speed, 0.0, self.now)
             self.later(0.1)
@@ -836,7 +836,7 @@ class TestNavigationGone:
 class TestRestartOfTheAgent:
     @staticmethod
     def after_restart(x: float = 5.0, *ids: str) -> Conversation:
-        """Give a tracker that knows of the goals of an earlier run, the last one at ``x``."""
+        """Return a tracker with the goals of an earlier run, the last one at ``x``."""
         talk = Conversation()
         talk.tracker.reclaim(MapOwnGoals(ids or ("A",), MapPose(x, 0.0, 0.0, "hall")))
         return talk
@@ -897,7 +897,7 @@ class TestRestartOfTheAgent:
         assert talk.cancelled == ["A"]
 
     def unlisted(self, behind: str) -> Conversation:
-        """Give a tracker that knows of a goal to x = 5 m that an earlier run was about to give."""
+        """Return a tracker with a goal to x = 5 m that an earlier run was about to send."""
         talk = Conversation()
         place = MapPose(5.0, 0.0, 0.0, "hall")
         talk.tracker.reclaim(MapOwnGoals((), place, given=place, behind=behind))
@@ -938,7 +938,7 @@ def pose(x: float) -> MapPose:
 
 @pytest.fixture
 def drive() -> GoalDrive:
-    """Give one whose goal was reported reached at 100 s."""
+    """Return one whose goal was reported reached at 100 s."""
     return GoalDrive(MapGoal(1, pose(5.0), deviation_xy=0.25), reached_at=100.0)
 
 

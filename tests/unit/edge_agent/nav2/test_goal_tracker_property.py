@@ -1,8 +1,8 @@
-"""Whatever happens between the tracker and an honest action server, each drive has one end.
+"""Between the tracker and an honest action server, each drive has one end, whatever happens.
 
-The server below follows Nav2's SimpleActionServer: a current goal, a pending one, a loop that looks at cancel
+The server below follows Nav2's SimpleActionServer: a current goal, a pending one, a loop that checks cancel
 requests of the pending goal first. Goals get lost, arrays are late and merged, cancel calls go unanswered,
-other clients give and cancel goals, the server is restarted, the network breaks.
+other clients send and cancel goals, the server is restarted, the network breaks.
 """
 
 from __future__ import annotations
@@ -211,7 +211,7 @@ class TrackedRobot(RuleBasedStateMachine):
             assert not self.halting
 
     def teardown(self) -> None:
-        """Let the server live on honestly: within a minute everything that was asked has its one end."""
+        """Let the server continue without faults: within a minute every request has its one end."""
         self.goals_to_lose = self.cancels_to_lose = 0
         for _ in range(600):
             self.server.loop()

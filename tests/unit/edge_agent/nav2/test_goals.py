@@ -36,7 +36,7 @@ EXECUTING, SUCCEEDED, ABORTED = GoalStatus.EXECUTING, GoalStatus.SUCCEEDED, Goal
 
 @pytest.fixture
 def registry() -> GoalRegistry:
-    """A registry that knows the one old goal of its server."""
+    """Return a registry that knows the one old goal of its server."""
     registry = GoalRegistry(confirmation_time=3.0, settle_time=2.0)
     registry.set_servers(frozenset({"gid"}), 0.0)
     registry.update([GoalEntry("old", ABORTED)], 0.0)

@@ -11,7 +11,7 @@ from nena_edge_agent.nav2.map_image import OccupancyImage, occupancy_image
 
 
 def chunks(png: bytes) -> dict[bytes, bytes]:
-    """Take a PNG image apart; each part must have its right sum."""
+    """Split a PNG image into chunks; each must have its right checksum."""
     assert png.startswith(b"\x89PNG\r\n\x1a\n")
     found, at = {}, 8
     while at < len(png):
@@ -24,7 +24,7 @@ def chunks(png: bytes) -> dict[bytes, bytes]:
 
 
 def opacities(image: OccupancyImage) -> list[list[int]]:
-    """Give how opaque each pixel is, the topmost row first."""
+    """Return the opacity of each pixel, the topmost row first."""
     parts = chunks(image.png)
     width, height, depth, colour = struct.unpack_from(">IIBB", parts[b"IHDR"])
     assert (depth, colour, parts[b"IEND"]) == (8, 3, b"")

@@ -1,4 +1,4 @@
-"""package.xml tells colcon and rosdep the truth."""
+"""package.xml has the correct metadata for colcon and rosdep."""
 
 from __future__ import annotations
 

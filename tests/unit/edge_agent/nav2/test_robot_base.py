@@ -43,7 +43,7 @@ def test_odometry_that_fell_silent_says_nothing() -> None:
 
 
 def drive(watch: MovementWatch, speed: float, omega: float, *, start: float, seconds: float) -> float:
-    """Let a robot move evenly; gives the time at the end."""
+    """Move a robot evenly; return the time at the end."""
     steps = round(seconds / 0.05)
     for step in range(1, steps + 1):
         watch.on_velocity(speed, omega, start + step * 0.05)
@@ -99,7 +99,7 @@ def test_velocity_that_is_none_and_a_gap_in_the_odometry_are_no_movement() -> No
 
 
 def recover(watch: MovementWatch, start: float, seconds: float, *, count: bool) -> float:
-    """Let a robot spin, wait and back up as Nav2's recoveries do; gives the time at the end."""
+    """Make a robot spin, wait and back up as Nav2's recoveries do; return the time at the end."""
     now, recoveries = start, 0
     while now < start + seconds:
         for speed, omega, lasts in ((0.0, 1.0, 1.6), (0.0, 0.0, 5.0), (-0.15, 0.0, 2.0)):

@@ -1,4 +1,4 @@
-"""The session's states, with a graph that does what a test says."""
+"""The session's states, with a graph controlled by the test."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ HERE, THERE = RosAddress("/r1", 7), RosAddress("/r2", 9)
 
 
 class Graph:
-    """Takes nodes in, unless it has a reason not to."""
+    """Admits nodes, unless it has a reason not to."""
 
     def __init__(self) -> None:
         self.clock = ManualClock()

@@ -11,7 +11,7 @@ from support.robot_core import Bench, action, order
 
 
 def failed(version: str = "3.0.0", *, retriable: bool = True) -> Bench:
-    """Give a robot of which the first of two actions has failed."""
+    """Return a robot of which the first of two actions has failed."""
     bench = Bench(rules=RULES[version])
     work = [action("a", "HARD", retriable=retriable), action("b", "HARD")]
     bench.send(order("n0", "n1", node_actions={"n0": work}))

@@ -1,4 +1,4 @@
-"""What the factsheet says of optional fields is what the check of orders does (section 7.1.1)."""
+"""The factsheet's optional fields agree with the check of orders (section 7.1.1)."""
 
 from __future__ import annotations
 

@@ -655,7 +655,7 @@ OURS = GoalTable((GoalReport("A", external=False, status="EXECUTING"),))
 
 
 def taken_over(policy: ExternalGoals) -> Bench:
-    """Give a robot whose navigation has left its order for somebody else's goal."""
+    """Return a robot whose navigation has left its order for another program's goal."""
     bench = Bench(external_goals=policy)
     bench.send(order("n0", "n1"))
     bench.do(OURS, THEIRS, DriveFailed(bench.goal.generation, DriveFailure.TAKEN_OVER, "X has replaced it"))
@@ -776,7 +776,7 @@ DISCONNECTED, CONNECTED = LinkReport(connected=False), LinkReport(connected=True
 
 
 def under_way(policy: LinkLossPolicy, **capabilities: Any) -> Bench:
-    """Give a robot on its way to the first of two nodes."""
+    """Return a robot on its way to the first of two nodes."""
     bench = Bench(link_loss=policy, link_loss_timeout=10.0, **capabilities)
     bench.do(CONNECTED)
     bench.send(order("n0", "n1", "n2"))

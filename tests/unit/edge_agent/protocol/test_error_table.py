@@ -24,7 +24,7 @@ Step = Callable[[Bench], object]
 
 
 def begin(bench: Bench) -> None:
-    """Let the robot wait at n0, its decision point."""
+    """Make the robot wait at n0, its decision point."""
     bench.send(order("n0", "n1", released=1, update=0))
 
 

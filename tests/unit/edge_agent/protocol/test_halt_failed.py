@@ -1,4 +1,4 @@
-"""A robot that cannot be shown to stand: the state says so, and an error asks for a person."""
+"""A robot whose standstill is not confirmed: the state reports it, and an error asks for a person."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ def rejection(wrong: Order, situation: Situation = FREE) -> ErrorEntry:
 
 
 def refused(bench: Bench, wrong: Order) -> ErrorEntry:
-    """Send ``wrong``; gives the error, and sees to it that nothing else has changed."""
+    """Send ``wrong``; return the error, and check that nothing else has changed."""
     before, errors = bench.state, set(bench.state.errors)
     effects = bench.send(wrong)
     after = bench.state

@@ -222,7 +222,7 @@ def test_an_order_service_that_was_replaced_cancels_nothing() -> None:
 
 @pytest.mark.parametrize("epoch", [8, None])
 def test_an_order_service_that_takes_over_with_a_clock_that_is_behind_is_obeyed(epoch: int | None) -> None:
-    """An epoch tells that it is no replay; without one the counter, if it goes on."""
+    """Check that an epoch shows that it is no replay; without one the counter does, if it continues."""
     bench = Bench()
     bench.send(of_epoch(epoch and epoch - 1, sent(1, 100)))
 

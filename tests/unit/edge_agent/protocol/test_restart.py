@@ -241,7 +241,7 @@ def test_a_journal_that_cannot_be_written_is_shown_until_it_can() -> None:
 
 
 def listed(*rows: tuple[str, str]) -> GoalTable:
-    """Give navigation's goals by id and status, none of somebody else."""
+    """Return navigation's goals by ID and status, none of other programs."""
     return GoalTable(
         tuple(
             GoalReport(name, external=False, status=status, ended=status != "EXECUTING")
@@ -251,7 +251,7 @@ def listed(*rows: tuple[str, str]) -> GoalTable:
 
 
 def kept_goals(bench: Bench) -> OwnGoals | None:
-    """Give what another run would know of navigation's goals."""
+    """Return what another run would know of navigation's goals."""
     return Bench(memory=bench.core.memory(), ready=False).core.own_goals
 
 

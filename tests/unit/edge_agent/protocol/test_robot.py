@@ -1,4 +1,4 @@
-"""The core as a whole: what it answers to, and what it does not take from driver and plug-ins."""
+"""The core as a whole: its responses, and what it refuses from driver and plug-ins."""
 
 from __future__ import annotations
 

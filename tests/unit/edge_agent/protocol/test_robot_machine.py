@@ -1,8 +1,8 @@
 """The core against a small oracle, over random orders, updates, cancels, pauses, failures and restarts.
 
-The oracle knows nothing of how the core works: it keeps the base as a list that only grows, and follows the
-states. No node is skipped, none behind the base is entered, no action is lost or run twice, nothing is taken
-that must be refused, and in the end the robot is idle.
+The oracle is independent of the core: it keeps the base as a list that only grows, and follows the states. No
+node is skipped, none behind the base is entered, no action is lost or run twice, nothing is accepted that
+must be refused, and in the end the robot is idle.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ THERE = NavigationReport(available=True, reason="")
 
 
 def place(node_id: str) -> float:
-    """Give the x in m of a node, as ``order`` lays it."""
+    """Return the x in m of a node, as placed by ``order``."""
     return 10.0 * int(node_id[1:])
 
 

@@ -1,4 +1,4 @@
-"""How far the robot has come, and how far it has to go."""
+"""The distance that the robot has driven, and has left."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from support.robot_core import HEADER, Bench, at, order
 
 
 def drive(bench: Bench, start: float, end: float) -> None:
-    """Let poses come every quarter of a metre."""
+    """Report poses every quarter of a metre."""
     steps = round((end - start) * 4)
     bench.do(*(at(start + step * 0.25) for step in range(1, steps + 1)))
 

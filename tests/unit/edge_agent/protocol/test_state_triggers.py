@@ -64,7 +64,7 @@ def runs() -> Event:
 
 
 def sends_one_state(bench: Bench, event: Event, read: Callable[[State], object]) -> bool:
-    """Tell whether ``event`` changes what ``read`` sees, and exactly one state is sent for it."""
+    """Return whether ``event`` changes what ``read`` returns, and exactly one state is sent for it."""
     before = read(bench.state)
     effects = bench.do(event)
     return read(bench.state) != before and effects.count(ReportState()) == 1

@@ -158,7 +158,7 @@ def response(request_id: str, grant: GrantType, *, lasting: float | None = None)
 
 
 def asked(*, status: RequestStatus = RequestStatus.REQUESTED, lasting: float | None = None) -> ZoneRequests:
-    """Give one that asked for A, and has been answered if the status says so."""
+    """Return one that requested A, and has been answered if the status says so."""
     expiry = None if lasting is None else NOON + timedelta(seconds=lasting)
     return ZoneRequests([AccessRequest(*A.key, "zone-1", status, expiry)], last_number=1)
 

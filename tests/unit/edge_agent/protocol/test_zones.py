@@ -36,7 +36,7 @@ GATE = zone("gate", "RELEASE", 13, 17)
 
 
 def with_zones(*zones: Zone, **capabilities: Any) -> Bench:
-    """Give a robot with ``zones`` enabled."""
+    """Return a robot with ``zones`` enabled."""
     made = Bench(rules=RULES["3.0.0"], **capabilities)
     made.do(Started(NOON))
     enable(made, *zones)
@@ -389,12 +389,12 @@ def test_what_a_zone_hinders_is_over_with_the_last_zone(place: float) -> None:
 
 
 class TestLeasesAndRefusals:
-    """What must not let a robot out of its duty to say that it is in a zone, nor leave it standing."""
+    """Cases in which a robot must still report that it is in a zone, and must not be blocked for ever."""
 
     pytestmark = pytest.mark.clause("6.4.3", "6.9")
 
     def inside(self, *, lasting: float | None = None) -> Bench:
-        """Give a robot that has come into the gate with a release."""
+        """Return a robot that is in the gate with a release."""
         robot = with_zones(GATE)
         robot.send(order("n0", "n1", "n2"))
         robot.arrive()

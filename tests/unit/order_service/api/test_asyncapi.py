@@ -1,4 +1,4 @@
-"""The document by itself; that it says what goes over the wire is shown with a real broker."""
+"""The document alone; a test with a real broker shows that it describes the wire."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Long answers are put together in slices, so that nobody else waits for them."""
+"""Long answers are built in slices, so that other requests are not delayed."""
 
 from __future__ import annotations
 

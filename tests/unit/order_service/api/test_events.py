@@ -28,7 +28,7 @@ async def served(service: OrderService) -> AsyncIterator[httpx.AsyncClient]:
 
 
 async def heard(lines: AsyncIterator[str], event: str) -> list[str]:
-    """Read to the end of the next event of this kind; give its lines."""
+    """Read to the end of the next event of this kind; return its lines."""
     found: list[str] = []
     async with asyncio.timeout(PATIENCE):
         async for line in lines:

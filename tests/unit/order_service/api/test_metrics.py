@@ -180,7 +180,7 @@ def test_a_door_counts_its_rate_limits_from_none_on() -> None:
 
 
 async def cost(client: httpx.AsyncClient) -> tuple[int, int]:
-    """Return the samples of a scrape, and the function calls that it takes to write them."""
+    """Return the samples of a scrape, and the number of function calls to write them."""
     calls = 0
 
     def count(_frame: object, event: str, _argument: object) -> None:

@@ -1,4 +1,4 @@
-"""Order sequences and what orders say of them, over REST."""
+"""Order sequences, and the orders in them, over REST."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ def best(orders: Level) -> tuple[int, int]:
 
 
 def greedy(levels: list[Level]) -> dict[int, str]:
-    """Let each order in turn take the cheapest vehicle that is left."""
+    """Assign to each order in turn the cheapest remaining vehicle."""
     taken: dict[int, str] = {}
     for number, costs in (pair for level in levels for pair in level.items()):
         left = {vehicle: cost for vehicle, cost in costs.items() if vehicle not in taken.values()}

@@ -1,4 +1,4 @@
-"""Types of orders that vehicles accept, as plant model and hosts say."""
+"""Order types that vehicles accept, by plant model and hosts."""
 
 from __future__ import annotations
 

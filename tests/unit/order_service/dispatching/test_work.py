@@ -190,7 +190,7 @@ async def test_a_vehicle_that_becomes_free_in_mid_offer_takes_the_most_urgent_or
 
 
 async def large_fleet(monkeypatch: pytest.MonkeyPatch) -> tuple[Engine, list[int]]:
-    """Start an engine with many vehicles; the numbers are of those looked at before each pause."""
+    """Start an engine with many vehicles; the numbers count those checked before each pause."""
     names = [f"V{index}" for index in range(3 * LOOKED_AT_ONCE)]
     plant = PlantModel(
         name="p",

@@ -28,7 +28,7 @@ PLANT = PlantModel(
 
 
 async def failing(*steps: dict[str, object]) -> tuple[Engine, ScriptedFleet]:
-    """Give a robot that waits with a failed action for what is said to it."""
+    """Return a robot that waits with a failed action for its answer."""
     fleet = ScriptedFleet({"V1": "A"})
     engine = await make_engine(PLANT, MemoryStore(), fleet)
     engine.create(request("L:Wash", onFailure=steps), "T")

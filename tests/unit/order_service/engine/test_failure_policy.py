@@ -22,7 +22,7 @@ POLICY = (
 
 
 def measures(*situations: Situation, policy: tuple[FailureStep, ...] = POLICY) -> list[M]:
-    """Give what is done about failures one after the other, up to the last measure."""
+    """Return the measures taken for failures one after the other, up to the last one."""
     taken, done = 0, []
     for situation in situations:
         decision = decide(policy, taken, situation)

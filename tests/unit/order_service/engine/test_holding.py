@@ -1,4 +1,4 @@
-"""Orders that a person holds, and lets go on."""
+"""Orders that a person holds and resumes."""
 
 from __future__ import annotations
 

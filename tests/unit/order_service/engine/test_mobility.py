@@ -1,4 +1,4 @@
-"""Whom traffic may send away, and of whom nobody knows when it goes on."""
+"""Which vehicles traffic control may send away, and which have an unknown departure time."""
 
 from __future__ import annotations
 

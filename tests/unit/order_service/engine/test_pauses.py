@@ -1,4 +1,4 @@
-"""Vehicles that stand with an order, and why."""
+"""Vehicles that wait with an order, and why."""
 
 from __future__ import annotations
 

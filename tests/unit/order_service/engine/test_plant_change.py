@@ -26,7 +26,7 @@ PLANT = PlantModel(
 
 
 async def busy() -> Engine:
-    """Let V1 drive from A to C, V2 rest at F, V3 be unheard of, and an order for V3 wait."""
+    """Make V1 drive from A to C, V2 rest at F, V3 stay unknown, and an order for V3 wait."""
     fleet = ScriptedFleet({})
     engine = await make_engine(PLANT, MemoryStore(), fleet)
     fleet.appear("V1", "A")

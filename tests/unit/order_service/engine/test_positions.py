@@ -1,4 +1,4 @@
-"""Where vehicles are by what their robots say, and how much they count."""
+"""Positions of vehicles by their robots' reports, and their integration levels."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from support.scripted_fleet import make_state
 
 
 class SilentStore(Store):
-    """Takes everything, and is never done."""
+    """Accepts everything, and never completes."""
 
     def __init__(self) -> None:
         self.problem = self.lead_problem = self._loss = ""

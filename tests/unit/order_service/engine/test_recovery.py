@@ -1,4 +1,4 @@
-"""After a restart robots hold what they said last and what they were given since."""
+"""After a restart robots hold their last reported positions and everything granted since."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ S = TransportOrderState
 
 
 def with_vehicles(**robots: str) -> PlantModel:
-    """Give the plant with other vehicles: names by the serial numbers of their robots."""
+    """Return the plant with other vehicles: names by the serial numbers of their robots."""
     named = tuple(
         Vehicle(name=name, properties={"vda5050:serialNumber": robot}) for robot, name in robots.items()
     )
@@ -37,7 +37,7 @@ def held(engine: Engine, name: str) -> list[str]:
 
 
 def of_an_older_release(store: MemoryStore) -> None:
-    """Let the store know nothing of what vehicles were called."""
+    """Remove the former names of vehicles from the store."""
     documents = {
         robot: VehicleRecord.model_validate_json(document).model_copy(update={"name": ""}).model_dump_json()
         for robot, document in store.found.vehicles.items()
@@ -46,7 +46,7 @@ def of_an_older_release(store: MemoryStore) -> None:
 
 
 async def before(store: MemoryStore, ahead: int = 1) -> None:
-    """Let V1 be on its way from A to C with a base to B, and V2 stand at E."""
+    """Put V1 on its way from A to C with a base to B, and V2 at E."""
     fleet = ScriptedFleet({"V1": "A", "V2": "E"})
     engine = await make_engine(PLANT, store, fleet, release_ahead=ahead)
     for name, at in tuple(fleet.at.items()):

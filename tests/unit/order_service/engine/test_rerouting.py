@@ -1,4 +1,4 @@
-"""Vehicles under way go another way where a host asks for it or locks a path; their bases never change."""
+"""Vehicles under way are rerouted on a host's request or a path lock; their bases never change."""
 
 from __future__ import annotations
 

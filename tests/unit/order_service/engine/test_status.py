@@ -25,7 +25,7 @@ BROKEN = ErrorEntry(error_type="wheel", error_level=ErrorLevel.FATAL, error_desc
 
 
 class Ear:
-    """Notes what is told of vehicles."""
+    """Records the published statuses of vehicles."""
 
     def __init__(self) -> None:
         self.vehicles: list[VehicleStatus] = []
@@ -41,7 +41,7 @@ class Ear:
 
 
 async def looked_at() -> tuple[Engine, ScriptedFleet, Ear]:
-    """Give a engine that has told how its two vehicles stand; one works, of the other nothing is heard."""
+    """Return an engine that has published the status of its two vehicles; one works, the other is unknown."""
     fleet, ear = ScriptedFleet({"V1": "A"}), Ear()
     engine = await make_engine(PLANT, MemoryStore(), fleet)
     engine.create(request("B", intendedVehicle="V1"), "T")

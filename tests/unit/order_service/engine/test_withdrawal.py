@@ -1,4 +1,4 @@
-"""What robots tell of VDA orders, for orders that are withdrawn."""
+"""Robots' reports about VDA orders, for orders that are withdrawn."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Zone sets are kept, one of each map is in use, and what stands under an id never changes."""
+"""Zone sets are kept, one of each map is in use, and the content of an ID never changes."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ from support.honest_robot import HonestRobot
 
 
 def reason(bench: Bench) -> str | None:
-    """Give the reason why the robot cannot take an order; None if it can."""
+    """Return the reason why the robot cannot take an order; None if it can."""
     bench.report()
     told = bench.view().availability
     return None if told.can_take_order else told.reason

@@ -133,7 +133,7 @@ def test_a_tick_looks_at_those_who_have_something_to_do_and_at_those_who_fall_si
 
 
 def slow_factsheet() -> Factsheet:
-    """Give one of a robot that takes an order every three seconds."""
+    """Return a factsheet of a robot that accepts an order every three seconds."""
     made = factsheet()
     timing = made.protocol_limits.timing.model_copy(update={"minimum_order_interval": 3.0})
     limits = made.protocol_limits.model_copy(update={"timing": timing})
@@ -299,7 +299,7 @@ def long_way() -> VdaOrder:
 
 
 def extending(settings: FleetSettings | None = None) -> Bench:
-    """Give a robot that drives to B, is to go on to C, and has not got the update that says so."""
+    """Return a robot that drives to B, is to continue to C, and has not received that update."""
     bench = Bench(settings).online()
     bench.start_and_tell(released_to(long_way(), 2))
     bench.take(bench.fleet.extend_vda_order(ROBOT, long_way(), bench.now))

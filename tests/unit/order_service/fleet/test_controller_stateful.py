@@ -1,7 +1,7 @@
-"""Fleet control against an honest robot over a wire that loses, doubles and swaps messages.
+"""Fleet control against an honest robot over a wire that loses, duplicates and swaps messages.
 
-Whatever happens, each VDA order comes to exactly one end, an operation is done at most once, what is told is
-true, and nothing is sent that the rules forbid.
+Each VDA order has exactly one end, an operation is done at most once, reports are true, and nothing is sent
+that the rules forbid.
 """
 
 from __future__ import annotations
@@ -304,7 +304,7 @@ class Conversation(RuleBasedStateMachine):
         assert self.robot_forgot or len(executed) == len(set(executed))
 
     def teardown(self) -> None:
-        """When all is well again, everything comes to its end and the robot stands still."""
+        """Remove all faults: everything ends and the robot is at standstill."""
         robot = self.bench.robot
         robot.set_mode(OperatingMode.AUTOMATIC)
         robot.actions_fail, robot.unreachable, robot.paused = False, set(), False

@@ -17,7 +17,7 @@ SETTINGS = st.builds(
 
 
 def sendings(delivery: Delivery, begin: float = 100.0) -> list[float]:
-    """Send whenever it is due, looked at each tenth of a second, until it has failed."""
+    """Send whenever it is due, checked each tenth of a second, until it has failed."""
     times, now = [], begin
     while not delivery.failed(now):
         if delivery.due(now):

@@ -1,4 +1,4 @@
-"""How VDA orders fail, and what fleet control says is known then; a robot that waits with a failed action."""
+"""Failures of VDA orders, and what is known after them; a robot that waits with a failed action."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a factsheet says against a message, before it is sent."""
+"""What a factsheet forbids in a message, before it is sent."""
 
 from __future__ import annotations
 

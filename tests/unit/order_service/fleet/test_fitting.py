@@ -1,4 +1,4 @@
-"""A message is made to fit a factsheet without changing what it asks for."""
+"""A message is made to fit a factsheet without changing its meaning."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def positions(vda_order: VdaOrder) -> list[NodePosition]:
 
 
 def headed(node_id: str) -> VdaOrder:
-    """Give the VDA order with a heading at its end, which is called ``node_id``."""
+    """Return the VDA order with a heading at its end, which is called ``node_id``."""
     end = MISSION.nodes[1]
     assert end.node_position is not None
     place = end.node_position.model_copy(update={"theta": 1.0, "allowed_deviation_theta": 0.1})
@@ -153,7 +153,7 @@ def test_demanded_fields_of_edges_ask_for_nothing() -> None:
 
 
 def limited(speed: float) -> VdaOrder:
-    """Give the VDA order with a limit of the speed on its edge."""
+    """Return the VDA order with a speed limit on its edge."""
     edges = tuple(each.model_copy(update={"maximum_speed": speed}) for each in MISSION.edges)
     return MISSION.model_copy(update={"edges": edges})
 

@@ -297,7 +297,7 @@ def test_a_robot_that_cannot_clear_is_not_told_to(robot: HonestRobot) -> None:
 
 
 def without_factsheet() -> Bench:
-    """Give a bench with a robot that is there, and whose factsheet the broker has not kept."""
+    """Return a bench with a robot that is online, and whose factsheet the broker has not retained."""
     bench = Bench()
     bench.take(bench.fleet.on_broker(connected=True, now=bench.now))
     hello = bench.robot.connection(ConnectionState.ONLINE, bench.now)
@@ -362,7 +362,7 @@ def test_a_cancel_names_the_order_where_it_may(version: str, named: list[str]) -
 
 
 def alone(robot: HonestRobot | None = None, **arrays: int) -> InstantActionManager:
-    """Give a desk by itself, of a robot that is there; ``arrays`` limits lists in its factsheet."""
+    """Return a manager of an online robot; ``arrays`` limits lists in its factsheet."""
     honest, settings, numbers = robot or HonestRobot(), FleetSettings(clear_instant_actions_from=1), count(1)
     known = Robot(honest.key, settings)
     known.take_connection(honest.connection(ConnectionState.ONLINE), 0.0)

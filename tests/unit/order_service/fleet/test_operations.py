@@ -1,4 +1,4 @@
-"""Which actions an operation stands for."""
+"""The actions of operations."""
 
 from __future__ import annotations
 

@@ -606,7 +606,7 @@ def test_statuses_of_the_orders_actions_are_told_from_instant_ones() -> None:
 
 
 def fresh(*, adopted: bool = False, accepted: bool = False) -> OrderExecution:
-    """Give a run by itself: nobody but the test sends and asks."""
+    """Return an execution without a controller: only the test sends and requests."""
     vda_order = make_vda_order("m", "A", "B", "C", operation="pick")
     return OrderExecution(ROBOT, vda_order, FleetSettings(), adopted=adopted, accepted=accepted)
 

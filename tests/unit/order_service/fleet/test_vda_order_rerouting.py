@@ -1,4 +1,4 @@
-"""A VDA order with another horizon keeps its base, and robots take it as an update."""
+"""A VDA order with another horizon keeps its base, and robots accept it as an update."""
 
 from __future__ import annotations
 

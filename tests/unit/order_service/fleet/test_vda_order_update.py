@@ -29,12 +29,12 @@ WHOLE = make_vda_order("m1", *POINTS, operation="pick")
 
 
 def base(count: int, vda_order: VdaOrder = WHOLE) -> VdaOrder:
-    """Give the VDA order with its first ``count`` nodes released."""
+    """Return the VDA order with its first ``count`` nodes released."""
     return released_to(vda_order, 2 * (count - 1))
 
 
 def updates(bench: Bench) -> list[tuple[int, list[str], list[str]]]:
-    """Give each order that was sent: its update, its base, its horizon."""
+    """Return each order that was sent: its update, its base, its horizon."""
     return [
         (
             each.order_update_id,
@@ -266,7 +266,7 @@ def test_after_a_restart_the_rest_is_sent_to_a_robot_that_has_an_older_update(*,
 
 
 def lists_little(bench: Bench) -> Bench:
-    """Have the robot say that of a node's optional fields it takes the position alone."""
+    """Make the robot support only the position of a node's optional fields."""
     sheet = bench.robot.factsheet()
     field = OptionalParameter(parameter="order.nodes.nodePosition", support=Support.REQUIRED)
     features = sheet.protocol_features.model_copy(update={"optional_parameters": (field,)})
@@ -276,7 +276,7 @@ def lists_little(bench: Bench) -> Bench:
 
 
 def nodes_sent(bench: Bench) -> dict[int, list[Node]]:
-    """Give the nodes of each order that was sent, by the number of the update."""
+    """Return the nodes of each order that was sent, by the number of the update."""
     orders = (each for each in bench.sent if isinstance(each, PublishOrder))
     return {each.order_update_id: list(each.vda_order.nodes) for each in orders}
 

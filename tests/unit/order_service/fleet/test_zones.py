@@ -1,4 +1,4 @@
-"""Answers to robots that ask for a zone or a corridor."""
+"""Answers to robots that request a zone or a corridor."""
 
 from __future__ import annotations
 

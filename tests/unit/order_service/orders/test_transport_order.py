@@ -205,7 +205,7 @@ CHANGES = (
 
 
 class LifeCycle(RuleBasedStateMachine):
-    """Whatever is asked of an order, in whatever order: it keeps the life cycle, or refuses unchanged."""
+    """Any sequence of requests: an order keeps its life cycle, or refuses and stays unchanged."""
 
     @initialize(stops=st.integers(1, 4))
     def create(self, stops: int) -> None:

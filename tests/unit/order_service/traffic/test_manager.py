@@ -35,7 +35,7 @@ class Bench:
             self.desk.seen(vehicle, Found(at, on_point=True), box)
 
     def go(self, vehicle: str, goal: str, ahead: int = 0) -> str:
-        """Let a vehicle depart, and allocate; gives in words why it waits."""
+        """Start a vehicle, and allocate; return its wait reason as text."""
         self.desk.request_route(RouteRequest(vehicle, goal))
         list(self.desk.decide(lambda name: name == vehicle))
         if self.desk.journey(vehicle):

@@ -1,4 +1,6 @@
-"""How much of its way a vehicle claims, which way it takes among others, and who makes room in a ring."""
+"""How much of its route a vehicle claims, which route it takes among others, and which one makes room in a
+ring.
+"""
 
 from __future__ import annotations
 
@@ -48,7 +50,7 @@ class Bench(Scene):
         self.manager.request_route(RouteRequest(vehicle, goal))
 
     def decided(self) -> list[RouteGrant | Evasion | Displacement | MoreClaimed]:
-        """Let traffic decide; nothing is rejected."""
+        """Run traffic control's decisions; nothing is rejected."""
         at_rest = self.manager.decide(lambda name: not self.manager.journey(name))
         decided = [
             each for each in at_rest if isinstance(each, RouteGrant | Evasion | Displacement | MoreClaimed)

@@ -1,4 +1,4 @@
-"""Fleets on random plants: every order is finished, nobody collides, nothing ever stands still for good."""
+"""Fleets on random plants: every order is finished, no robots collide, and none waits for ever."""
 
 from __future__ import annotations
 

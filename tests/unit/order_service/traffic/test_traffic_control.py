@@ -426,7 +426,7 @@ class Bench:
         self._evader = Evader(model, self.scene.control.resources, self.scene.scheduler, self.scene.routes)
 
     def evade(self, *blockers: str, kept: Iterable[str] = (), fixed: str = "") -> dict[str, str]:
-        """Send vehicles away from the points ``kept``; gives the goal of each that goes."""
+        """Send vehicles away from the points ``kept``; return the goal of each that goes."""
         kept_free = [self.scene.control.resources.at(each) for each in kept]
         found = self._evader.evade(blockers, kept_free, lambda name: name not in fixed.split())
         return {each.vehicle: each.route.points[-1] for each in found}
@@ -499,7 +499,7 @@ def test_nobody_goes_for_somebody_whom_that_would_not_let_out() -> None:
 
 @pytest.mark.parametrize(("behind", "goes"), [(CANDIDATES_TRIED - 1, {"w": "Far"}), (CANDIDATES_TRIED, {})])
 def test_only_so_many_places_are_looked_at(behind: int, goes: dict[str, str]) -> None:
-    """All places near are behind somebody who stays."""
+    """Put a vehicle that stays before all near places."""
     near = [path("H Gate", 100), *(path(f"Gate N{number}", 100) for number in range(behind))]
     bench = Bench(plant(*near, path("H Far", 5000)), w="H", u="Gate")
     assert bench.evade("w", fixed="u") == goes

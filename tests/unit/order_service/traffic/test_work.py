@@ -19,7 +19,7 @@ ALIKE = 1.2
 
 
 async def driving(number: int) -> tuple[Engine, ScriptedFleet]:
-    """Start an engine with so many vehicles that drive, each on a lane of its own, and one that stands."""
+    """Start an engine with so many driving vehicles, each on its own lane, and one at rest."""
     lanes = range(number + 1)
     plant = PlantModel(
         name="lanes",

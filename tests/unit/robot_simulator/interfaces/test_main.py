@@ -15,7 +15,7 @@ pytestmark = pytest.mark.ros
 
 
 def found(monkeypatch: pytest.MonkeyPatch, origin: Path | None) -> None:
-    """Let the package be found at ``origin``, or not at all."""
+    """Make the package be found at ``origin``, or not at all."""
     spec = ModuleSpec("nav2_msgs", None, origin=str(origin)) if origin else None
     monkeypatch.setattr(program, "find_spec", lambda _name: spec)
 

@@ -26,7 +26,7 @@ def publish(topic: bytes, payload: bytes, *, qos: int = 0, retained: bool = Fals
 
 
 def wire(*came: bytes | OSError) -> PacketReader:
-    """Give what stands before a socket on which this comes, piece by piece, and then nothing."""
+    """Return a reader of a socket with this input, piece by piece, and then nothing."""
     left = list(came)
 
     def receive(_: int) -> bytes:
@@ -151,7 +151,7 @@ def test_what_is_no_topic_is_not_written(topic: str) -> None:
 
 
 class Endless(bytes):
-    """Bytes of which there are more than a message can have; nobody has to make them."""
+    """Bytes longer than any message, which are never materialised."""
 
     def __len__(self) -> int:
         return LONGEST

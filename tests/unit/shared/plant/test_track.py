@@ -30,7 +30,7 @@ BOXES = st.builds(
 
 
 def edges(box: BoundingBox) -> tuple[float, float, float, float]:
-    """Give the sides of a box as seen from its reference point: behind, ahead, right, left."""
+    """Return the sides of a box as seen from its reference point: behind, ahead, right, left."""
     x, y = box.reference_offset_x_mm, box.reference_offset_y_mm
     return -box.length_mm / 2 - x, box.length_mm / 2 - x, -box.width_mm / 2 - y, box.width_mm / 2 - y
 

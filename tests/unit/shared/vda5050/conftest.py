@@ -1,4 +1,4 @@
-"""The examples of the standard's digest, as they stand there."""
+"""The examples of the standard's digest, unchanged."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ HEADER = {
 
 @pytest.fixture
 def order() -> dict[str, Any]:
-    """Give the minimal order of two nodes, as parsed JSON."""
+    """Return the minimal order of two nodes, as parsed JSON."""
     start = {"x": 0, "y": 0, "mapId": "m"}
     goal = {"x": 5, "y": 0, "allowedDeviationXY": 0.3, "mapId": "m"}
     return HEADER | {
@@ -45,7 +45,7 @@ def order() -> dict[str, Any]:
 
 @pytest.fixture
 def state() -> dict[str, Any]:
-    """Give the smallest valid state, as parsed JSON."""
+    """Return the smallest valid state, as parsed JSON."""
     text = """{"headerId":7,"timestamp":"2026-01-01T00:00:00.00Z","version":"2.1.0","manufacturer":"ACME",
         "serialNumber":"0001","orderId":"","orderUpdateId":0,"lastNodeId":"","lastNodeSequenceId":0,
         "nodeStates":[],"edgeStates":[],"driving":false,"actionStates":[],
@@ -57,14 +57,14 @@ def state() -> dict[str, Any]:
 
 @pytest.fixture
 def instant_action() -> dict[str, Any]:
-    """Give a message with one instant action, as parsed JSON."""
+    """Return a message with one instant action, as parsed JSON."""
     action = {"actionType": "initPosition", "actionId": "i1", "blockingType": "NONE"}
     return HEADER | {"actions": [action | {"actionParameters": [{"key": "x", "value": 1.5}]}]}
 
 
 @pytest.fixture
 def factsheet() -> dict[str, Any]:
-    """Give a factsheet with one action and one limit, as parsed JSON."""
+    """Return a factsheet with one action and one limit, as parsed JSON."""
     parameter = {"key": "volume", "valueDataType": "FLOAT"}
     beep = {"actionType": "beep", "actionScopes": ["NODE"], "actionParameters": [parameter]}
     limits = {

@@ -1,4 +1,4 @@
-"""A version that comes is a package of its own and nothing else."""
+"""A new version is one new package and nothing else."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ TOPIC = "vda5050/v3/ACME/r1/state"
 
 @pytest.fixture
 def codec(monkeypatch: pytest.MonkeyPatch) -> Iterator[Codec]:
-    """Give the codec of the version 3.1.0 that lies among the fixtures, while it is there."""
+    """Yield the codec of the version 3.1.0 among the fixtures."""
     monkeypatch.setattr(vda5050, "__path__", [*vda5050.__path__, str(FOLDER)])
     monkeypatch.setattr(versions, "CODECS", versions.find_codecs())
     versions.nearest_codec.cache_clear()

@@ -140,7 +140,7 @@ def test_an_action_id_stands_once(where: str) -> None:
 
 @st.composite
 def valid_graphs(draw: st.DrawFn, least_nodes: int = 1) -> Order:
-    """Give graphs of a base and perhaps a horizon, from any even number on, with an action each."""
+    """Draw graphs of a base and perhaps a horizon, from any even number on, with an action each."""
     nodes = draw(st.integers(least_nodes, 6))
     base = draw(st.integers(1, nodes))
     first = 2 * draw(st.integers(0, 5))

@@ -1,4 +1,4 @@
-"""The schemas of our own messages: everything sent fits them, and they know what the official ones know."""
+"""The schemas of our own messages: all sent messages fit them, and they have the official fields."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def validator(version: str, topic: Topic) -> Draft202012Validator:
 
 
 def fields(schema: Mapping[str, Any]) -> dict[str, bool]:
-    """Give the path of every field below ``schema``, and whether it is required."""
+    """Return the path of every field below ``schema``, and whether it is required."""
     return dict(_fields(schema, schema, ""))
 
 

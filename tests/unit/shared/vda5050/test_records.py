@@ -1,4 +1,4 @@
-"""A record says what the codec reads, of every message that the codec takes, and of no other."""
+"""A record equals the codec's result for every message that the codec accepts, and for no other."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ VALUES = st.sampled_from((*WORDS, "null", "true", "-1", "0.5", "[]", "{}", "1e40
 
 
 def strategy(kind: Any) -> st.SearchStrategy[Any]:
-    """Give messages of a neutral class."""
+    """Return a strategy for messages of a neutral class."""
     return messages(kind)
 
 
 def same(record: object, full: object) -> bool:
-    """Tell whether a record, or a value in it, is what the full message has there."""
+    """Return whether a record, or a value in it, equals that of the full message."""
     if isinstance(record, Struct):
         return isinstance(full, BaseModel) and all(
             same(getattr(record, each), getattr(full, each)) for each in common_fields(type(record), full)
@@ -52,7 +52,7 @@ def same(record: object, full: object) -> bool:
 
 
 def common_fields(form: type[Struct], full: BaseModel) -> list[str]:
-    """Give the fields of a message; its record has them all and no others."""
+    """Return the fields of a message; its record has them all and no others."""
     names = list(type(full).model_fields)
     members = {each.name for each in fields(form) if not each.name.startswith("other_")}
     assert members <= set(names)

@@ -1,4 +1,4 @@
-"""What a broker kept from before a robot changed its version says nothing about it now."""
+"""Messages retained from before a robot changed its version are ignored."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whatever a neutral message holds: each version carries it as far as it can, in a form its schema takes."""
+"""Each version carries any neutral message as far as it can, in a form that its schema accepts."""
 
 from __future__ import annotations
 

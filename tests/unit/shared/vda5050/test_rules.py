@@ -1,4 +1,4 @@
-"""The table of differences agrees with what the codecs of the versions can say."""
+"""The table of differences agrees with the codecs of the versions."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ EACH_VERSION = pytest.mark.parametrize("version", CODECS)
 
 @pytest.fixture
 def neutral(state: dict[str, Any]) -> State:
-    """Give the smallest state, as a neutral message."""
+    """Return the smallest state, as a neutral message."""
     return CODEC.decode(State, json.dumps(state).encode())
 
 
@@ -33,7 +33,7 @@ def arrived(version: str, state: State) -> State:
 
 
 def kept(values: type[StrEnum], told: list[StrEnum]) -> frozenset[StrEnum]:
-    """Give the values that arrived as they were sent."""
+    """Return the values that arrived as they were sent."""
     return frozenset(value for value, other in zip(values, told, strict=True) if value is other)
 
 

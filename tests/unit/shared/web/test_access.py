@@ -40,7 +40,7 @@ LEEWAY = OidcSettings.model_fields["leeway"].default
 
 
 def rule(method: str, path: str) -> Role | None:
-    """Let viewers read, operators change, and everybody see the health."""
+    """Return the rule: viewers read, operators change, and all clients see the health."""
     if path == "/healthz":
         return None
     return Role.VIEWER if method in ("GET", "HEAD", "OPTIONS") else Role.OPERATOR
@@ -161,7 +161,7 @@ async def test_who_asks_too_often_waits(door: Door) -> None:
 
 
 async def test_an_address_that_calls_itself_a_user_uses_up_nothing_of_theirs(tmp_path: Path) -> None:
-    """A proxy that is wrongly set up passes on what clients say of their addresses."""
+    """Simulate a misconfigured proxy that passes on the addresses claimed by clients."""
     door = Door(tmp_path, address="user viewer")
     statuses = [(await door.ask("GET", "/healthz")).status_code for _ in range(REQUESTS + 1)]
     assert statuses[-1] == 429
@@ -270,7 +270,7 @@ class LaterClock(SystemClock):
 
 
 def telling(issuer: OidcIssuer, clock: LaterClock, *seconds: float) -> httpx.AsyncClient:
-    """Give a client of an answer with a part at each of these ``seconds``."""
+    """Return a client of an answer with a part at each of these ``seconds``."""
 
     async def lasting(_: Request) -> Response:
         async def parts() -> AsyncIterator[bytes]:

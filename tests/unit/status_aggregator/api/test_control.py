@@ -27,7 +27,7 @@ ORDER = {"destinations": [{"locationName": "A"}]}
 
 @dataclass
 class Far:
-    """What the server on the other side has been asked."""
+    """The requests received by the server on the other side."""
 
     port: int = 0
     asked: list[tuple[str, str, Any]] = field(default_factory=list)

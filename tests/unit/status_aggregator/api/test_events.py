@@ -23,7 +23,7 @@ Events = list[tuple[str, str]]
 
 
 class Published:
-    """Publishes numbered deltas and knows the snapshot that goes with them."""
+    """Publishes numbered deltas and has the matching snapshot."""
 
     def __init__(self, **settings: int) -> None:
         self.number = 0

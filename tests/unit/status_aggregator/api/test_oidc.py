@@ -22,7 +22,7 @@ SECRET = "s3cr3t&:%/+"
 
 @pytest.fixture
 def issuer(issuer: OidcIssuer) -> OidcIssuer:
-    """Return an issuer on loopback, which stands in for Keycloak and its like."""
+    """Return an issuer on loopback in place of Keycloak and the like."""
     issuer.register(PANEL)
     return issuer
 
@@ -44,7 +44,7 @@ def sign_in(issuer: OidcIssuer, **more: Any) -> SignIn:
 async def came_back(
     issuer: OidcIssuer, signing: SignIn, attempt: Attempt, name: str = "ann"
 ) -> dict[str, str]:
-    """Go to the issuer as ``name``; gives what the issuer sends the browser back with."""
+    """Sign in at the issuer as ``name``; return the parameters of its redirect."""
     query = dict(parse_qsl(urlsplit(await signing.begin(attempt)).query))
     status, where, _ = issuer.authorize({**query, "person": name})
     assert status == 302
@@ -94,7 +94,7 @@ async def test_somebody_signs_in(issuer: OidcIssuer, secret: str | None, methods
 
 
 async def refusal(issuer: OidcIssuer, **settings: Any) -> SignInError:
-    """Sign in as far as it goes; gives why it ends."""
+    """Sign in until it fails; return the error."""
     signing, attempt = sign_in(issuer, **settings), Attempt.new()
     query = await came_back(issuer, signing, attempt)
     with pytest.raises(SignInError) as caught:
@@ -162,7 +162,7 @@ async def test_a_code_counts_once(issuer: OidcIssuer) -> None:
 
 
 async def test_a_code_of_somebody_else_is_of_no_use(issuer: OidcIssuer) -> None:
-    """Whoever saw a code has neither the state nor the verifier that go with it."""
+    """Check that a stolen code alone has neither the state nor the verifier that belong to it."""
     signing, own = sign_in(issuer), Attempt.new()
     stolen = await came_back(issuer, signing, Attempt.new(), "vic")
 

@@ -1,4 +1,4 @@
-"""Signing in at the panel as a browser does it, with a real issuer that stands in for Keycloak."""
+"""Signing in at the panel as a browser does, with a real issuer in place of Keycloak."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ async def panel(issuer: OidcIssuer) -> AsyncIterator[httpx.AsyncClient]:
 
 
 async def at_issuer(panel: httpx.AsyncClient, name: str, more: str = "") -> str:
-    """Begin, and be ``name`` at the issuer; gives where that sends the browser back to."""
+    """Begin as ``name`` at the issuer; return its redirect."""
     offer = (await panel.get(f"{SESSION}/oidc")).json()
     sent = await panel.get(offer["start"] + more)
     assert sent.status_code == 303
@@ -141,7 +141,7 @@ async def test_what_was_used_once_is_used_up(panel: httpx.AsyncClient, issuer: O
 async def test_a_sign_in_that_somebody_else_began_is_none(
     panel: httpx.AsyncClient, issuer: OidcIssuer
 ) -> None:
-    """Else somebody could be signed in as another one by a link, and tell their secrets to that one."""
+    """Check that a link cannot sign a user in to an attacker's account, which would get their data."""
     async with panel_of(issuer) as other:
         back = await at_issuer(other, "vic")
 

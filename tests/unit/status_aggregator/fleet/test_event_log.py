@@ -1,4 +1,4 @@
-"""What the model tells of what happened, and what it counts of it."""
+"""The model's events, and its counters of them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A reader that applies each delta to what it had knows what a snapshot says."""
+"""A reader that applies each delta to its state has the content of a snapshot."""
 
 from __future__ import annotations
 

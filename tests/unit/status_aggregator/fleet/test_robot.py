@@ -1,4 +1,4 @@
-"""Robots are shown in the plant's frame, whoever transforms."""
+"""Robots are shown in the plant's frame, whichever side transforms."""
 
 from __future__ import annotations
 

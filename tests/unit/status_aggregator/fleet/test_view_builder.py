@@ -16,7 +16,7 @@ from support.robot_maps import robot_map
 
 
 def shown(**fields: Any) -> RobotView:
-    """What is told of a robot with such a state."""
+    """Return the view of a robot with such a state."""
     now = Timestamp.of(ManualClock(start=START))
     robot = Robot(ROBOT, now)
     robot.on_state(state(**fields), now, retained=False)

@@ -1,4 +1,4 @@
-"""The table of operations says which routes openTCS's web API has for them."""
+"""The table of operations defines openTCS's routes for them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Order sequences as a client of openTCS's web API asks for them."""
+"""Order sequences over openTCS's web API."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a file says against its own rules, each by itself."""
+"""A file's violations of its own rules, each separately."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""LIF 2.0.0: told apart, read, written as it was, and converted to and from 1.0.0."""
+"""LIF 2.0.0: detected, read, written unchanged, and converted to and from 1.0.0."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whatever is in a file: it gives a model that survives JSON, or a PlantModelError, and nothing else."""
+"""Any file content gives a model that survives JSON, or a PlantModelError, and nothing else."""
 
 import re
 from contextlib import suppress

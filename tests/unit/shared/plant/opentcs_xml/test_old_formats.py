@@ -60,7 +60,7 @@ def drawn_in_layout(version: str, *, b_y: int = 0) -> bytes:
 
 
 def drawn_at_objects(version: str, **changes: Any) -> bytes:
-    """Make a model of format 0.0.4 to 6.0.0, where each object says itself how it is drawn."""
+    """Make a model of format 0.0.4 to 6.0.0, where each object contains its own drawing."""
     old = "xPosition yPosition zPosition xLabelOffset yLabelOffset"
     new = "positionX positionY positionZ labelOffsetX labelOffsetY"
     names = dict(zip("xyzab", (new if version == "6.0.0" else old).split(), strict=True))

@@ -294,7 +294,7 @@ SCALED = VisualLayout(scale_x_mm_per_px=50.0, scale_y_mm_per_px=20.0)
 
 
 def drawn(kind: ConnectionType, points: int, *, same_frame: bool = True) -> tuple[PathLayout, list[str]]:
-    """Give the course of a path with so many control points, and what is said of it."""
+    """Return the course of a path with so many control points, and the findings about it."""
     obj = XmlObject(Element("path"), ObjectKind.PATH, "P", Findings(FormatVersion.V6_0_0))
     pixels = tuple((number + 1, 10 * (number + 1)) for number in range(points))
     as_drawn = Drawn(label=LabelLayout(layer_id=4), connection_type=kind, control_points_px=pixels)

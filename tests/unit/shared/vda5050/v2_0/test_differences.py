@@ -1,4 +1,4 @@
-"""What 2.0 lacks or says in another way than 2.1."""
+"""Differences of 2.0 from 2.1."""
 
 from __future__ import annotations
 

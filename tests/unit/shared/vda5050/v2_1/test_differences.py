@@ -1,4 +1,4 @@
-"""Where 2.1 says things in another way than 3.0."""
+"""Differences of 2.1 from 3.0."""
 
 from __future__ import annotations
 

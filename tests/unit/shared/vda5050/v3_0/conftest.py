@@ -18,13 +18,13 @@ HEADER = {
 
 @pytest.fixture
 def header() -> JsonObject:
-    """Give the five fields at the top of each message."""
+    """Return the five fields at the top of each message."""
     return dict(HEADER)
 
 
 @pytest.fixture
 def order() -> JsonObject:
-    """Give the minimal order of two nodes, as parsed JSON."""
+    """Return the minimal order of two nodes, as parsed JSON."""
     goal = {"x": 5, "y": 0, "allowedDeviationXY": {"a": 0.3, "b": 0.3, "theta": 0}, "mapId": "m"}
     start = {"x": 0, "y": 0, "mapId": "m"}
     return HEADER | {
@@ -40,7 +40,7 @@ def order() -> JsonObject:
 
 @pytest.fixture
 def state() -> JsonObject:
-    """Give the smallest valid state, as parsed JSON."""
+    """Return the smallest valid state, as parsed JSON."""
     return HEADER | {
         "orderId": "",
         "orderUpdateId": 0,
@@ -60,7 +60,7 @@ def state() -> JsonObject:
 
 @pytest.fixture
 def factsheet() -> JsonObject:
-    """Give a factsheet with one action, as parsed JSON."""
+    """Return a factsheet with one action, as parsed JSON."""
     return HEADER | {
         "typeSpecification": {
             "seriesName": "Carrier 1",
@@ -104,14 +104,14 @@ def factsheet() -> JsonObject:
 
 @pytest.fixture
 def zone() -> JsonObject:
-    """Give a zone that robots must not enter."""
+    """Return a zone that robots must not enter."""
     corners = [{"x": 0, "y": 0}, {"x": 1, "y": 0}, {"x": 0, "y": 1}]
     return {"zoneId": "z", "zoneType": "BLOCKED", "vertices": corners}
 
 
 @pytest.fixture
 def instant_action(header: JsonObject) -> JsonObject:
-    """Give a message with one instant action, as parsed JSON."""
+    """Return a message with one instant action, as parsed JSON."""
     return header | {
         "actions": [{"actionType": "initializePosition", "actionId": "i1", "blockingType": "NONE"}]
     }

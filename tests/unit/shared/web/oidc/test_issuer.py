@@ -1,4 +1,4 @@
-"""An issuer's keys: when they are asked for, how often at most, and what counts while it is away."""
+"""An issuer's keys: when they are requested, the maximum rate, and what is valid while it is unavailable."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ NEW = TokenHeader("ec-2", "ES256")
 
 
 class Watched:
-    """What the program knows of an issuer, and the clock that it goes by."""
+    """The program's knowledge of an issuer, and its clock."""
 
     def __init__(self, settings: OidcSettings) -> None:
         self.clock = ManualClock()

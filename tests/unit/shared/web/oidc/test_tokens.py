@@ -112,7 +112,9 @@ def test_a_token_that_nobody_signed_is_refused() -> None:
 
 
 def test_the_public_key_is_no_secret_to_sign_with() -> None:
-    """The attack by which a verifier that asks the token how to verify takes the key that everybody has."""
+    """Try the attack on a verifier that lets the token choose the algorithm, and so accepts the public key as
+    a secret.
+    """
     for name in ("HS256", "RS256"):
         token = signed_by_secret(claims(), RSA.public_pem, {"alg": name, "kid": RSA.kid})
         with pytest.raises(TokenRefusedError, match="signature"):
