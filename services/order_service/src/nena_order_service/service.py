@@ -242,11 +242,12 @@ def make_engine(settings: OrderServiceSettings, plant: PlantModel, store: Store,
     """Wire up the engine over ``store``."""
     router = Router(plant, evaluators(settings.routing.costs, plant))
     any_day = Router(plant, evaluators(settings.routing.costs, plant))
-    finder = RouteFinder(plant, router, any_day=any_day)
+    operations = OperationMap(settings.kernel.action_types)
+    finder = RouteFinder(plant, router, any_day=any_day, action_type=operations.action_type)
     planner = OrderPlanner(
         plant,
         finder,
-        OperationMap(settings.kernel.action_types),
+        operations,
         speed_limits=settings.kernel.speed_limits,
     )
     registry = VehicleRegistry(

@@ -70,6 +70,7 @@ _NUMBERS: Final = frozenset(
         keys.PARKING_POSITION_PRIORITY,
         keys.VDA5050_DEVIATION_XY,
         keys.VDA5050_DEVIATION_THETA,
+        keys.VDA5050_CORRIDOR_WIDTH,
     }
 )
 _TEXTS: Final = frozenset(

@@ -199,6 +199,11 @@ class Vehicle(PlantRecord):
         degrees = self._non_negative(keys.VDA5050_DEVIATION_THETA)
         return None if degrees is None else radians(degrees)
 
+    @property
+    def corridor_width_m(self) -> float | None:
+        """Widest corridor that it is sent, metres to each side; None if unset or invalid."""
+        return self._non_negative(keys.VDA5050_CORRIDOR_WIDTH)
+
     def _is_set(self, key: str) -> bool:
         return self.properties.get(key, "").strip().lower() == "true"
 

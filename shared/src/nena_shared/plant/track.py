@@ -1,6 +1,6 @@
 """Points and paths of a plant model, and what vehicles of each type may do there."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from math import cos, radians
@@ -308,6 +308,11 @@ class Point(PlantRecord):
     def heading_rad(self) -> float | None:
         """Required heading in radians, -pi to pi, counter-clockwise from +x; None: any."""
         return None if self.orientation_deg is None else normalized(radians(self.orientation_deg))
+
+    def forbids(self, action_type: str, vehicle_types: Collection[str]) -> bool:
+        """Return whether an action is forbidden here to one of the types."""
+        uses = (use for use in self.vehicle_types if use.vehicle_type_id in vehicle_types)
+        return any(action_type in use.forbidden_action_types for use in uses)
 
     def is_open_to(self, vehicle_type: str) -> bool:
         """Return whether vehicles of a type may use the point."""

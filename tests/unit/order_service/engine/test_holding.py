@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from functools import partial
 
-from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.fleet_api.transport_order import DriveOrderState, TransportOrderState
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
 from support.plants import path, point
-from support.scripted_fleet import MemoryStore, engine_with, key, status_of
+from support.scripted_fleet import MemoryStore, ScriptedFleet, engine_with, key, make_engine, status_of
 
 S = TransportOrderState
 
@@ -178,3 +178,12 @@ async def test_nothing_is_resumed_that_nobody_holds() -> None:
     version = status_of(engine).version
     engine.resume(order.number, "Ann", "go")
     assert (status_of(engine).version, len(fleet.sent)) == (version, 1)
+
+
+async def test_an_action_that_the_layout_requires_where_a_held_order_ends_is_not_its_operation() -> None:
+    fleet = ScriptedFleet({"V1": "A"})
+    engine = await make_engine(ROW, MemoryStore(), fleet, release_ahead=1)
+    order = engine.create(request("D"), "T")
+    engine.hold(order.number, "Ann", "tea", immediate=False)
+    fleet.operate("V1")
+    assert [each.state for each in status_of(engine).drive_orders] == [DriveOrderState.TRAVELLING]

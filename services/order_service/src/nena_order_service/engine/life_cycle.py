@@ -376,7 +376,8 @@ class LifeCycle:
             case VdaOrderAccepted():
                 pass
             case OperationStarted():
-                self._orders.put(order.operating(sent.drive_order_index, self._clock.now()))
+                if not sent.partial:  # else it is a required action where the order ends early
+                    self._orders.put(order.operating(sent.drive_order_index, self._clock.now()))
             case VdaOrderFinished():
                 self._drive_order_finished(order, sent)
             case VdaOrderFailed():

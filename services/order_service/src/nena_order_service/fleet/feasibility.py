@@ -39,14 +39,16 @@ def fitted(vda_order: VdaOrder, abilities: Abilities | None) -> VdaOrder:
 
     VDA 5050 3.0 section 7.1.1.
 
-    Without a factsheet only speed limits are removed, because such a robot may refuse them.
+    Without a factsheet only speed limits and what the layout says of edges are removed, because such a robot
+    may refuse them.
 
     What would change the order stays as it is, and :func:`order_problem` reports it: a position,
     and the heading at a coordinate.
     """
     nodes = vda_order.nodes
     if abilities is None:
-        edges = tuple(each.model_copy(update={"maximum_speed": None}) for each in vda_order.edges)
+        nothing = {"maximum_speed": None, **dict.fromkeys(_RULED.values())}
+        edges = tuple(_changed(each, nothing) for each in vda_order.edges)
         return vda_order.model_copy(update={"edges": edges})
     headings = _headings(nodes)
     return vda_order.model_copy(
@@ -89,7 +91,7 @@ def _changed(part: P, changes: Mapping[str, object]) -> P:
 
 def _fitted_node(node: Node, heading: float, abilities: Abilities) -> Node:
     changes: dict[str, Any] = {
-        "actions": tuple(_fitted_on_node(each, abilities) for each in node.actions),
+        "actions": tuple(_fitted_in_order(each, abilities) for each in node.actions),
     }
     if node.node_position is not None:
         changes["node_position"] = _fitted_position(node, node.node_position, heading, abilities)
@@ -98,7 +100,7 @@ def _fitted_node(node: Node, heading: float, abilities: Abilities) -> Node:
     return _changed(node, changes)
 
 
-def _fitted_on_node(action: Action, abilities: Abilities) -> Action:
+def _fitted_in_order(action: Action, abilities: Abilities) -> Action:
     action = fitted_action(action, abilities)
     if action.retriable and not abilities.takes_retries:
         action = action.model_copy(update={"retriable": None})
@@ -130,15 +132,37 @@ def _fitted_position(
 
 
 def _fitted_edge(edge: Edge, ends: tuple[Node, Node], abilities: Abilities) -> Edge:
-    changes: dict[str, object] = {}
+    changes: dict[str, object] = {
+        field: None for path, field in _RULED.items() if not abilities.lists_field(path)
+    }
+    if edge.actions:
+        changes["actions"] = tuple(_fitted_in_order(each, abilities) for each in edge.actions)
     if edge.maximum_speed is not None and not _limits_speed(edge.maximum_speed, abilities):
         changes["maximum_speed"] = None
     changes |= {
         field: fill(edge, ends, abilities)
         for path, (field, fill) in _EDGE_FIELDS.items()
         if path in abilities.required_fields
+        and (field not in _RULED.values() or getattr(edge, field) is None)
     }
     return _changed(edge, changes)
+
+
+_RULED: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "edges.orientation": "orientation",
+        "edges.orientationType": "orientation_type",
+        "edges.reachOrientationBeforeEntering": "reach_orientation_before_entering",
+        "edges.maximumRotationSpeed": "maximum_rotation_speed",
+        "edges.maximumMobileRobotHeight": "maximum_mobile_robot_height",
+        "edges.minimumLoadHandlingDeviceHeight": "minimum_load_handling_device_height",
+        "edges.direction": "direction",
+        "edges.length": "length",
+        "edges.corridor": "corridor",
+        "edges.trajectory": "trajectory",
+    }
+)
+"""What a layout says of edges; sent to robots that list it, because others may refuse it."""
 
 
 def _distance(_: Edge, ends: tuple[Node, Node], __: Abilities) -> float | None:

@@ -108,7 +108,7 @@ def read(state: State, vda_order: VdaOrder) -> Progress:
     A node counts as traversed only if it is no longer among the coming nodes: not every robot resets
     lastNodeSequenceId at once when it accepts a new order.
     """
-    ids = vda_order.action_ids
+    ids, final = vda_order.action_ids, vda_order.final_action_ids
     own = [each for each in state.action_states if each.action_id in ids] if ids else []
     left = bool(state.node_states or state.edge_states)
     passed = state.last_node_sequence_id
@@ -116,7 +116,7 @@ def read(state: State, vda_order: VdaOrder) -> Progress:
         passed = min(passed, state.node_states[0].sequence_id - 1)
     return Progress(
         passed=passed,
-        operating=any(each.action_status not in NOT_BEGUN for each in own),
+        operating=any(each.action_id in final and each.action_status not in NOT_BEGUN for each in own),
         idle=not left and all(each.action_status.ended for each in own),
         at_end=passed == vda_order.last_sequence_id and state.last_node_id == vda_order.nodes[-1].node_id,
         failed=tuple(each for each in own if each.action_status is ActionStatus.FAILED),

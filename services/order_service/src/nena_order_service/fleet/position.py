@@ -29,6 +29,8 @@ class RobotProfile:
     """m of the plant: how far from a node the robot may pass or stop."""
     deviation_theta: float = DEFAULT_DEVIATION_THETA
     """rad: how far from the wanted heading the robot may stop."""
+    corridor_width: float | None = None
+    """m of the plant to each side: the widest corridor that it is sent; None: what the layout allows."""
     transforms: Mapping[str, MapTransform] = field(default_factory=dict, hash=False)
     """How the plant lies on maps, by their ids, for robots that do not transform themselves."""
     transforms_itself: bool | None = None
@@ -42,6 +44,7 @@ class RobotProfile:
             map_id=vehicle.map_id or default_map_id,
             deviation_xy=DEFAULT_DEVIATION_XY if deviation_xy is None else deviation_xy,
             deviation_theta=DEFAULT_DEVIATION_THETA if deviation_theta is None else deviation_theta,
+            corridor_width=vehicle.corridor_width_m,
             transforms=transforms,
         )
 

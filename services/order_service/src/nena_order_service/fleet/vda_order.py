@@ -5,18 +5,27 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import pairwise
+from itertools import chain, pairwise, zip_longest
 from types import MappingProxyType
-from typing import Final, Self, TypeVar
+from typing import Any, Final, Self, TypeVar
 from uuid import uuid4
 
 from pydantic import AliasChoices, Field, JsonValue
 
 from nena_order_service.fleet.position import DEFAULT_DEVIATION_XY, RobotProfile, Standing
+from nena_order_service.fleet.type_rules import (
+    NO_RULES,
+    TypeRules,
+    as_ruled,
+    edge_fields,
+    required_actions,
+    required_heading,
+)
 from nena_order_service.routing.graph import Route
 from nena_shared.fleet_api.transport_order import Coordinate
 from nena_shared.plant import DirectedEdge, Location, MapPlace, PlantModel, PlantPlace
 from nena_shared.plant.geometry import normalized
+from nena_shared.plant.track import DeviationBounds, VehicleTypeAtPoint, VehicleTypeOnPath
 from nena_shared.vda5050.action import Action, ActionParameter, BlockingType
 from nena_shared.vda5050.base import Identifier, WireObject
 from nena_shared.vda5050.order import AllowedDeviationXY, Edge, Node, NodePosition
@@ -51,12 +60,18 @@ class VdaOrder(WireObject):
     @cached_property
     def actions(self) -> tuple[Action, ...]:
         """All actions of the VDA order, in the order in which the robot meets them."""
-        return tuple(action for node in self.nodes for action in node.actions)
+        parts = chain.from_iterable(zip_longest(self.nodes, self.edges))
+        return tuple(action for part in parts if part for action in part.actions)
 
     @cached_property
     def action_ids(self) -> frozenset[str]:
         """The ids of all actions of the VDA order."""
         return frozenset(action.action_id for action in self.actions)
+
+    @cached_property
+    def final_action_ids(self) -> frozenset[str]:
+        """The ids of the actions at its last node."""
+        return frozenset(action.action_id for action in self.nodes[-1].actions)
 
     @property
     def last_sequence_id(self) -> int:
@@ -185,8 +200,11 @@ class _Stop:
     theta: float | None = None
     edge_id: str | None = None
     """Of the edge that leads here, where the plant has a name for it."""
-    maximum_speed: float | None = None
-    """m/s that the plant allows on the edge that leads here; None: it says nothing."""
+    edge_fields: Mapping[str, Any] = field(default_factory=dict)
+    """What the plant says of the edge that leads here, beside its name."""
+    edge_rule: VehicleTypeOnPath | None = None
+    rule: VehicleTypeAtPoint | None = None
+    """What the layout rules for the robot's type at the node, and on the edge that leads here."""
 
 
 SpeedLimit = Callable[[DirectedEdge | None], float | None]
@@ -207,12 +225,14 @@ def build_vda_order(
     coordinate: Coordinate | None = None,
     actions: tuple[Action, ...] = (),
     speed_limit: SpeedLimit = unlimited,
+    rules: TypeRules = NO_RULES,
 ) -> VdaOrder:
     """Build the VDA order called ``name`` (section 6.1.1): along the route, then to the coordinate, if any.
 
     It begins where the robot is; if that is no point of the plant, at a temporary node at its own pose.
     Points that are passed have no heading, so that the robot need not stop; the last one has that of the
-    point or coordinate. ``actions`` are executed at the end.
+    point or coordinate. ``actions`` are executed at the end, and those that ``rules`` require where they do;
+    not at the node where the robot is already.
 
     Raises:
         ValueError: neither a route nor a coordinate, or a route that does not begin at the robot.
@@ -223,16 +243,21 @@ def build_vda_order(
     if route is not None and route.source != standing.point:
         message = f"the route begins at {route.source!r}, the robot is at {standing.point!r}"
         raise ValueError(message)
-    stops = list(_way(name, plant, standing, profile, route))
-    first = len(stops) - (len(route.steps) if route else 0)
+    stops = list(_way(name, plant, standing, profile, route, rules=rules))
+    edges = [step.edge for step in route.steps] if route else []
+    first = len(stops) - len(edges)
+    ruled = list(edge_fields(edges, rules, plant, standing, profile))
     for index in range(1, len(stops)):
-        edge = route.steps[index - first].edge if route and index >= first else None
-        stops[index] = replace(stops[index], maximum_speed=speed_limit(edge))
+        on_way = index - first
+        edge = edges[on_way] if on_way >= 0 else None
+        fields = {"maximum_speed": speed_limit(edge), **(ruled[on_way] if edge else {})}
+        edge_rule = rules.along(edge) if edge else None
+        stops[index] = replace(stops[index], edge_fields=fields, edge_rule=edge_rule)
     if coordinate is not None:
         goal = _goal(name, profile, coordinate, stops[-1].map_id)
-        stops.append(replace(goal, maximum_speed=speed_limit(None)))
+        stops.append(replace(goal, edge_fields={"maximum_speed": speed_limit(None)}))
     elif len(stops) > 1:
-        stops[-1] = replace(stops[-1], theta=_heading(plant, profile, stops[-1].node_id))
+        stops[-1] = replace(stops[-1], theta=_heading(plant, profile, stops[-1].node_id, rules))
     return VdaOrder(
         order_id=name,
         nodes=tuple(_nodes(stops, profile, actions)),
@@ -241,48 +266,63 @@ def build_vda_order(
 
 
 def _way(
-    name: str, plant: PlantModel, standing: Standing, profile: RobotProfile, route: Route | None
+    name: str,
+    plant: PlantModel,
+    standing: Standing,
+    profile: RobotProfile,
+    route: Route | None,
+    *,
+    rules: TypeRules,
 ) -> Iterator[_Stop]:
     """Yield the start and the points of the route."""
-    apart = _start(name, plant, standing, profile, route)
+    apart = _start(name, plant, standing, profile, route, rules=rules)
     if apart is not None:
         yield apart
     if apart is None or route is not None:
-        yield _at(plant, profile, standing.point)
+        yield _at(plant, profile, rules, standing.point)
     for step in route.steps if route else ():
-        yield _at(plant, profile, step.destination, step.edge_id)
+        yield _at(plant, profile, rules, step.destination, step.edge_id)
 
 
 def _start(
-    name: str, plant: PlantModel, standing: Standing, profile: RobotProfile, route: Route | None
+    name: str,
+    plant: PlantModel,
+    standing: Standing,
+    profile: RobotProfile,
+    route: Route | None,
+    *,
+    rules: TypeRules,
 ) -> _Stop | None:
     """Return the temporary node where the robot is, if it must drive to get to its own point."""
     pose = standing.pose
     if pose is None:
         return None
-    if standing.on_point and not (route and not route.steps and _must_turn(plant, profile, standing)):
+    if standing.on_point and not (route and not route.steps and _must_turn(plant, profile, standing, rules)):
         return None
     return _Stop(START_PREFIX + name, MapPlace(pose.x, pose.y), pose.map_id)
 
 
-def _must_turn(plant: PlantModel, profile: RobotProfile, standing: Standing) -> bool:
-    wanted = _heading(plant, profile, standing.point)
+def _must_turn(plant: PlantModel, profile: RobotProfile, standing: Standing, rules: TypeRules) -> bool:
+    wanted = _heading(plant, profile, standing.point, rules)
     if wanted is None or standing.pose is None:
         return False
     return abs(normalized(wanted - standing.pose.theta)) > profile.deviation_theta
 
 
-def _at(plant: PlantModel, profile: RobotProfile, point_name: str, edge_id: str | None = None) -> _Stop:
+def _at(
+    plant: PlantModel, profile: RobotProfile, rules: TypeRules, point_name: str, edge_id: str | None = None
+) -> _Stop:
     point = plant.point(point_name)
     map_id = point.map_id or profile.map_id
     place = profile.on(map_id).to_map(PlantPlace(point.x_m, point.y_m))
-    return _Stop(point_name, place, map_id, edge_id=edge_id)
+    return _Stop(point_name, place, map_id, edge_id=edge_id, rule=rules.at(point))
 
 
-def _heading(plant: PlantModel, profile: RobotProfile, point_name: str) -> float | None:
+def _heading(plant: PlantModel, profile: RobotProfile, point_name: str, rules: TypeRules) -> float | None:
     point = plant.point(point_name)
+    wanted = required_heading(rules.at(point), point)
     transform = profile.on(point.map_id or profile.map_id)
-    return None if point.heading_rad is None else transform.heading_to_map(point.heading_rad)
+    return None if wanted is None else transform.heading_to_map(wanted)
 
 
 def _goal(name: str, profile: RobotProfile, coordinate: Coordinate, map_id: str) -> _Stop:
@@ -295,25 +335,37 @@ def _goal(name: str, profile: RobotProfile, coordinate: Coordinate, map_id: str)
 def _nodes(stops: list[_Stop], profile: RobotProfile, actions: tuple[Action, ...]) -> Iterator[Node]:
     last = len(stops) - 1
     for index, stop in enumerate(stops):
+        own = tuple(as_ruled(actions, stop.rule)) if index == last else ()
+        required = required_actions(stop.rule, own, iter(fresh_id, "")) if index else ()
         yield Node(
             node_id=stop.node_id,
             sequence_id=2 * index,
             released=True,
             node_position=_position(stop, profile, starts=index == 0),
-            actions=actions if index == last else (),
+            actions=(*required, *own),
         )
 
 
 def _position(stop: _Stop, profile: RobotProfile, *, starts: bool) -> NodePosition:
-    """Return the position of a node; the start node has a wide deviation (section 6.6.2)."""
+    """Return the position of a node; the start node has a wide deviation (section 6.6.2).
+
+    The start node keeps to no bounds of the layout: a robot outside them would refuse the order.
+    """
     deviation = max(profile.deviation_xy, DEFAULT_DEVIATION_XY) if starts else profile.deviation_xy
-    radius = profile.on(stop.map_id).length_to_map(deviation)
+    bounds = stop.rule.allowed_deviation_xy if stop.rule else None
+    if bounds is None or starts:
+        bounds = DeviationBounds()
+    a, b = bounds.ellipse(deviation)
+    transform = profile.on(stop.map_id)
+    turned = 0.0 if a == b else transform.heading_to_map(bounds.theta or 0.0)
     return NodePosition(
         x=stop.place.x_m,
         y=stop.place.y_m,
         theta=stop.theta,
         map_id=stop.map_id,
-        allowed_deviation_xy=AllowedDeviationXY(a=radius, b=radius),
+        allowed_deviation_xy=AllowedDeviationXY(
+            a=transform.length_to_map(a), b=transform.length_to_map(b), theta=normalized(turned)
+        ),
         allowed_deviation_theta=None if stop.theta is None else profile.deviation_theta,
     )
 
@@ -324,8 +376,8 @@ def _edges(stops: list[_Stop]) -> Iterator[Edge]:
             edge_id=after.edge_id or f"{before.node_id} --- {after.node_id}",
             sequence_id=2 * index + 1,
             released=True,
-            actions=(),
-            maximum_speed=after.maximum_speed,
+            actions=required_actions(after.edge_rule, (), iter(fresh_id, "")),
+            **after.edge_fields,
         )
 
 

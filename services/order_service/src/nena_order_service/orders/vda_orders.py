@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from nena_order_service.fleet.position import NotLocatedError, Standing, locate
 from nena_order_service.fleet.robot import RobotView
+from nena_order_service.fleet.type_rules import TypeRules
 from nena_order_service.fleet.vda_order import (
     DROP,
     PICK,
@@ -266,6 +267,7 @@ class OrderPlanner:
                 retriable=retriable,
             ),
             speed_limit=self._speed_limit(vehicle),
+            rules=TypeRules.of(vehicle.model, self.plant),
         )
 
     def evasion(self, vehicle: FleetVehicle, standing: Standing, route: Route) -> VdaOrder:
@@ -277,6 +279,7 @@ class OrderPlanner:
             profile=vehicle.profile,
             route=route,
             speed_limit=self._speed_limit(vehicle),
+            rules=TypeRules.of(vehicle.model, self.plant),
         )
 
     def _speed_limit(self, vehicle: FleetVehicle) -> SpeedLimit:

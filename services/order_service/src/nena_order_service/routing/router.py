@@ -31,6 +31,7 @@ from nena_shared.plant import (
     UnknownObjectError,
     Vehicle,
 )
+from nena_shared.plant.model import action_of
 from nena_shared.plant.track import MM_PER_M
 
 COSTS_KEPT = 2_000_000
@@ -145,6 +146,10 @@ class Router:
         """Return a number for the kind of a vehicle: those of one kind have the same ways."""
         return self._kinds.of(vehicle).number
 
+    def types(self, vehicle: Vehicle | None) -> frozenset[str]:
+        """Return the types of which a vehicle may be, as far as they matter for its ways."""
+        return self._kinds.of(vehicle).profile.vehicle_types
+
     def _graph(self, vehicle: Vehicle | None, avoid: Collection[str] = ()) -> RoutingGraph:
         profile = self._kinds.of(vehicle).profile
         if profile not in self._graphs:
@@ -235,8 +240,19 @@ class RouteFinder:
     From a coordinate, the route continues at the nearest point.
     """
 
-    def __init__(self, plant: PlantModel, router: Router, any_day: Router | None = None) -> None:
-        """Use a router; ``any_day`` is another one, for what could be done if hosts unlocked paths."""
+    def __init__(
+        self,
+        plant: PlantModel,
+        router: Router,
+        any_day: Router | None = None,
+        *,
+        action_type: Callable[[str], str] = action_of,
+    ) -> None:
+        """Use a router; ``any_day`` is another one, for what could be done if hosts unlocked paths.
+
+        ``action_type`` returns the VDA 5050 action of an operation, which layouts may forbid somewhere.
+        """
+        self._action_type = action_type
         self._plant = plant
         self.router = router
         self._any_day = any_day or router
@@ -312,11 +328,27 @@ class RouteFinder:
                     legs.append(Leg(_distance_mm(self._plant.point(start), coordinate)))
                     start = self.nearest(coordinate)
             else:
-                choices = [access_points(each, self._plant) for each in group]
+                choices = [self.access_points(each, vehicle) for each in group]
                 routes = router.route_through(start, choices, vehicle=vehicle, avoid=avoid)
                 legs.extend(Leg(route.cost, route) for route in routes)
                 start = routes[-1].destination
         return RoutePlan(tuple(legs))
+
+    def access_points(self, destination: Destination, vehicle: Vehicle | None) -> tuple[str, ...]:
+        """Return the points at which a vehicle can serve a destination that is no coordinate.
+
+        These are the points where the layout does not forbid the action to one of the types of which the
+        vehicle may be.
+        """
+        points = access_points(destination, self._plant)
+        types = self.router.types(vehicle)
+        if not types:
+            return points
+        action_type = self._action_type(destination.operation)
+        known = self._plant.points_by_name
+        return tuple(
+            each for each in points if each not in known or not known[each].forbids(action_type, types)
+        )
 
     def nearest(self, coordinate: Coordinate) -> str:
         """Return the point at which a route continues after a coordinate."""
@@ -415,7 +447,7 @@ class RouteCosts:
                     self._finder.router.costs_to(point, vehicle=vehicle, avoid=avoid),
                     later.source(point).complete if later else 0.0,
                 )
-                for point in access_points(destination, self._plant)
+                for point in self._finder.access_points(destination, vehicle)
             )
             later = OrderCosts(entries)
         return OrderCosts(entries)

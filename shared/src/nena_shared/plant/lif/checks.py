@@ -227,17 +227,14 @@ def unsupported_features(file: LifFile) -> Iterator[PlantProblem]:
 
 def _unsupported_at_node(uses: list[VehicleTypeAtPoint]) -> Iterator[str]:
     for use in uses:
-        required = sum(action.requirement_type is RequirementType.REQUIRED for action in use.actions)
-        if required:
-            yield "REQUIRED actions at nodes"
-        if required > 1:
-            yield "several REQUIRED actions at one node"
-        if use.forbidden_action_types:
-            yield "forbidden actions at nodes"
-        if use.load_restriction:
-            yield "load restrictions of nodes"
-        if use.allowed_deviation_xy:
-            yield "allowedDeviationXY"
+        yield from _of_load(use.load_restriction)
+
+
+def _of_load(restriction: LoadRestriction | None) -> Iterator[str]:
+    if restriction and not (restriction.loaded and restriction.unloaded):
+        yield "loadRestriction"
+    if restriction and restriction.load_set_names:
+        yield "names of load sets"
 
 
 def origin_findings(file: mobile_robots.OriginsFile) -> Iterator[PlantProblem]:
@@ -259,22 +256,16 @@ def origin_findings(file: mobile_robots.OriginsFile) -> Iterator[PlantProblem]:
 
 
 def _unsupported_on_edge(uses: list[VehicleTypeOnPath]) -> Iterator[str]:
-    both = RotationAllowed.BOTH
+    both, required = RotationAllowed.BOTH, RequirementType.REQUIRED
     for use in uses:
         unsupported = {
-            "actions on edges": bool(use.actions),
-            "maxRotationSpeed": use.max_rotation_speed is not None,
-            "minHeight": use.min_height is not None,
-            "several orientations, of which the first is used": bool(use.other_orientations),
-            "corridor": use.corridor is not None,
-            "forbidden actions on edges": bool(use.forbidden_action_types),
-            "physicalLineGuidedProperty": use.line_guidance is not None,
-            "names of load sets": bool(use.load_restriction and use.load_restriction.load_set_names),
+            "feasible actions on edges": any(each.requirement_type is not required for each in use.actions),
             "reentryAllowed false": not use.reentry_allowed,
             "rotationAtStartNodeAllowed": use.rotation_at_start_node_allowed is not both,
             "rotationAtEndNodeAllowed": use.rotation_at_end_node_allowed is not both,
         }
         yield from (what for what, there in unsupported.items() if there)
+        yield from _of_load(use.load_restriction)
 
 
 def _duplicates(kind: ObjectKind, ids: Iterable[str]) -> Iterator[PlantProblem]:

@@ -289,13 +289,12 @@ def test_files_beyond_the_limits_are_refused(limits: JsonLimits) -> None:
 
 
 def test_what_is_kept_and_not_acted_on_is_said_once() -> None:
-    heights = use(minHeight=0.1, maxRotationSpeed=0.5, reentryAllowed=False)
+    heights = use(minHeight=0.1, rotationAtEndNodeAllowed="CW", reentryAllowed=False)
     data = lif_of(node("A"), node("B"), edge("A B", heights), edge("B A", heights))
     found = [problem.text for problem in read(data).warnings if problem.code == "NOT_HEEDED"]
     assert [text.split(" (")[0] for text in found] == [
-        "maxRotationSpeed",
-        "minHeight",
         "reentryAllowed false",
+        "rotationAtEndNodeAllowed",
     ]
     assert all("found 2 times" in text for text in found)
 

@@ -1,0 +1,253 @@
+"""What a layout (LIF) rules for a vehicle's type at points and on paths, in the fields of VDA 5050 orders."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from math import atan2
+from typing import Self, TypeVar
+
+from nena_order_service.fleet.position import RobotProfile, Standing
+from nena_shared.plant import DirectedEdge, MapPlace, MapTransform, PlantModel, PlantPlace, Point, Vehicle
+from nena_shared.plant.geometry import normalized
+from nena_shared.plant.lif import curve
+from nena_shared.plant.lif.mobile_robots import json_value
+from nena_shared.plant.track import (
+    PathCorridor,
+    PathOrientationType,
+    PathTrajectory,
+    RequirementType,
+    TypeAction,
+    VehicleTypeAtPoint,
+    VehicleTypeOnPath,
+)
+from nena_shared.vda5050.action import Action, ActionParameter, BlockingType
+from nena_shared.vda5050.order import (
+    ControlPoint,
+    Corridor,
+    CorridorReferencePoint,
+    OrientationType,
+    Trajectory,
+)
+
+Use = TypeVar("Use", VehicleTypeAtPoint, VehicleTypeOnPath)
+
+
+@dataclass(frozen=True, slots=True)
+class TypeRules:
+    """The rules for the types of which a vehicle may be.
+
+    Where these types have different rules, none of them counts, except that each forbids actions.
+    """
+
+    vehicle_types: frozenset[str] = frozenset()
+    can_reverse: bool = True
+
+    @classmethod
+    def of(cls, vehicle: Vehicle | None, plant: PlantModel) -> Self:
+        """Return the rules for a vehicle; one without a type may be of any type that the plant knows."""
+        own = vehicle.vehicle_type if vehicle else None
+        return cls(
+            frozenset({own}) if own else plant.vehicle_types,
+            can_reverse=vehicle is None or vehicle.max_reverse_velocity_mm_s > 0,
+        )
+
+    def at(self, point: Point) -> VehicleTypeAtPoint | None:
+        """Return how the vehicle may use a point; None: nothing is ruled."""
+        return self._common(point.vehicle_types)
+
+    def along(self, edge: DirectedEdge) -> VehicleTypeOnPath | None:
+        """Return how the vehicle may use an edge; None: nothing is ruled."""
+        return self._common(edge.path.vehicle_types) if edge.is_forward else None
+
+    def _common(self, uses: Iterable[Use]) -> Use | None:
+        found = [use for use in uses if use.vehicle_type_id in self.vehicle_types]
+        if not found:
+            return None
+        first = found[0]
+        alike = {"vehicle_type_id": first.vehicle_type_id}
+        return first if all(each.model_copy(update=alike) == first for each in found[1:]) else None
+
+
+NO_RULES = TypeRules()
+
+
+def edge_fields(
+    edges: Sequence[DirectedEdge],
+    rules: TypeRules,
+    plant: PlantModel,
+    standing: Standing,
+    profile: RobotProfile,
+) -> Iterator[dict[str, object]]:
+    """Yield what the edges of a route say by their rules, for a robot that starts where it stands.
+
+    Of several orientations, the one with the least turning is taken, from the heading with which the robot
+    comes to the one that it needs at the end.
+    """
+    pose = standing.pose
+    heading = profile.on(pose.map_id).heading_to_plant(pose.theta) if pose else None
+    for number, edge in enumerate(edges, start=1):
+        rule, end = rules.along(edge), plant.point(edge.destination)
+        wanted = required_heading(rules.at(end), end) if number == len(edges) else None
+        if rule is None:
+            heading = None
+            yield {}
+            continue
+        tangents = _tangents(edge, rule, plant)
+        orientation = _orientation(rule, tangents, heading, wanted, can_reverse=rules.can_reverse)
+        heading = None if orientation is None else _absolute(rule, orientation, tangents[1])
+        yield _fields(rule, orientation, profile.on(end.map_id or profile.map_id), profile.corridor_width)
+
+
+def required_heading(rule: VehicleTypeAtPoint | None, point: Point) -> float | None:
+    """Return the heading that a robot needs at a point, radians in the plant frame; None: any."""
+    return rule.theta if rule is not None and rule.theta is not None else point.heading_rad
+
+
+Tangents = tuple[float | None, float | None]
+"""Directions of a path at its start and end, radians in the plant frame; None: it has no extent."""
+
+
+def _tangents(edge: DirectedEdge, rule: VehicleTypeOnPath, plant: PlantModel) -> Tangents:
+    a, b = plant.point(edge.source), plant.point(edge.destination)
+    straight = ((a.x_m, a.y_m), (b.x_m, b.y_m))
+    places = curve.places(rule.trajectory) if rule.trajectory else straight
+    parts = [(one, other) for one, other in pairwise(places) if one != other]
+    if not parts:
+        return None, None
+    first, last = (atan2(end[1] - start[1], end[0] - start[0]) for start, end in (parts[0], parts[-1]))
+    return first, last
+
+
+_SAME_TURN = 6
+"""Decimal places, in radians, to which turns are compared."""
+
+
+def _orientation(
+    rule: VehicleTypeOnPath,
+    tangents: Tangents,
+    heading: float | None,
+    wanted: float | None,
+    *,
+    can_reverse: bool,
+) -> float | None:
+    """Return the orientation with the least turning before and after the edge; the first of equal ones."""
+    possible = [each for each in rule.orientations if can_reverse or not rule.leads_backward(each)]
+
+    def turning(orientation: float) -> float:
+        before = _turn(heading, _absolute(rule, orientation, tangents[0]))
+        after = _turn(_absolute(rule, orientation, tangents[1]), wanted)
+        return round(before + after, _SAME_TURN)
+
+    return min(possible, key=turning, default=None)
+
+
+def _absolute(rule: VehicleTypeOnPath, orientation: float, tangent: float | None) -> float | None:
+    if rule.orientation_type is PathOrientationType.GLOBAL:
+        return orientation
+    return None if tangent is None else tangent + orientation
+
+
+def _turn(start: float | None, end: float | None) -> float:
+    return 0.0 if start is None or end is None else abs(normalized(end - start))
+
+
+def _fields(
+    rule: VehicleTypeOnPath, orientation: float | None, transform: MapTransform, corridor_width: float | None
+) -> dict[str, object]:
+    """Return the fields of an edge that the rule has a value for."""
+    guidance = rule.line_guidance
+    fields: dict[str, object] = {
+        "reach_orientation_before_entering": not rule.rotation_allowed,
+        "maximum_rotation_speed": rule.max_rotation_speed,
+        "minimum_load_handling_device_height": _not_negative(rule.min_height),
+        "maximum_mobile_robot_height": _not_negative(rule.max_height),
+        "direction": guidance.direction if guidance else None,
+        "length": transform.length_to_map(guidance.length) if guidance and guidance.length else None,
+        "corridor": _corridor(rule.corridor, transform, corridor_width),
+        "trajectory": _trajectory(rule.trajectory, transform) if rule.trajectory else None,
+    }
+    if orientation is not None:
+        absolute = rule.orientation_type is PathOrientationType.GLOBAL
+        heading = transform.heading_to_map(orientation) if absolute else orientation
+        fields |= {
+            "orientation": normalized(heading),
+            "orientation_type": OrientationType(rule.orientation_type),
+        }
+    return fields
+
+
+def _not_negative(height: float | None) -> float | None:
+    return None if height is None or height < 0 else height
+
+
+def _corridor(corridor: PathCorridor | None, transform: MapTransform, width: float | None) -> Corridor | None:
+    if corridor is None or width == 0:
+        return None
+    left, right = corridor.maximum_left_width, corridor.maximum_right_width
+    reference = corridor.corridor_reference_point
+    return Corridor(
+        left_width=transform.length_to_map(left if width is None else min(left, width)),
+        right_width=transform.length_to_map(right if width is None else min(right, width)),
+        corridor_reference_point=CorridorReferencePoint(reference) if reference else None,
+    )
+
+
+def _trajectory(trajectory: PathTrajectory, transform: MapTransform) -> Trajectory:
+    places = (
+        (transform.to_map(PlantPlace(each.x, each.y)), each.weight) for each in trajectory.control_points
+    )
+    return Trajectory(
+        degree=trajectory.degree,
+        knot_vector=trajectory.knot_vector,
+        control_points=tuple(_control_point(place, weight) for place, weight in places),
+    )
+
+
+def _control_point(place: MapPlace, weight: float) -> ControlPoint:
+    return ControlPoint(x=place.x_m, y=place.y_m, weight=weight)
+
+
+def required_actions(
+    rule: VehicleTypeAtPoint | VehicleTypeOnPath | None, own: Iterable[Action], ids: Iterator[str]
+) -> tuple[Action, ...]:
+    """Return the required actions that are not among a node's or edge's own, with new IDs."""
+    known = {action.action_type for action in own}
+    required = [
+        each
+        for each in (rule.actions if rule else ())
+        if each.requirement_type is RequirementType.REQUIRED and each.action_type not in known
+    ]
+    return tuple(
+        Action(
+            action_type=each.action_type,
+            action_id=action_id,
+            action_descriptor=each.action_description or each.action_type,
+            blocking_type=BlockingType(each.blocking_type),
+            action_parameters=tuple(_fixed(each)),
+        )
+        for each, action_id in zip(required, ids, strict=False)
+    )
+
+
+def as_ruled(actions: Iterable[Action], rule: VehicleTypeAtPoint | None) -> Iterator[Action]:
+    """Yield actions with the blocking type and the fixed parameters that the rule has for them."""
+    listed = {each.action_type: each for each in reversed(rule.actions if rule else ())}
+    for action in actions:
+        ruled = listed.get(action.action_type)
+        if ruled is None:
+            yield action
+            continue
+        fixed = tuple(_fixed(ruled))
+        keys = {each.key for each in fixed}
+        others = (each for each in action.action_parameters if each.key not in keys)
+        changes = {
+            "blocking_type": BlockingType(ruled.blocking_type),
+            "action_parameters": (*others, *fixed),
+        }
+        yield action.model_copy(update=changes)
+
+
+def _fixed(action: TypeAction) -> Iterator[ActionParameter]:
+    return (ActionParameter(key=each.key, value=json_value(each)) for each in action.action_parameters)
