@@ -44,6 +44,18 @@ COLOUR_NEAR = """([x, y, colour]) => {
 """How many pixels about a place of the plane have a colour of the style sheet."""
 
 
+LABELS = "() => (document.querySelector('nena-fleet-map').labels ?? []).map((each) => each.text)"
+"""The texts on the map."""
+
+OVERLAPPING = """() => {
+  const labels = document.querySelector("nena-fleet-map").labels ?? [];
+  const covers = (a, b) => a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3];
+  const pairs = labels.flatMap((one, at) => labels.slice(at + 1).map((other) => [one, other]));
+  return pairs.filter((pair) => covers(pair[0].box, pair[1].box)).map((pair) => pair.map(({ text }) => text));
+}"""
+"""Pairs of texts on the map of which one covers the other."""
+
+
 WITHIN = PATIENCE
 """Seconds that something in the page may take to come true."""
 

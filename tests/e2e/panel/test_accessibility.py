@@ -142,10 +142,10 @@ async def test_no_text_is_outside_the_catalogue(hall: Hall, browser: Browser) ->
 @pytest.mark.parametrize(
     ("language", "words"),
     [
-        ("nl-NL", ("Robots", "Bezig", "Wacht bij South 1 tot South 2 is vrijgegeven.")),
+        ("nl-NL", ("Robots", "Wacht", "Wacht bij South 1 tot South 2 is vrijgegeven.")),
         (
             "de-DE",
-            ("Roboter", "Beschäftigt", "Wartet bei South 1 auf die Freigabe von South 2."),
+            ("Roboter", "Wartet", "Wartet bei South 1 auf die Freigabe von South 2."),
         ),
     ],
 )
@@ -189,8 +189,6 @@ async def test_axe_finds_nothing_serious(hall: Hall, browser: Browser, *, dark: 
                 await show(page, hall, view)
                 if view == "robot":
                     await page.get_by_role("button", name="Dispatch …").click()
-                if dark and view == "lists":
-                    await picture(page, "dark")
                 if view == "lists":
                     await page.get_by_label("Layers").click()
                 assert await findings(page) == [], view
@@ -247,8 +245,10 @@ async def test_a_chain_of_causes_leads_from_one_robot_to_another(hall: Hall, bro
             causes = page.locator("nena-order-page .causes li")
             await expect(causes).to_have_count(3)
             await expect(causes.nth(0)).to_contain_text("In progress.")
-            await expect(causes.nth(1)).to_contain_text("Busy: Waiting at South 1 until South 2 is released.")
-            await expect(causes.nth(2)).to_contain_text("Blocked: Not localised")
+            await expect(causes.nth(1)).to_contain_text(
+                "Waiting: Waiting at South 1 until South 2 is released."
+            )
+            await expect(causes.nth(2)).to_contain_text("Position lost: Not localised")
             await expect(causes.nth(2)).to_contain_text("Use Set position")
             await causes.nth(2).get_by_role("link").click()
             await expect(page.locator("nena-robot-page h2")).to_have_text("r2")

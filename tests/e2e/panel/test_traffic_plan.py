@@ -15,7 +15,7 @@ from playwright.async_api import Browser, Page, expect
 from support.aggregator_process import AggregatorProcess
 from support.broker import Broker, free_port
 from support.order_service_fleet import Fleet, order_in, vehicle_idle
-from support.panel import COLOUR_NEAR, becomes, opened, picture
+from support.panel import COLOUR_NEAR, OVERLAPPING, becomes, opened, picture
 from support.waiting import PATIENCE, awaited
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
@@ -88,6 +88,7 @@ async def test_what_robots_hold_and_for_whom_they_wait_is_drawn_and_said(
         await becomes(page, COLOUR_NEAR, [6.5, 2, "busy"], lambda found: found > 20)  # Robot-01 holds South 2
         await becomes(page, COLOUR_NEAR, [9, 7, "bad"], lambda found: found > 5)  # and waits for Middle 2
         await page.get_by_label("Layers").click()
+        assert await page.evaluate(OVERLAPPING) == []
         await picture(page, "traffic-plan")
 
         await page.goto(f"{hall.url}#/robots/NeNa%2Frobot-01")

@@ -81,6 +81,27 @@ def test_vehicles_say_where_they_stand_and_why() -> None:
     assert "hall 1, hall 2" in shown
 
 
+def waiting(name: str, *others: str) -> VehicleStatus:
+    wait = TrafficWait(vehicles=others, at="B", cause=WaitCause.PASSES, reason="it waits")
+    return VEHICLE.model_copy(update={"name": name, "state": VehicleState.IDLE, "wait": wait})
+
+
+def test_waiting_vehicles_are_followed_to_the_head_of_the_queue() -> None:
+    fleet = [waiting("V-3", "V-2"), waiting("V-2", "V-1"), VEHICLE]
+    shown = text_of(tables.vehicles_table(fleet))
+    for part in ("WAITING", "waits for", "V-2 > V-1 (ERROR)"):
+        assert part in shown
+    assert "V-2 > V-1 (ERROR)" in text_of(tables.vehicles_table(fleet[:1], fleet))
+    assert "waits for" not in text_of(tables.vehicles_table([VEHICLE]))
+
+
+def test_vehicles_that_wait_in_a_circle_are_named() -> None:
+    shown = text_of(
+        tables.vehicles_table([waiting("V-3", "V-2"), waiting("V-2", "V-3"), waiting("V-4", "V-3")])
+    )
+    assert "V-3 > V-2 (circle: V-2, V-3)" in shown
+
+
 def test_the_traffic_plan_says_where_vehicles_will_be_and_for_whom_they_wait() -> None:
     wait = TrafficWait(vehicles=("V-2",), at="[B]", cause=WaitCause.PASSES, reason="it waits for V-2")
     ahead = (PlannedPoint(point="[B]", held=True, seconds=2.4), PlannedPoint(point="C", held=False))

@@ -11,6 +11,7 @@ from nena_shared.clock import Clock, iso
 from nena_shared.loop_lag import LoopLag
 from nena_status_aggregator.api.events import EventStream
 from nena_status_aggregator.fleet.model import FleetModel, ModelLimits
+from nena_status_aggregator.fleet.queues import JamLimits
 from nena_status_aggregator.fleet.robot import Timestamp
 from nena_status_aggregator.history.history import History
 from nena_status_aggregator.mqtt import FleetSubscriber
@@ -39,6 +40,7 @@ class Aggregator:
             silence=settings.silence_limit,
             clock_skew=settings.clock_skew_limit,
             track_distance=settings.history.track_distance if self.history else 0.0,
+            jam=JamLimits(settings.jam.robots, settings.jam.seconds),
         )
         self.model = FleetModel(limits, self.history.writer.add if self.history else lambda _: None)
         self.link = FleetSubscriber(settings, self.model, clock)

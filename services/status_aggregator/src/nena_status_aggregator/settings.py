@@ -150,6 +150,17 @@ class HistorySettings(SettingsGroup):
         return self.url.get_secret_value() if self.url else None
 
 
+class JamSettings(SettingsGroup):
+    """Limits above which waiting robots are reported as a jam."""
+
+    robots: int = Field(
+        3, ge=0, description="Number of robots waiting behind one vehicle above which they are a jam."
+    )
+    seconds: float = Field(
+        60.0, ge=0, le=86400, description="Time above that number until a jam is reported, seconds."
+    )
+
+
 class OrderServiceSettings(SettingsGroup):
     """Access to the order service, which executes the commands of the control panel."""
 
@@ -213,6 +224,9 @@ class AggregatorSettings(ServiceSettings):
         1000,
         ge=1,
         description="Maximum number of transport orders; beyond, the one that ended first is removed.",
+    )
+    jam: JamSettings = Field(
+        default_factory=JamSettings, description="Limits above which waiting robots are reported as a jam."
     )
     events: EventSettings = Field(default_factory=EventSettings, description="The event stream.")
     history: HistorySettings = Field(default_factory=HistorySettings, description="The history.")

@@ -8,6 +8,7 @@ from typing import Annotated, Final
 from pydantic import Field
 
 from nena_shared.fleet_api.base import Moment, Request, Resource
+from nena_shared.fleet_api.traffic import TrafficWait
 
 ANY_TYPE: Final = "*"
 """Accepted by it, an order may be of any type."""
@@ -98,6 +99,8 @@ class VehicleStatus(Resource):
     """Orders of other types it does not get."""
     reason: str
     """Why it is in this state, or why it is idle, in words."""
+    wait: TrafficWait | None = None
+    """For whom it waits, where and why; None: nothing keeps it."""
     connection: str
     """ONLINE, OFFLINE, CONNECTION_BROKEN, HIBERNATING; SILENT: no state for too long; UNKNOWN: none ever."""
     operating_mode: str | None = None

@@ -7,13 +7,14 @@ import pytest
 from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.status import Essentials
 from nena_order_service.fleet.robot import LinkStatus
+from nena_shared.fleet_api.traffic import WaitCause
 from nena_shared.fleet_api.vehicle import ProcessingState, VehicleState, VehicleStatus
 from nena_shared.plant import PlantModel, Vehicle
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel
 from nena_shared.vda5050.state import PowerSupply
 from support.order_service import request
 from support.plants import path, point
-from support.scripted_fleet import MemoryStore, ScriptedFleet, make_engine
+from support.scripted_fleet import MemoryStore, ScriptedFleet, engine_at, make_engine
 
 PLANT = PlantModel(
     name="line",
@@ -81,3 +82,31 @@ async def test_essentials_of_a_status_are_its_own() -> None:
     for vehicle in engine.registry:
         status = engine.status(vehicle)
         assert status.model_copy(update=Essentials.of(status)._asdict()) == status
+
+
+TRACK = PlantModel(
+    name="single track",
+    points=tuple(point(name, 2000 * index) for index, name in enumerate("ABCD")),
+    paths=tuple(path(ends, 2000, max_reverse_velocity_mm_s=1000) for ends in ("A B", "B C", "C D")),
+    vehicles=(Vehicle(name="V1"), Vehicle(name="V2")),
+)
+
+
+async def test_for_whom_a_vehicle_waits_is_published_until_it_goes_on() -> None:
+    engine, fleet = await engine_at(TRACK, {"V1": "A", "V2": "C"})
+    ear = Ear()
+    engine.unit_of_work.listeners.append(ear)
+    engine.create(request("D", intendedVehicle="V2"), "T-2")
+    assert [each.wait for each in ear.vehicles] == [None]
+
+    engine.create(request("C", intendedVehicle="V1"), "T-1")
+
+    status = ear.vehicles[-1]
+    assert status.name == "V1"
+    assert status.wait
+    assert (status.wait.vehicles, status.wait.at, status.wait.cause) == (("V2",), "C", WaitCause.PASSES)
+    assert status.reason.endswith(status.wait.reason)
+
+    fleet.pass_node("V2", 1)
+
+    assert (ear.vehicles[-1].name, ear.vehicles[-1].wait) == ("V1", None)

@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.state import State
 from nena_status_aggregator.fleet.condition import (
@@ -17,7 +18,7 @@ from nena_status_aggregator.fleet.condition import (
     ros_session,
     session_of,
 )
-from support.fleet_examples import position, way
+from support.fleet_examples import START, position, way
 from support.fleet_records import state
 
 
@@ -111,6 +112,84 @@ def test_semiautomatic_is_under_fleet_control() -> None:
     assert conclude_of(operating_mode="SEMIAUTOMATIC")[0] is Condition.IDLE
 
 
+BEHIND = TrafficWait(vehicles=("V-2", "V-3"), at="B", cause=WaitCause.STANDS, reason="it waits")
+
+
+def test_a_robot_whose_next_node_is_not_released_waits() -> None:
+    condition, text = conclude_of(last_node_id="A", driving=False, **way("B", released=0))
+    assert (condition, text) == (Condition.WAITING, "Waiting at A until B is released.")
+
+
+def test_a_robot_that_waits_says_for_whom() -> None:
+    waits = state(last_node_id="A", **way("B", released=0))
+    condition, text = conclude(state=waits, transport_order="T-1", wait=BEHIND)
+    assert (condition, text) == (Condition.WAITING, "Blocked at B by V-2, V-3.")
+
+
+def test_a_robot_between_two_drive_orders_is_not_idle() -> None:
+    assert conclude(transport_order="T-1") == (Condition.BUSY, "Has order T-1.")
+    assert conclude(transport_order="T-1", wait=BEHIND)[0] is Condition.WAITING
+    locked = TrafficWait(reason="path 'A --- B' is locked")
+    assert conclude(transport_order="T-1", wait=locked) == (
+        Condition.WAITING,
+        "Order T-1: path 'A --- B' is locked.",
+    )
+
+
+def test_a_robot_without_an_order_that_makes_room_for_others_waits_only_for_others() -> None:
+    assert conclude(wait=TrafficWait(reason="it makes room"))[0] is Condition.IDLE
+    assert conclude(wait=BEHIND)[0] is Condition.WAITING
+
+
+@pytest.mark.parametrize(
+    ("fields", "condition"),
+    [
+        ({"driving": True, **way("B", released=0)}, Condition.BUSY),
+        (way("B", "C", released=1), Condition.BUSY),
+        ({"power_supply": {"state_of_charge": 20.0, "charging": True}}, Condition.WAITING),
+        ({"operating_mode": "MANUAL"}, Condition.MANUAL),
+        ({"paused": True, **way("B", released=0)}, Condition.BLOCKED),
+        (
+            {"action_states": ({"action_id": "a", "action_type": "pick", "action_status": "RUNNING"},)},
+            Condition.BUSY,
+        ),
+    ],
+)
+def test_who_drives_works_or_cannot_drive_does_not_wait(fields: dict[str, Any], condition: Condition) -> None:
+    assert conclude(state=state(**fields), transport_order="T-1", wait=BEHIND)[0] is condition
+
+
+def test_a_robot_that_charges_for_its_order_charges() -> None:
+    charging = state(power_supply={"state_of_charge": 20.0, "charging": True})
+    assert conclude(state=charging, transport_order="Recharge-1")[0] is Condition.CHARGING
+
+
+@pytest.mark.parametrize(
+    ("fields", "urgent"),
+    [
+        ({"safety_state": {"active_emergency_stop": "MANUAL", "field_violation": False}}, True),
+        ({"errors": ({"error_type": "lost", "error_level": "FATAL"},)}, True),
+        ({"mobile_robot_position": position(0, 0, localized=False)}, True),
+        ({"paused": True}, False),
+        ({"safety_state": {"active_emergency_stop": "NONE", "field_violation": True}}, False),
+        ({"errors": ({"error_type": "dust", "error_level": "WARNING"},)}, False),
+        ({}, False),
+    ],
+)
+def test_emergency_stop_error_and_lost_position_are_urgent(fields: dict[str, Any], *, urgent: bool) -> None:
+    inputs = ConditionInputs(
+        connection=ConnectionState.ONLINE,
+        connection_since=START,
+        state=state(**fields),
+        state_time=START,
+        state_after_connection=True,
+        overdue=False,
+        silence_limit=35.0,
+        link_up=True,
+    )
+    assert assess(inputs)[1].urgent is urgent
+
+
 def test_the_worst_error_is_the_reason() -> None:
     errors = (
         {"error_type": "small", "error_level": "WARNING"},
@@ -154,7 +233,6 @@ def test_blocked_says_by_what(fields: dict[str, Any], word: str) -> None:
     [
         ({"driving": True, **way("B", "C")}, "Driving to B."),
         ({"driving": False, **way("B")}, "Stopped at A on the way to B."),
-        ({"driving": False, **way("B", released=0)}, "Waiting at A until B is released."),
         ({"driving": True}, "Driving without an order."),
     ],
 )

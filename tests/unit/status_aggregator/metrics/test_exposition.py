@@ -10,6 +10,7 @@ import pytest
 from prometheus_client.metrics_core import Metric
 from prometheus_client.parser import text_string_to_metric_families
 
+from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.metrics import Metric as Documented
 from nena_shared.vda5050.topics import RobotKey
@@ -17,9 +18,9 @@ from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.fleet.messages import MessageKind
 from nena_status_aggregator.metrics.exposition import SECTIONS, Exposition
 from nena_status_aggregator.metrics.robot_series import OF_ROBOT, OF_STATE, documented
-from nena_status_aggregator.settings import AggregatorSettings
+from nena_status_aggregator.settings import AggregatorSettings, JamSettings
 from support.clocks import ManualClock
-from support.fleet_examples import ROBOT, START, connection, order_status, position
+from support.fleet_examples import ROBOT, START, connection, order_status, position, vehicle_status
 from support.fleet_records import state
 from support.pausing import turn_passes
 
@@ -29,7 +30,7 @@ PARTS_OF_HISTOGRAM = {"le"}
 @pytest.fixture
 def aggregator() -> Aggregator:
     """Return an aggregator that has received one of everything."""
-    made = Aggregator(AggregatorSettings(), ManualClock(start=START))
+    made = Aggregator(AggregatorSettings(jam=JamSettings(robots=0, seconds=0)), ManualClock(start=START))
     model, now = made.model, made.now()
     broken = RobotKey("ACME", 'r"2\\')
     model.on_state(
@@ -51,6 +52,11 @@ def aggregator() -> Aggregator:
         now,
     )
     model.on_connection(broken, connection("CONNECTION_BROKEN", robot=broken), now)
+    for name, other in (("V-1", "V-2"), ("V-2", "V-1"), ("V-3", "V-4")):
+        waits = RobotKey("ACME", name)
+        wait = TrafficWait(vehicles=(other,), at="B", cause=WaitCause.PASSES, reason="it waits")
+        model.on_state(waits, state(robot=waits), now)
+        model.on_vehicle_status(vehicle_status(name, robot=waits, transport_order="T", wait=wait), now)
     model.on_malformed(MessageKind.STATE, "t", "p", now)
     model.statistics.repaired = {("state.agvPosition.theta", "angle_wrapped"): 3}
     model.on_order_status(order_status("living"), now)
@@ -96,14 +102,20 @@ def test_the_tables_name_exactly_what_is_exposed(aggregator: Aggregator) -> None
 def test_robots_by_condition(aggregator: Aggregator) -> None:
     assert value(aggregator, "nena_robots", condition="CHARGING") == 1
     assert value(aggregator, "nena_robots", condition="BROKEN") == 1
+    assert value(aggregator, "nena_robots", condition="WAITING") == 3
     assert value(aggregator, "nena_robots", condition="IDLE") == 0
+
+
+def test_a_jam_is_counted_by_its_head_or_its_circle(aggregator: Aggregator) -> None:
+    assert value(aggregator, "nena_jam_robots", head="V-4", kind="vehicle") == 1
+    assert value(aggregator, "nena_jam_robots", head="V-1, V-2", kind="circle") == 2
 
 
 def test_errors_messages_and_orders(aggregator: Aggregator) -> None:
     error = {"error_type": "orderError", "error_level": "WARNING"}
     assert value(aggregator, "nena_robot_errors", **error) == 1
     assert value(aggregator, "nena_robot_errors_raised_total", **error) == 1
-    assert value(aggregator, "nena_messages_received_total", topic="state") == 2
+    assert value(aggregator, "nena_messages_received_total", topic="state") == 5
     assert value(aggregator, "nena_messages_malformed_total", topic="state") == 1
     assert value(aggregator, "nena_transport_orders", state="BEING_PROCESSED") == 1
     assert value(aggregator, "nena_transport_orders_ended_total", state="FINISHED") == 1

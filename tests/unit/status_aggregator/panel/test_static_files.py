@@ -14,14 +14,14 @@ from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.error import ErrorLevel
 from nena_shared.vda5050.state import OperatingMode
 from nena_status_aggregator.api.app import PANEL
-from nena_status_aggregator.fleet.condition import TEXTS, Condition, SessionState
+from nena_status_aggregator.fleet.condition import TEXTS, URGENT, Condition, SessionState
 from nena_status_aggregator.fleet.events import Code
 
 LANGUAGES = ("en", "nl", "de")
 SCRIPTS = sorted(path for path in PANEL.rglob("*.js") if "texts" not in path.parts)
 ENTRY = re.compile(r'^  "([\w.:]+)":\s+"((?:[^"\\]|\\.)*)",$', re.MULTILINE)
 KEY = re.compile(
-    r'"((?:page|summary|theme|link|map|layer|robots?|condition|battery|progress|age|orders?|destination|state|messages|'
+    r'"((?:page|summary|urgent|theme|link|map|layer|robots?|condition|battery|progress|age|orders?|destination|state|messages|'
     r"language|filter|goal|fact|unit|connection|session|mode|reason|advice|errorAdvice|level|action|why|command|dispatch|"
     r'position|form|login|operation|orderForm|drive|event|eventLog|done|history)\.[\w.]+)"'
 )
@@ -104,6 +104,7 @@ def test_everything_that_has_a_code_has_its_words() -> None:
     wanted |= {f"action.{each}" for each in ActionStatus}
     wanted |= {f"eventLog.{each}" for each in Code}
     wanted |= {f"reason.{each}" for each in TEXTS if each != "emergency_stop"}
+    wanted |= {f"urgent.{each}" for each in URGENT}
     assert wanted - KEYS == set()
 
 

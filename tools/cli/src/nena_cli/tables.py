@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from datetime import datetime
 
 from rich.table import Table
@@ -18,6 +18,7 @@ from nena_shared.fleet_api.transport_order import (
     TransportOrderStatus,
 )
 from nena_shared.fleet_api.vehicle import ReroutingAnswer, VehicleState, VehicleStatus
+from nena_shared.fleet_api.wait_chains import WaitChain, chain_from, wait_chains
 
 STATE_STYLES = {
     TransportOrderState.FINISHED: "green",
@@ -34,6 +35,10 @@ VEHICLE_STYLES = {
     VehicleState.EXECUTING: "cyan",
     VehicleState.CHARGING: "green",
 }
+
+
+STUCK = (VehicleState.ERROR, VehicleState.UNAVAILABLE, VehicleState.UNKNOWN)
+"""States in which a vehicle does not go on until a person has done something."""
 
 
 def orders_table(orders: Iterable[TransportOrderStatus]) -> Table:
@@ -100,25 +105,55 @@ def history_table(status: TransportOrderStatus | OrderSequenceStatus) -> Table:
     return table
 
 
-def vehicles_table(vehicles: Iterable[VehicleStatus]) -> Table:
-    """Return a table with a row for each vehicle; maps only if robots report any."""
+def vehicles_table(vehicles: Iterable[VehicleStatus], fleet: Iterable[VehicleStatus] = ()) -> Table:
+    """Return a table with a row for each vehicle; maps and waiting only if there are any.
+
+    Whom a vehicle waits for is followed to the head of the queue through ``fleet``, by default the shown
+    vehicles.
+    """
     shown = tuple(vehicles)
+    known = {vehicle.name: vehicle for vehicle in (*shown, *fleet)}
+    stuck = {name for name, vehicle in known.items() if vehicle.state in STUCK}
+    chains = wait_chains(
+        {name: vehicle.wait.vehicles for name, vehicle in known.items() if vehicle.wait}, stuck
+    )
     table = Table("vehicle", "state", "connection", "position", "energy", "order", "reason")
+    if chains:
+        table.add_column("waits for")
     if any(vehicle.maps for vehicle in shown):
         table.add_column("maps")
     for vehicle in shown:
         energy = "" if vehicle.energy_level is None else f"{vehicle.energy_level:.0f} %"
         table.add_row(
             Text(vehicle.name),
-            Text(vehicle.state, style=VEHICLE_STYLES.get(vehicle.state, "")),
+            _vehicle_state(vehicle),
             Text(vehicle.connection, style="" if vehicle.connection == "ONLINE" else "yellow"),
             Text(_position(vehicle)),
             Text(energy),
             Text(vehicle.transport_order or ""),
             Text("; ".join((vehicle.reason, *vehicle.errors))),
+            *([_chain(vehicle.name, chains, known)] if chains else []),
             *([_maps(vehicle)] if vehicle.maps else []),
         )
     return table
+
+
+def _vehicle_state(vehicle: VehicleStatus) -> Text:
+    if vehicle.wait and vehicle.state not in STUCK:
+        return Text("WAITING", style="yellow")
+    return Text(vehicle.state, style=VEHICLE_STYLES.get(vehicle.state, ""))
+
+
+def _chain(name: str, chains: Mapping[str, WaitChain], fleet: Mapping[str, VehicleStatus]) -> Text:
+    """Return the vehicles from the next one to the head with its state, or around the circle."""
+    chain = chains.get(name)
+    if chain is None:
+        return Text()
+    way = " > ".join(chain_from(name, chains)[1:])
+    if chain.head is None:
+        return Text(f"{way} (circle: {', '.join(chain.circle)})", style="red")
+    head = fleet.get(chain.head)
+    return Text(f"{way} ({head.state if head else 'unknown'})")
 
 
 def traffic_table(plan: TrafficPlan) -> Table:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Annotated
 
 import typer
@@ -41,7 +42,7 @@ def list_(
     with service.connected() as connection:
         query = {"state": [each.value for each in state or ()]}
         vehicles = connection.call(LIST_VEHICLES, query=query).vehicles
-    _print(service, *vehicles)
+    service.print_all(vehicles, tables.vehicles_table)
 
 
 @app.command("show")
@@ -50,7 +51,8 @@ def show_(service: Service, name: Name) -> None:
     """Show a vehicle and why it is not moving."""
     with service.connected() as connection:
         vehicle = connection.call(SHOW_VEHICLE, name)
-    _print(service, vehicle)
+        fleet = connection.call(LIST_VEHICLES).vehicles if vehicle.wait else ()
+    service.print_all((vehicle,), partial(tables.vehicles_table, fleet=fleet))
 
 
 @app.command("watch")
@@ -144,10 +146,6 @@ def traffic(service: Service) -> None:
     with service.connected() as connection:
         plan = connection.call(SHOW_TRAFFIC_PLAN)
     service.print_one(plan, tables.traffic_table(plan))
-
-
-def _print(service: Service, *vehicles: VehicleStatus) -> None:
-    service.print_all(vehicles, tables.vehicles_table)
 
 
 def _by_name(vehicle: VehicleStatus) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache, partial
+from typing import Final
 
 from nena_order_service.engine.context import Context
 from nena_order_service.engine.positions import Positions
@@ -17,6 +18,7 @@ from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.vda_orders import SentOrder
 from nena_order_service.routing.router import RoutePlan
 from nena_order_service.traffic.evasion import Evasion
+from nena_order_service.traffic.scheduler import WaitReason
 from nena_order_service.traffic.traffic_control import (
     Displacement,
     MoreClaimed,
@@ -25,7 +27,9 @@ from nena_order_service.traffic.traffic_control import (
     RouteRequest,
 )
 from nena_order_service.vehicles.registry import FleetVehicle
+from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
 from nena_shared.log import get_logger
+from nena_shared.plant.track import MM_PER_M
 from nena_shared.vda5050.action import Action
 
 log = get_logger(__name__)
@@ -33,6 +37,11 @@ log = get_logger(__name__)
 MAY_STILL_SPEAK = (LinkStatus.UNKNOWN, LinkStatus.ONLINE, LinkStatus.SILENT, LinkStatus.UNREADABLE)
 EVASION_PAUSE = 10.0
 """Seconds in which a robot that did not make room is not asked again."""
+CAUSES: Final = {
+    WaitReason.HELD: WaitCause.PASSES,
+    WaitReason.RESTING: WaitCause.STANDS,
+    WaitReason.ORDER: WaitCause.GOES_FIRST,
+}
 
 
 class RestartGate:
@@ -212,7 +221,7 @@ class Driving:
         self._sent = context.state.sent_orders
         self._traffic = context.traffic
         self._ahead = context.settings.release_ahead
-        self._positions = positions
+        self.positions = positions
         self._pauses = pauses
         self._planner = context.planner
         self._registry = context.registry
@@ -238,7 +247,7 @@ class Driving:
         ``first``: its request goes to the front of the queue, because its turn had come before.
         ``retriable``: its actions may be retried by the robot.
         """
-        self._positions.see(vehicle)
+        self.positions.see(vehicle)
         route_request = self._planner.route_request(order, vehicle, way.legs[0])
         self._wanted[vehicle.name] = _Wanted(order, route_request, retriable)
         self._traffic.request_route(route_request, first=first)
@@ -302,7 +311,7 @@ class Driving:
         vehicle = self._registry.discover(record.robot)
         if self._traffic.journey(vehicle.name):
             self._traffic.finished(vehicle.name)
-            self._positions.note(vehicle)
+            self.positions.note(vehicle)
             self._rest(vehicle)
 
     def broken_off(self, record: SentOrder, news: object) -> None:
@@ -401,6 +410,20 @@ class Driving:
         why = self._traffic.why_waiting(vehicle.name)
         return f"it {why}" if why else ""
 
+    def wait(self, vehicle: FleetVehicle) -> TrafficWait | None:
+        """Return for whom a vehicle waits, where and why; None: nothing keeps it."""
+        reason, refusal = self.note(vehicle), self._traffic.refusal(vehicle.name)
+        if refusal is None:
+            return TrafficWait(reason=reason) if reason else None
+        turn_back_mm = self._traffic.turn_back_mm(vehicle.name, refusal)
+        return TrafficWait(
+            vehicles=refusal.vehicles,
+            at=refusal.resource,
+            cause=CAUSES[refusal.reason],
+            turn_back=turn_back_mm / MM_PER_M if turn_back_mm else None,
+            reason=reason or f"it {refusal.in_words(turn_back_mm)}",
+        )
+
     def obstacle(self, vehicle: FleetVehicle) -> str:
         """Return, as a predicate, why a vehicle takes no order because of its drive; empty if it does."""
         if self._traffic.journey(vehicle.name):
@@ -409,7 +432,7 @@ class Driving:
 
     def obstacle_at(self, vehicle: FleetVehicle) -> str:
         """Return, as a predicate, why a vehicle takes no order because of its position; empty if it does."""
-        return self._positions.obstacle(vehicle)
+        return self.positions.obstacle(vehicle)
 
     def _vehicle(self, name: str) -> FleetVehicle:
         vehicle = self._registry.named(name)
@@ -502,12 +525,12 @@ class Driving:
 
     def _break_off(self, vehicle: FleetVehicle, *, doubt: bool = False) -> None:
         self._traffic.break_off(vehicle.name)
-        self._positions.note(vehicle)
+        self.positions.note(vehicle)
         self._rest(vehicle, doubt=doubt)
 
     def _rest(self, vehicle: FleetVehicle, *, doubt: bool = False) -> None:
-        self._positions.forget_sighting(vehicle, doubt=doubt)
+        self.positions.forget_sighting(vehicle, doubt=doubt)
         if doubt:
             self._state.after_commit(lambda: self._context.fleet.instant_action(vehicle.key, state_request()))
-        self._positions.see(vehicle)
+        self.positions.see(vehicle)
         self._state.drive_due = True

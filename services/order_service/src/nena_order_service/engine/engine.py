@@ -264,9 +264,7 @@ class Engine:
         self._idle = IdleVehicles(context, self._dispatching, self._life_cycle)
         self._rerouting = Rerouting(context, self._driving)
         self._plans = TrafficPlans(context, self._driving)
-        self._reporter = StatusReporter(
-            context, self._positions, self._dispatching, self.sequences, self._idle
-        )
+        self._reporter = StatusReporter(context, self._driving, self._dispatching, self.sequences, self._idle)
         self.timings = Timings()
         self.unit_of_work = UnitOfWork(
             self.state,

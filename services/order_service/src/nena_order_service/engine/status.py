@@ -7,12 +7,13 @@ from typing import NamedTuple, Self
 
 from nena_order_service.engine.context import Context
 from nena_order_service.engine.dispatching import Dispatching
+from nena_order_service.engine.driving import Driving
 from nena_order_service.engine.idle import IdleVehicles
-from nena_order_service.engine.positions import Positions
 from nena_order_service.engine.sequences import Sequences
 from nena_order_service.fleet.position import NotLocatedError, locate
 from nena_order_service.fleet.robot import RobotView
 from nena_order_service.vehicles.registry import FleetVehicle, robot_maps
+from nena_shared.fleet_api.traffic import TrafficWait
 from nena_shared.fleet_api.vehicle import (
     AcceptableOrderType,
     IntegrationLevel,
@@ -35,6 +36,7 @@ class Essentials(NamedTuple):
     integration_level: IntegrationLevel
     acceptable_order_types: tuple[AcceptableOrderType, ...]
     reason: str
+    wait: TrafficWait | None
     connection: str
     operating_mode: str | None
     current_position: str | None
@@ -59,6 +61,7 @@ def essentials(
     transport_order: str | None,
     order_sequence: str | None,
     reason: str,
+    wait: TrafficWait | None = None,
 ) -> Essentials:
     """Return the essential status of a vehicle."""
     state = view.state
@@ -68,6 +71,7 @@ def essentials(
         integration_level=level,
         acceptable_order_types=order_types,
         reason=reason,
+        wait=wait,
         connection=view.link,
         operating_mode=state.operating_mode if state else None,
         current_position=_current_position(vehicle, state, plant) if state else None,
@@ -130,17 +134,17 @@ class StatusReporter:
     def __init__(
         self,
         context: Context,
-        positions: Positions,
+        driving: Driving,
         dispatching: Dispatching,
         sequences: Sequences,
         idle: IdleVehicles,
     ) -> None:
         self._context = context
         self._state = context.state
-        self._positions = positions
         self._dispatching = dispatching
         self._sequences = sequences
         self._idle = idle
+        self._driving = driving
 
     def status_of(self, name: str) -> VehicleStatus | None:
         """Return the status of the vehicle of this name; None: there is none."""
@@ -169,11 +173,14 @@ class StatusReporter:
             vehicle,
             view,
             plant=self._context.plant,
-            level=self._positions.level(vehicle),
+            level=self._driving.positions.level(vehicle),
             order_types=self._dispatching.fit.order_types(vehicle),
             transport_order=order.name if order else None,
             order_sequence=self._sequences.bound_to(vehicle.name),
             reason=order.status.reason if order else self._idle_reason(vehicle),
+            wait=self._driving.wait(vehicle)
+            if order or self._state.sent_orders.of_robot(vehicle.key)
+            else None,
         )
 
     def _idle_reason(self, vehicle: FleetVehicle) -> str:

@@ -15,18 +15,10 @@ from nena_order_service.engine.positions import box_of
 from nena_order_service.fleet.position import NotLocatedError
 from nena_order_service.traffic.forecast import HORIZON, Drive, Forecast, Pace
 from nena_order_service.traffic.resources import ResourceSet
-from nena_order_service.traffic.scheduler import Refusal, WaitReason
 from nena_order_service.vehicles.registry import FleetVehicle
-from nena_shared.fleet_api.traffic import PlannedPoint, TrafficPlan, TrafficWait, VehiclePlan, WaitCause
+from nena_shared.fleet_api.traffic import PlannedPoint, TrafficPlan, VehiclePlan
 from nena_shared.plant import MapPlace
 from nena_shared.plant.track import MM_PER_M
-
-CAUSES: Final = {
-    WaitReason.HELD: WaitCause.PASSES,
-    WaitReason.RESTING: WaitCause.STANDS,
-    WaitReason.ORDER: WaitCause.GOES_FIRST,
-}
-
 
 AT_ONCE: Final = 20
 """Vehicles that are looked at before others may do something: a few milliseconds."""
@@ -72,7 +64,7 @@ class TrafficPlans:
             at=at,
             holds=tuple(dict.fromkeys(use for each in drive.held for use in each.uses)),
             goal=journey.way[-1].point if journey and journey.way else None,
-            wait=self._wait(vehicle, drive.refusal),
+            wait=self._driving.wait(vehicle),
         )
         ahead = tuple(
             partial(
@@ -89,19 +81,6 @@ class TrafficPlans:
             return plan(ahead=tuple(each(seconds=at) for each, at in zip(ahead, seconds, strict=True)))
 
         return planned
-
-    def _wait(self, vehicle: FleetVehicle, refusal: Refusal | None) -> TrafficWait | None:
-        reason = self._driving.note(vehicle)
-        if refusal is None:
-            return TrafficWait(reason=reason) if reason else None
-        turn_back_mm = self._traffic.turn_back_mm(refusal)
-        return TrafficWait(
-            vehicles=refusal.vehicles,
-            at=refusal.resource,
-            cause=CAUSES[refusal.reason],
-            turn_back=turn_back_mm / MM_PER_M if turn_back_mm else None,
-            reason=reason or f"it {refusal.in_words(turn_back_mm)}",
-        )
 
     def _order(self, vehicle: FleetVehicle) -> str | None:
         number = self._context.state.sent_orders.order_number(vehicle.key)

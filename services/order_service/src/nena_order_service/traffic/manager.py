@@ -321,30 +321,30 @@ class TrafficManager:
         return frozenset((*(name for name, _ in self.extending()), *self._control.requesting))
 
     def why_waiting(self, vehicle: str) -> str:
-        """Return why a vehicle does not depart or go on; empty where traffic does not keep it.
-
-        How far the other one would have to turn back is as it was when the vehicle began to wait for it:
-        it changes with each node, and each new text is saved and published.
-        """
+        """Return why a vehicle does not depart or go on; empty where traffic does not keep it."""
         refusal = self.refusal(vehicle)
         if refusal is None:
             self._told.pop(vehicle, None)
             return ""
-        cause = refusal.reason, refusal.vehicles, refusal.resource
-        told = self._told.get(vehicle)
-        if told is None or told[0] != cause:
-            told = self._told[vehicle] = cause, self.turn_back_mm(refusal)
-        return refusal.in_words(told[1])
+        return refusal.in_words(self.turn_back_mm(vehicle, refusal))
 
     def refusal(self, vehicle: str) -> Refusal | None:
         """Return what was refused to a vehicle that does not depart or go on; None: traffic keeps it not."""
         journey = self._journeys.get(vehicle)
         return (journey and journey.refusal) or self._control.why_waiting(vehicle)
 
-    def turn_back_mm(self, refusal: Refusal) -> int:
-        """Return how far the other vehicle would have to turn back, mm; see :class:`Scheduler`."""
-        known = bool(refusal.way) and refusal.vehicles[0] in self._scheduler
-        return self._scheduler.turn_back_mm(refusal) if known else 0
+    def turn_back_mm(self, vehicle: str, refusal: Refusal) -> int:
+        """Return how far the other vehicle would have to turn back, mm; see :class:`Scheduler`.
+
+        The value is kept from when ``vehicle`` began to wait: it changes with each node, and each change of a
+        vehicle's status is saved and published.
+        """
+        cause = refusal.reason, refusal.vehicles, refusal.resource
+        told = self._told.get(vehicle)
+        if told is None or told[0] != cause:
+            known = bool(refusal.way) and refusal.vehicles[0] in self._scheduler
+            told = self._told[vehicle] = cause, self._scheduler.turn_back_mm(refusal) if known else 0
+        return told[1]
 
     def sharing(self, vehicle: str) -> str:
         """Return with whom a vehicle shares a place that was allocated to neither; empty for none."""

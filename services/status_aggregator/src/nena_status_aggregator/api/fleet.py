@@ -11,9 +11,11 @@ from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.api.problems import as_json, found
 from nena_status_aggregator.fleet.view_builder import view_known_actions
 from nena_status_aggregator.fleet.views import (
+    JamView,
     KnownActionView,
     LinkView,
     MalformedView,
+    OrderServiceView,
     OrderView,
     PlantView,
     RobotView,
@@ -79,6 +81,8 @@ class FleetResource(TypedDict):
     orders: list[OrderView]
     plant: PlantView | None
     link: LinkView
+    orderService: OrderServiceView
+    jams: list[JamView]
     malformed: MalformedView
 
 

@@ -7,6 +7,7 @@ from datetime import datetime
 from enum import StrEnum
 
 from nena_shared.clock import iso
+from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
 from nena_shared.vda5050.action import ActionState, ActionStatus
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType
@@ -29,8 +30,10 @@ class Condition(StrEnum):
     """An error of level FATAL or CRITICAL is active, or the states are unreadable."""
     BLOCKED = "BLOCKED"
     """Emergency stop, protective field, not localised or paused."""
+    WAITING = "WAITING"
+    """Stands with an order because traffic control lets others go first."""
     BUSY = "BUSY"
-    """Has an active order or drives."""
+    """Has an active order, is assigned to one, or drives."""
     CHARGING = "CHARGING"
     """Charging, without an order."""
     IDLE = "IDLE"
@@ -53,7 +56,12 @@ TEXTS = {
     "not_localized": "Not localised; set its position.",
     "paused": "Paused.",
     "action": "Running {action} at {place}.",
+    "waits_passing": "Waits for {vehicles} to pass {at}.",
+    "waits_standing": "Blocked at {at} by {vehicles}.",
+    "waits_turn": "Lets {vehicles} go first at {at}.",
+    "waits_other": "Order {order}: {why}.",
     "waiting_for_release": "Waiting at {place} until {next} is released.",
+    "assigned": "Has order {order}.",
     "driving": "Driving to {next}.",
     "standing": "Stopped at {place} on the way to {next}.",
     "driving_free": "Driving without an order.",
@@ -63,6 +71,15 @@ TEXTS = {
     "idle_why": "{why}",
 }
 """English sentences by reason code; the panel translates them by code."""
+
+WAITS = {
+    WaitCause.PASSES: "waits_passing",
+    WaitCause.STANDS: "waits_standing",
+    WaitCause.GOES_FIRST: "waits_turn",
+}
+
+URGENT = ("emergency_stop", "not_localized", "error", "unreadable")
+"""Reasons for which a person has to go to the robot now."""
 
 COORDINATE_NODES = ("goal:", "start:")
 """Prefixes of the node IDs that NeNa's order service gives to coordinates."""
@@ -81,6 +98,11 @@ class Reason:
     def text(self) -> str:
         """The sentence, in English."""
         return TEXTS[self.code].format(**{**self.values, **self.shown})
+
+    @property
+    def urgent(self) -> bool:
+        """Whether a person has to go to the robot now."""
+        return self.code in URGENT
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +125,10 @@ class ConditionInputs:
     """What is wrong with the states, while unreadable ones arrive."""
     fleet_remark: str | None = None
     """The order service's remark on the vehicle; None if the vehicle is unknown to it."""
+    transport_order: str | None = None
+    """The transport order to which the order service has assigned the vehicle."""
+    wait: TrafficWait | None = None
+    """For whom the vehicle waits, by the order service."""
 
 
 Assessment = tuple[Condition, Reason]
@@ -119,7 +145,7 @@ def assess(inputs: ConditionInputs) -> Assessment:
         return Condition.ERROR, Reason("unreadable", {"problem": inputs.unreadable})
     if inputs.overdue:
         return Condition.SILENT, _silence_reason(inputs)
-    return _held(state) or _working(state) or _free(state, inputs.fleet_remark)
+    return _held(state) or _working(state, inputs) or _assigned(inputs) or _free(state, inputs.fleet_remark)
 
 
 def _away(inputs: ConditionInputs) -> Assessment | None:
@@ -178,15 +204,39 @@ def _blocked(state: State) -> Assessment | None:
     return None
 
 
-def _working(state: State) -> Assessment | None:
+def _working(state: State, inputs: ConditionInputs) -> Assessment | None:
     action = _open_action(state.action_states) or _open_action(state.instant_action_states)
     if state.node_states or state.edge_states:
-        return Condition.BUSY, _way_reason(state, action)
+        reason = _way_reason(state, action)
+        if reason.code != "waiting_for_release":
+            return Condition.BUSY, reason
+        return Condition.WAITING, _wait_reason(inputs) or reason
     if action:
         return Condition.BUSY, _action_reason(state, action)
     if state.driving:
         return Condition.BUSY, Reason("driving_free")
     return None
+
+
+def _assigned(inputs: ConditionInputs) -> Assessment | None:
+    """Return the condition of a robot that stands, and that the order service has assigned to an order."""
+    if waits := _wait_reason(inputs):
+        return Condition.WAITING, waits
+    charging = inputs.state is not None and inputs.state.power_supply.charging
+    if inputs.transport_order is None or charging:
+        return None
+    return Condition.BUSY, Reason("assigned", {"order": inputs.transport_order})
+
+
+def _wait_reason(inputs: ConditionInputs) -> Reason | None:
+    wait = inputs.wait
+    if wait is None:
+        return None
+    if wait.vehicles and wait.cause and wait.at:
+        return Reason(WAITS[wait.cause], {"vehicles": ", ".join(wait.vehicles), "at": wait.at})
+    if inputs.transport_order is None:
+        return None
+    return Reason("waits_other", {"order": inputs.transport_order, "why": wait.reason})
 
 
 def _free(state: State, remark: str | None) -> Assessment:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from datetime import datetime
 from math import inf
 from weakref import WeakValueDictionary
 
@@ -22,9 +23,10 @@ from nena_status_aggregator.fleet.event_log import EventLog, Publish
 from nena_status_aggregator.fleet.messages import MessageKind, Verdict
 from nena_status_aggregator.fleet.orders import OrderRegistry
 from nena_status_aggregator.fleet.publication import Delta, Publication
+from nena_status_aggregator.fleet.queues import JamLimits, Queues
 from nena_status_aggregator.fleet.robot import PlantFrame, Robot, Timestamp
 from nena_status_aggregator.fleet.statistics import Statistics
-from nena_status_aggregator.fleet.view_builder import short, view_order, view_robot
+from nena_status_aggregator.fleet.view_builder import short, view_jam, view_order, view_robot
 from nena_status_aggregator.fleet.views import FleetView, OrderView, PlantView, RobotView
 
 
@@ -36,16 +38,20 @@ class OrderServiceWatch:
         self._last: ServiceStatus | None = None
         self._heard = 0.0
         """When that came, in monotonic seconds."""
+        self.last_sign: datetime | None = None
+        """When the last sign of life came; None: none received."""
 
     def hear(self, status: ServiceStatus, at: Timestamp, *, retained: bool) -> None:
         """Take a status; a retained one, or a last will, has an old timestamp."""
         self._last, self._heard = status, at.monotonic
-        if status.online and not retained:
-            self.skew.measure(status.timestamp, at.utc)
+        if status.online:
+            self.last_sign = status.timestamp if retained else at.utc
+            if not retained:
+                self.skew.measure(status.timestamp, at.utc)
 
     def lose(self) -> None:
         """Forget it: the broker link is down, or the broker no longer retains its status."""
-        self._last = None
+        self._last = self.last_sign = None
         self.skew = ClockSkew()
 
     def up(self, now: Timestamp) -> bool | None:
@@ -136,6 +142,7 @@ class ModelLimits:
     """Deviation from which a robot's clock counts as wrong, s."""
     track_distance: float = 0.0
     """m between two position events of a robot; 0 disables them."""
+    jam: JamLimits = field(default_factory=JamLimits)
 
 
 class FleetModel:
@@ -150,6 +157,7 @@ class FleetModel:
         self.limits = limits
         self.robots = RobotRegistry(limits.robots, limits.silence)
         self.orders = OrderRegistry(limits.orders)
+        self.queues = Queues(limits.jam)
         self.order_service = OrderServiceWatch()
         self.statistics = Statistics()
         self._maps = MapCache()
@@ -234,8 +242,8 @@ class FleetModel:
         if robot is None:
             return
         self._touch_order_of(robot)
-        if robot.vehicle:
-            self._key_of_vehicle.pop(robot.vehicle.name, None)
+        if robot.vehicle and robot.vehicle.name != status.name:
+            self._forget_vehicle(robot.vehicle.name)
         robot.vehicle = status
         self._key_of_vehicle[status.name] = key
         self._touch_order_of(robot)
@@ -306,13 +314,21 @@ class FleetModel:
                 before = touched.condition, touched.reason
                 touched.assess(at, self.limits.silence, link_up=self.link_up)
                 self._event_log.condition(touched, before, at)
+                self.queues.see(touched)
                 soonest = touched.silent_from(self.limits.silence)
                 self._no_silence_before = min(self._no_silence_before, soonest)
         self._unassessed.clear()
+        for name in self.queues.line_up(at):
+            if name in self._key_of_vehicle:
+                self._public.robots.touch(self._key_of_vehicle[name])
 
     def flush(self, at: Timestamp) -> Delta | None:
         """Update all conditions; return the changes since the last call, or None."""
         self.advance(at)
+        up, sign = self.order_service.up(at), self.order_service.last_sign
+        down_since = iso(sign) if sign and up is False else None
+        self._public.order_service = {"up": up, "lastSign": down_since}
+        self._public.jams = [view_jam(each) for each in self.queues.jams(at)]
         return self._public.flush(self._view_robot, self._view_order)
 
     def snapshot(self) -> FleetView:
@@ -332,13 +348,17 @@ class FleetModel:
             self._event_log.forgotten(gone, at)
             self._touch(gone.key)
             if gone.vehicle:
-                self._key_of_vehicle.pop(gone.vehicle.name, None)
+                self._forget_vehicle(gone.vehicle.name)
         if robot is None:
             self.statistics.refused[kind] += 1
         else:
             robot.frame = self._frame
             self._touch(key)
         return robot
+
+    def _forget_vehicle(self, name: str) -> None:
+        self._key_of_vehicle.pop(name, None)
+        self.queues.forget(name)
 
     def _is_new(self, robot: Robot, kind: MessageKind, message: State | Visualization | Factsheet) -> bool:
         sequence = robot.sequences[kind]
@@ -375,6 +395,7 @@ class FleetModel:
             robot,
             silence_limit=robot.silence_limit(self.limits.silence),
             skew_limit=self.limits.clock_skew,
+            chain=self.queues.chains.get(robot.vehicle.name) if robot.vehicle else None,
         )
 
     def _view_order(self, name: str) -> OrderView | None:

@@ -13,8 +13,10 @@ from typing import Any, Generic, NotRequired, TypedDict, TypeVar, cast
 from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.fleet.views import (
     FleetView,
+    JamView,
     LinkView,
     MalformedView,
+    OrderServiceView,
     OrderView,
     PlantView,
     RobotView,
@@ -36,6 +38,8 @@ class Delta(TypedDict):
     ordersGone: NotRequired[list[str]]
     plant: NotRequired[PlantView | None]
     link: NotRequired[LinkView]
+    orderService: NotRequired[OrderServiceView]
+    jams: NotRequired[list[JamView]]
     malformed: NotRequired[MalformedView]
 
 
@@ -47,6 +51,8 @@ def apply(delta: Delta, view: FleetView) -> FleetView:
         "orders": _patched(view["orders"], delta.get("orders", ()), delta.get("ordersGone", ())),
         "plant": delta["plant"] if "plant" in delta else view["plant"],
         "link": delta.get("link", view["link"]),
+        "orderService": delta.get("orderService", view["orderService"]),
+        "jams": delta.get("jams", view["jams"]),
         "malformed": delta.get("malformed", view["malformed"]),
     }
 
@@ -106,6 +112,8 @@ class Publication:
         self.orders: PublishedViews[str, OrderView] = PublishedViews()
         self.plant: PlantView | None = None
         self.link: LinkView = {"connected": False, "since": None}
+        self.order_service: OrderServiceView = {"up": None, "lastSign": None}
+        self.jams: list[JamView] = []
         self.malformed: MalformedView = {
             "counts": {},
             "lastTopic": None,
@@ -150,6 +158,10 @@ class Publication:
             delta["plant"] = self.plant
         if self.link != self._published["link"]:
             delta["link"] = self.link
+        if self.order_service != self._published["orderService"]:
+            delta["orderService"] = self.order_service
+        if self.jams != self._published["jams"]:
+            delta["jams"] = self.jams
         if self.malformed != self._published["malformed"]:
             delta["malformed"] = self.malformed
 
@@ -160,5 +172,7 @@ class Publication:
             "orders": [],
             "plant": self.plant,
             "link": self.link,
+            "orderService": self.order_service,
+            "jams": self.jams,
             "malformed": self.malformed,
         }

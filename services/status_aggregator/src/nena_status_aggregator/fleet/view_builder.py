@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from nena_shared.clock import iso
+from nena_shared.fleet_api.traffic import TrafficWait
 from nena_shared.fleet_api.transport_order import Destination, Hold
+from nena_shared.fleet_api.vehicle import VehicleStatus
+from nena_shared.fleet_api.wait_chains import WaitChain
 from nena_shared.vda5050.action import ActionState
 from nena_shared.vda5050.error import ErrorEntry, ErrorReference
 from nena_shared.vda5050.factsheet import Factsheet, MobileRobotGeometry
 from nena_shared.vda5050.state import Information, NodeState, State
 from nena_status_aggregator.fleet.condition import ros_session, session_of
 from nena_status_aggregator.fleet.orders import TrackedOrder, progress
+from nena_status_aggregator.fleet.queues import Jam
 from nena_status_aggregator.fleet.robot import Robot
 from nena_status_aggregator.fleet.views import (
     ActionView,
@@ -20,6 +24,7 @@ from nena_status_aggregator.fleet.views import (
     GridView,
     HoldView,
     InformationView,
+    JamView,
     KnownActionView,
     LoadView,
     MapView,
@@ -30,6 +35,7 @@ from nena_status_aggregator.fleet.views import (
     RosSessionView,
     VehicleView,
     VelocityView,
+    WaitView,
 )
 
 TEXT_LIMIT = 500
@@ -44,8 +50,10 @@ def short(text: str | None) -> str | None:
     return text if text is None or len(text) <= TEXT_LIMIT else f"{text[: TEXT_LIMIT - 1]}…"
 
 
-def view_robot(robot: Robot, *, silence_limit: float, skew_limit: float) -> RobotView:
-    """Build the view of a robot; nothing in it changes with time alone.
+def view_robot(
+    robot: Robot, *, silence_limit: float, skew_limit: float, chain: WaitChain | None = None
+) -> RobotView:
+    """Build the view of a robot; nothing in it changes with time alone. ``chain``: where its waiting leads.
 
     ``clockSkew`` is None while it is below ``skew_limit`` (s), so that noise makes no changes.
     """
@@ -60,6 +68,7 @@ def view_robot(robot: Robot, *, silence_limit: float, skew_limit: float) -> Robo
         "protocolVersion": header.version if header else None,
         "condition": robot.condition.value,
         "conditionSince": iso(robot.condition_since),
+        "urgent": robot.reason.urgent,
         "reason": short(robot.reason.text) or "",
         "reasonCode": robot.reason.code,
         "reasonValues": robot.reason.values,
@@ -87,7 +96,7 @@ def view_robot(robot: Robot, *, silence_limit: float, skew_limit: float) -> Robo
         "actions": [_action(each) for each in _all_actions(state)[:LIST_LIMIT]] if state else [],
         "order": _order(robot, state) if state and state.order_id else None,
         "body": _body(robot),
-        "vehicle": _vehicle(robot),
+        "vehicle": _vehicle(robot.vehicle, chain) if robot.vehicle else None,
         "malformed": robot.malformed,
         "problem": short(robot.problem) or None,
     }
@@ -287,10 +296,7 @@ def _outline(geometry: MobileRobotGeometry) -> list[tuple[float, float]] | None:
     return [(each.x, each.y) for each in envelopes[0].vertices[:LIST_LIMIT]] if envelopes else None
 
 
-def _vehicle(robot: Robot) -> VehicleView | None:
-    status = robot.vehicle
-    if status is None:
-        return None
+def _vehicle(status: VehicleStatus, chain: WaitChain | None) -> VehicleView:
     return {
         "name": status.name,
         "state": status.state.value,
@@ -298,6 +304,29 @@ def _vehicle(robot: Robot) -> VehicleView | None:
         "reason": short(status.reason) or "",
         "transportOrder": status.transport_order,
         "currentPosition": status.current_position,
+        "wait": _wait(status.wait, chain) if status.wait else None,
+    }
+
+
+def _wait(wait: TrafficWait, chain: WaitChain | None) -> WaitView:
+    return {
+        "vehicles": list(wait.vehicles[:LIST_LIMIT]),
+        "at": wait.at,
+        "cause": wait.cause.value if wait.cause else None,
+        "reason": short(wait.reason) or "",
+        "next": chain.next if chain else None,
+        "head": chain.head if chain else None,
+        "circle": list(chain.circle[:LIST_LIMIT]) if chain else [],
+    }
+
+
+def view_jam(jam: Jam) -> JamView:
+    """Build the view of a jam."""
+    return {
+        "head": None if jam.circle else jam.end[0],
+        "circle": list(jam.end[:LIST_LIMIT]) if jam.circle else [],
+        "robots": jam.robots,
+        "since": iso(jam.since),
     }
 
 

@@ -146,6 +146,21 @@ class BodyView(TypedDict):
     """Corners of the footprint in the robot's frame; null if the factsheet has none."""
 
 
+class WaitView(TypedDict):
+    """For whom the order service lets a vehicle wait, where and why, and where that leads."""
+
+    vehicles: list[str]
+    at: str | None
+    cause: str | None
+    reason: str
+    next: str | None
+    """The vehicle in front of it on the way to the head; null if its own data show no waiting."""
+    head: str | None
+    """The vehicle that all of them wait for in the end; null in a circle."""
+    circle: list[str]
+    """Vehicles that wait for each other, each for the one after it."""
+
+
 class VehicleView(TypedDict):
     """The robot's vehicle in the order service."""
 
@@ -155,6 +170,7 @@ class VehicleView(TypedDict):
     reason: str
     transportOrder: str | None
     currentPosition: str | None
+    wait: WaitView | None
 
 
 class RosSessionView(TypedDict):
@@ -175,6 +191,8 @@ class RobotView(TypedDict):
     protocolVersion: str | None
     condition: str
     conditionSince: str
+    urgent: bool
+    """Whether a person has to go to the robot now: emergency stop, error, lost position."""
     reason: str
     reasonCode: str
     reasonValues: dict[str, str | float]
@@ -262,6 +280,26 @@ class LinkView(TypedDict):
     since: str | None
 
 
+class OrderServiceView(TypedDict):
+    """Whether the order service lives; null: nothing was heard of one."""
+
+    up: bool | None
+    lastSign: str | None
+    """Time of its last sign of life, if it is down."""
+
+
+class JamView(TypedDict):
+    """Many robots that wait behind one head for long."""
+
+    head: str | None
+    """The vehicle that all of them wait for in the end; null in a circle."""
+    circle: list[str]
+    """Vehicles that wait for each other, each for the one after it."""
+    robots: int
+    """Waiting robots; the head is not counted."""
+    since: str
+
+
 class MalformedView(TypedDict):
     """Unreadable messages."""
 
@@ -279,4 +317,6 @@ class FleetView(TypedDict):
     orders: list[OrderView]
     plant: PlantView | None
     link: LinkView
+    orderService: OrderServiceView
+    jams: list[JamView]
     malformed: MalformedView

@@ -31,6 +31,19 @@ def _robots(aggregator: Aggregator) -> Mapping[LabelValues, float]:
     return {each.value: counts[each] for each in Condition}
 
 
+NAMES_SHOWN = 5
+
+
+def _jams(aggregator: Aggregator) -> Mapping[LabelValues, float]:
+    """Return the robots of each jam by its head; of a circle by its first vehicles."""
+    found: dict[LabelValues, float] = {}
+    for jam in aggregator.model.queues.jams(aggregator.now()):
+        more = ", …" if len(jam.end) > NAMES_SHOWN else ""
+        head = ", ".join(jam.end[:NAMES_SHOWN]) + more
+        found[head, "circle" if jam.circle else "vehicle"] = jam.robots
+    return found
+
+
 def _active_errors(aggregator: Aggregator) -> Mapping[LabelValues, float]:
     label = aggregator.model.statistics.error_labels.of
     return Counter(
@@ -81,6 +94,15 @@ ROBOTS: Final[Section[Aggregator]] = Section(
     "Robots",
     (
         gauge("nena_robots", "Robots by condition.", _robots, "condition"),
+        gauge(
+            "nena_jam_robots",
+            "Robots that wait behind one head: more than `jam.robots` for longer than `jam.seconds`; absent "
+            "without a jam. `head` is the vehicle that all of them wait for in the end, `kind` is `vehicle`; "
+            "or `head` has the vehicles that wait for each other, `kind` is `circle`.",
+            _jams,
+            "head",
+            "kind",
+        ),
         gauge(
             "nena_robots_share_ratio",
             "Share of the robots that this aggregator monitors: 0.5 for `1/2`, 1 for `1/1` (all robots).",

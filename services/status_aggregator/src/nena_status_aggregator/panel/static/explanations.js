@@ -24,10 +24,28 @@ export function nodeName(robot, nodeId) {
   return t("map.position", { x: number(node.x, 2), y: number(node.y, 2) });
 }
 
-/** Return the name of a robot's order: of the transport order, else of the VDA 5050 order. */
-export function orderName({ order, vehicle }) {
-  if (vehicle?.transportOrder) return vehicle.transportOrder;
-  return order.orderId.startsWith(EVASION) ? t("orders.evasion") : order.orderId;
+/**
+ * Return the order that a robot has, `{name, progress, id}`: the transport order to which it is assigned (`id`: its id), also
+ * between two destinations; else its active VDA 5050 order; null if it has none.
+ */
+export function orderOf({ order, vehicle }, orders) {
+  const progress = order?.active ? order.progress : null;
+  const id = vehicle?.transportOrder;
+  if (id) return { name: id, progress: orders.get(id)?.progress ?? progress, id };
+  if (!order?.active) return null;
+  return { name: order.orderId.startsWith(EVASION) ? t("orders.evasion") : order.orderId, progress, id: null };
+}
+
+/** Return the condition of a robot in one or two words: of an urgent one, what is wrong. */
+export function conditionText(robot) {
+  return t(robot.urgent ? `urgent.${robot.reasonCode}` : `condition.${robot.condition}`);
+}
+
+const OF_ORDER_SERVICE = ["idle_why", "waits_passing", "waits_standing", "waits_turn", "waits_other"];
+
+/** Return whether the order service gives the reason of a robot's condition. */
+export function isOfOrderService(robot) {
+  return OF_ORDER_SERVICE.includes(robot.reasonCode);
 }
 
 /** Return why a robot is in its condition. */
@@ -39,7 +57,7 @@ export function reasonOf(robot) {
   const filled = { ...values };
   if (code === "mode") filled.mode = t(`mode.${values.mode}`);
   if (SINCE[code] && robot[SINCE[code]]) filled.since = timeOfDay(robot[SINCE[code]]);
-  for (const key of ["place", "next"]) if (key in filled) filled[key] = nodeName(robot, filled[key]);
+  for (const key of ["place", "next", "at"]) if (key in filled) filled[key] = nodeName(robot, filled[key]);
   for (const key of ["limit", "charge"]) if (key in filled) filled[key] = number(filled[key]);
   return t(`reason.${code}`, filled);
 }
@@ -74,7 +92,7 @@ export function causesOfOrder(order, fleet) {
   causes.push({ text: t(`why.order.${shownState(order)}`), foreign: order.reason });
   if (order.final) return causes;
   const name = order.processingVehicle ?? order.intendedVehicle;
-  const robot = name && robotOfVehicle(name, fleet);
+  const robot = name && fleet.store.robotOfVehicle(name);
   if (robot) return [...causes, ...chain(robot, fleet, new Set(), t("why.vehicle", { name }))];
   if (name) return [...causes, { text: t("why.vehicleUnknown", { name }) }];
   return [...causes, ...candidates(fleet)];
@@ -84,6 +102,7 @@ export function causesOfOrder(order, fleet) {
 function causesOfStaleData({ store, link }) {
   if (!link.connected) return [{ text: t("why.stale"), advice: t("why.stale.advice") }];
   if (!store.link.connected) return [{ text: t("why.blind"), advice: t("why.blind.advice") }];
+  if (store.orderService.up === false) return [{ text: t("why.orderService"), advice: t("why.orderService.advice") }];
   return [];
 }
 
@@ -91,13 +110,14 @@ function chain(robot, fleet, seen, lead = "") {
   if (seen.has(robot.id) || seen.size >= DEPTH) return [];
   seen.add(robot.id);
   const reason = robot.reasonCode === "idle_why" ? t("reason.idle") : reasonOf(robot); // its words are quoted anyway
-  const text = `${lead}${lead && " "}${t(`condition.${robot.condition}`)}: ${reason}`;
+  const text = `${lead}${lead && " "}${conditionText(robot)}: ${reason}`;
   const own = { text, advice: adviceFor(robot), link: lead ? address("robots", robot.id) : null };
   return [own, ...causesOfWaiting(robot, fleet, seen), ...causesOfFleet(robot, fleet, lead)];
 }
 
-// The robot that occupies the next node, and why it is not moving.
+// The queue up to its head; without word from the order service the robot that occupies the next node.
 function causesOfWaiting(robot, fleet, seen) {
+  if (robot.vehicle?.wait?.next) return causesOfQueue(robot, fleet);
   if (robot.reasonCode !== "waiting_for_release") return [];
   const place = robot.reasonValues.next;
   const others = [...fleet.store.robots.values()].filter((other) => other.id !== robot.id);
@@ -106,6 +126,34 @@ function causesOfWaiting(robot, fleet, seen) {
   const coming = others.find((other) => aheadOf(other).some((node) => node.nodeId === place && node.released));
   if (coming) return chain(coming, fleet, seen, t("why.goesTo", { name: coming.name, place }));
   return [{ text: t("why.notReleased", { place: nodeName(robot, place) }) }];
+}
+
+function causesOfQueue(robot, fleet) {
+  const { circle } = robot.vehicle.wait;
+  const names = queueOf(robot, fleet.store);
+  const near = names.slice(0, DEPTH);
+  const causes = near.map((name) => causeOfVehicle(name, fleet.store));
+  if (names.length > DEPTH + 1) causes.push({ text: t("why.more", { count: names.length - DEPTH - 1 }) });
+  if (names.length > DEPTH) causes.push(causeOfVehicle(names.at(-1), fleet.store));
+  if (circle.length) causes.push({ text: t("why.circle", { names: circle.join(", ") }), advice: t("why.circle.advice") });
+  return causes;
+}
+
+// The names of the vehicles before a robot, up to the head, or once around a circle.
+function queueOf(robot, store) {
+  const names = [];
+  for (let next = robot.vehicle.wait.next; next && next !== robot.vehicle.name && !names.includes(next); ) {
+    names.push(next);
+    next = store.robotOfVehicle(next)?.vehicle.wait?.next;
+  }
+  return names;
+}
+
+function causeOfVehicle(name, store) {
+  const robot = store.robotOfVehicle(name);
+  if (!robot) return { text: t("why.vehicleUnknown", { name }) };
+  const text = t("why.queue", { name, condition: conditionText(robot), reason: reasonOf(robot) });
+  return { text, advice: adviceFor(robot), link: address("robots", robot.id) };
 }
 
 function isNear({ position }, place, plant) {
@@ -127,16 +175,12 @@ function causesOfFleet(robot, { store }, lead) {
   return [{ text: t("why.hasOrder", values), foreign: order.reason, link: address("orders", order.id) }];
 }
 
-function robotOfVehicle(name, { store }) {
-  return [...store.robots.values()].find((robot) => robot.vehicle?.name === name);
-}
-
 // For an order without a vehicle: why each vehicle cannot take it.
 function candidates({ store }) {
   const vehicles = [...store.robots.values()].filter((robot) => robot.vehicle);
   if (!vehicles.length) return [{ text: t("why.noVehicles") }];
   return vehicles.slice(0, CANDIDATES).map((robot) => ({
-    text: `${robot.name} – ${t(`condition.${robot.condition}`)}: ${reasonOf(robot)}`,
+    text: `${robot.name} – ${conditionText(robot)}: ${reasonOf(robot)}`,
     link: address("robots", robot.id),
   }));
 }

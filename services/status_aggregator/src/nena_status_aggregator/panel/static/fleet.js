@@ -5,7 +5,7 @@ export function shownState(order) {
   return order.held && !order.final ? "HELD" : order.state;
 }
 
-const PARTS = ["plant", "link", "malformed"];
+const PARTS = ["plant", "link", "orderService", "jams", "malformed"];
 
 /**
  * Robots and orders by id, and the other parts, kept up to date by the event stream. Fires `change` with
@@ -16,6 +16,8 @@ export class FleetStore extends EventTarget {
   orders = new Map();
   plant = null;
   link = { connected: false, since: null };
+  orderService = { up: null, lastSign: null };
+  jams = [];
   malformed = { counts: {} };
   share = "1/1";
   #offset = 0;
@@ -23,6 +25,11 @@ export class FleetStore extends EventTarget {
   /** Return the estimated server time, ms. */
   now() {
     return Date.now() + this.#offset;
+  }
+
+  /** Return the robot of a vehicle of the order service. */
+  robotOfVehicle(name) {
+    return [...this.robots.values()].find((robot) => robot.vehicle?.name === name);
   }
 
   /** Replace all data. */

@@ -1,8 +1,10 @@
 // The frame of the page: summary, connection banner, message health, language, theme and user menu.
 
 import { logOut } from "./api.js";
-import { button, element, foreign, icon, setText, verbatim } from "./dom.js";
-import { chooseLanguage, chosenLanguage, LANGUAGES, plural, t, timeOfDay } from "./i18n.js";
+import { button, element, foreign, icon, refill, setText, verbatim } from "./dom.js";
+import { conditionText } from "./explanations.js";
+import { byName, chooseLanguage, chosenLanguage, LANGUAGES, plural, t, timeOfDay } from "./i18n.js";
+import { address } from "./router.js";
 
 export const CONDITIONS = [
   "ERROR",
@@ -10,36 +12,55 @@ export const CONDITIONS = [
   "SILENT",
   "BLOCKED",
   "MANUAL",
+  "WAITING",
   "BUSY",
   "CHARGING",
   "IDLE",
   "OFFLINE",
 ];
 
+const NAMED = 5;
+
 class FleetSummary extends HTMLElement {
   show(store) {
     this.setAttribute("role", "group");
     this.setAttribute("aria-label", t("summary.label"));
-    store.addEventListener("change", () => this.#update([...store.robots.values()], store.share));
+    store.addEventListener("change", () => this.#update(store));
   }
 
-  #update(robots, share) {
-    const counts = CONDITIONS.map((name) => [name, robots.filter((each) => each.condition === name).length]);
+  #update(store) {
+    const robots = [...store.robots.values()];
+    const urgent = robots.filter((each) => each.urgent).sort((a, b) => byName(a.name, b.name));
+    const named = urgent.slice(0, NAMED).map((each) => [each.id, t("summary.urgent", { name: each.name, why: conditionText(each) })]);
+    const jams = store.jams.map((jam) => [jamAddress(jam, store), jamText(jam)]);
+    const others = robots.filter((each) => !each.urgent);
+    const counts = CONDITIONS.map((name) => [name, others.filter((each) => each.condition === name).length]);
     const total = robots.length ? plural("summary.robots", robots.length) : t("summary.none");
+    refill(this, [total, store.share, named, urgent.length, jams, counts], () => this.#parts(total, store.share, named, urgent.length, jams, counts));
+  }
+
+  #parts(total, share, named, urgent, jams, counts) {
     const [number, of] = share.split("/");
-    const text = JSON.stringify([total, counts, share]);
-    if (this.shown === text) return;
-    this.shown = text;
-    this.replaceChildren(
+    return [
       element("span", { class: "total" }, total),
       of === "1" ? "" : element("span", { class: "share" }, t("summary.share", { number, of })),
+      ...named.map(([id, text]) => element("a", { class: "chip", "data-urgent": "", href: address("robots", id) }, text)),
+      urgent > NAMED ? element("a", { class: "chip", "data-urgent": "", href: "#/" }, t("summary.more", { count: urgent - NAMED })) : "",
+      ...jams.map(([href, text]) => element("a", { class: "chip jam", "data-condition": "WAITING", href }, text)),
       ...counts
         .filter(([, count]) => count)
-        .map(([name, count]) =>
-          element("span", { class: "chip", "data-condition": name }, `${count} ${t(`condition.${name}`)}`),
-        ),
-    );
+        .map(([name, count]) => element("span", { class: "chip", "data-condition": name }, `${count} ${t(`condition.${name}`)}`)),
+    ];
   }
+}
+
+function jamText({ head, circle, robots }) {
+  return head ? t("summary.jam", { count: robots, head }) : t("summary.circle", { count: robots, names: circle.join(", ") });
+}
+
+function jamAddress({ head, circle }, store) {
+  const robot = store.robotOfVehicle(head ?? circle[0]);
+  return robot ? address("robots", robot.id) : "#/";
 }
 
 customElements.define("nena-fleet-summary", FleetSummary);
@@ -50,7 +71,7 @@ class LinkBanner extends HTMLElement {
     this.setAttribute("aria-live", "assertive");
     const update = () => this.#update(store, link);
     link.addEventListener("state", update);
-    store.addEventListener("change", (event) => event.detail.parts.has("link") && update());
+    store.addEventListener("change", (event) => (event.detail.parts.has("link") || event.detail.parts.has("orderService")) && update());
     update();
   }
 
@@ -67,9 +88,14 @@ function judge(store, link) {
     return link.failed ? ["bad", t("link.never")] : ["wait", t("link.connecting")];
   }
   if (!link.connected) return ["bad", t("link.lost", { time: timeOfDay(link.lastNews) })];
-  if (store.link.connected) return ["fine", t("link.back")];
+  if (store.link.connected) return judgeOrderService(store.orderService);
   if (!store.link.since) return ["bad", t("link.broker.never")];
   return ["bad", t("link.broker", { time: timeOfDay(store.link.since) })];
+}
+
+function judgeOrderService({ up, lastSign }) {
+  if (up !== false) return ["fine", t("link.back")];
+  return ["bad", lastSign ? t("link.orderService", { time: timeOfDay(lastSign) }) : t("link.orderService.never")];
 }
 
 customElements.define("nena-link-banner", LinkBanner);

@@ -57,6 +57,7 @@ function mark(id) {
   map.select(id);
 }
 
+store.addEventListener("change", () => document.body.classList.toggle("orders-old", store.orderService.up === false));
 link.addEventListener("state", () => {
   document.body.classList.toggle("stale", !link.connected);
   if (!link.connected) whoIsIt(); // the user may have been removed

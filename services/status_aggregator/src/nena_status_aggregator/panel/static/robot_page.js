@@ -1,7 +1,7 @@
 // The page of a robot: why it is not moving, commands, order, errors, actions, goals and details.
 
 import { button, element, foreign, progressBar, refill, setAttribute, setText, verbatim } from "./dom.js";
-import { adviceForError, causesOfRobot, nodeName, orderName } from "./explanations.js";
+import { adviceForError, causesOfRobot, conditionText, nodeName, orderOf } from "./explanations.js";
 import { age, dateAndTime, degrees, has, number, t } from "./i18n.js";
 import { address } from "./router.js";
 import "./robot_commands.js";
@@ -66,8 +66,9 @@ class RobotPage extends HTMLElement {
     this.body.hidden = this.chip.hidden = !robot;
     setText(this.heading, robot?.name ?? this.#id);
     if (!robot) return;
-    setText(this.chip, t(`condition.${robot.condition}`));
+    setText(this.chip, conditionText(robot));
     setAttribute(this.chip, "data-condition", robot.condition);
+    setAttribute(this.chip, "data-urgent", robot.urgent && "");
     setText(this.whyTitle, t(robot.driving ? "why.drives" : "why.title"));
     this.why.show(causesOfRobot(robot, this.fleet));
     this.commands.update();
@@ -75,18 +76,19 @@ class RobotPage extends HTMLElement {
     this.#updateOrder(robot);
     fillList(this.errors, robot.errors, error);
     fillList(this.actions, robot.actions, action);
-    const goals = robot.information.filter((each) => "goalId" in each.references);
+    const goals = goalsOf(robot);
     fillList(this.goals, goals, (each) => goal(each, goals));
   }
 
   #updateOrder(robot) {
-    const { order, vehicle } = robot;
+    const order = orderOf(robot, this.fleet.store.orders);
     this.order.hidden = !order;
     if (!order) return;
-    this.progress.bar.value = order.progress;
-    setAttribute(this.progress.bar, "aria-label", t("progress.label", { name: order.orderId }));
-    setText(this.progress.value, t("progress.value", { percent: number(order.progress) }));
-    refill(this.route, [order, vehicle?.transportOrder], () => routeOf(robot));
+    this.progress.box.hidden = order.progress === null;
+    this.progress.bar.value = order.progress ?? 0;
+    setAttribute(this.progress.bar, "aria-label", t("progress.label", { name: order.name }));
+    setText(this.progress.value, t("progress.value", { percent: number(order.progress ?? 0) }));
+    refill(this.route, [order, robot.order], () => routeOf(robot, order));
   }
 }
 
@@ -99,16 +101,15 @@ function fillList(section, entries, make) {
   refill(section.lastElementChild, entries, () => [element("ul", { class: "entries" }, ...entries.map(make))]);
 }
 
-function routeOf(robot) {
-  const { order, vehicle } = robot;
-  const name = (nodeId) => (nodeId ? nodeName(robot, nodeId) : t("none"));
-  const title = vehicle?.transportOrder
-    ? element("li", {}, element("a", { href: address("orders", vehicle.transportOrder), translate: "no" }, vehicle.transportOrder))
-    : verbatim("li", orderName(robot), { title: order.orderId });
-  const last = element("li", { class: "done" }, t("robot.lastNode", { node: name(order.lastNodeId) }));
-  const nodes = order.active ? order.ahead : [];
-  const steps = nodes.map(({ nodeId, released }) =>
-    element("li", { class: released ? "released" : "" }, t(released ? "robot.node" : "robot.nodeWaiting", { node: name(nodeId) })),
+function routeOf(robot, { name, id }) {
+  const nodeOf = (nodeId) => (nodeId ? nodeName(robot, nodeId) : t("none"));
+  const title = id
+    ? element("li", {}, element("a", { href: address("orders", id), translate: "no" }, name))
+    : verbatim("li", name);
+  if (!robot.order?.active) return [title];
+  const last = element("li", { class: "done" }, t("robot.lastNode", { node: nodeOf(robot.order.lastNodeId) }));
+  const steps = robot.order.ahead.map(({ nodeId, released }) =>
+    element("li", { class: released ? "released" : "" }, t(released ? "robot.node" : "robot.nodeWaiting", { node: nodeOf(nodeId) })),
   );
   return [title, last, ...steps];
 }
@@ -141,6 +142,15 @@ function goal(each, goals) {
   const details = element("summary", {}, t("goal.details"));
   made.append(element("details", {}, details, verbatim("p", each.references.goalId, { class: "detail" })));
   return made;
+}
+
+const RUNNING = ["ACCEPTED", "EXECUTING", "CANCELING"];
+
+// Navigation goals; of a robot without an order only those in progress: it keeps reporting the last ones.
+function goalsOf({ condition, information }) {
+  const goals = information.filter((each) => "goalId" in each.references);
+  const idle = ["IDLE", "CHARGING"].includes(condition);
+  return idle ? goals.filter((each) => RUNNING.includes(each.references.status)) : goals;
 }
 
 // Nav2 reports a goal as aborted when the agent's next goal takes its place.

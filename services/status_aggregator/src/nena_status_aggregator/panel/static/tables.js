@@ -1,7 +1,7 @@
 // The live tables of robots and transport orders.
 
-import { element, emptyBox, foreign, progressBar, select, setAttribute, setText, verbatim } from "./dom.js";
-import { orderName, reasonOf } from "./explanations.js";
+import { element, emptyBox, foreign, progressBar, refill, select, setAttribute, setText, verbatim } from "./dom.js";
+import { conditionText, isOfOrderService, orderOf, reasonOf } from "./explanations.js";
 import { shownState } from "./fleet.js";
 import { age, byName, number, plural, t } from "./i18n.js";
 import { address } from "./router.js";
@@ -89,7 +89,7 @@ const LOW_BATTERY = 20;
 class RobotTable extends LiveTable {
   columns = ["robots.name", "robots.condition", "robots.battery", "robots.order", "robots.age"];
   empty = "robots.empty";
-  compare = (a, b) => byName(a.name, b.name) || byName(a.id, b.id);
+  compare = (a, b) => b.urgent - a.urgent || byName(a.name, b.name) || byName(a.id, b.id);
 
   show(store) {
     this.follow(store, "robots");
@@ -114,6 +114,7 @@ class RobotTable extends LiveTable {
       model: verbatim("span", "", { class: "detail" }),
       chip: element("span", { class: "chip" }),
       reason: element("span", { class: "reason" }),
+      head: element("span", { class: "detail" }),
       marks: element("span", { class: "detail marks" }),
       battery: element("span", { class: "number" }),
       charging: element("span", { class: "detail" }),
@@ -125,26 +126,30 @@ class RobotTable extends LiveTable {
       "tr",
       { "data-robot": id },
       cell("robots.name", parts.name, parts.model),
-      cell("robots.condition", parts.chip, parts.reason, parts.marks),
+      cell("robots.condition", parts.chip, parts.reason, parts.head, parts.marks),
       cell("robots.battery", parts.battery, parts.charging),
       cell("robots.order", parts.order, parts.progress.box),
       cell("robots.age", parts.age),
     );
-    return { row, update: (robot, now) => updateRobotRow(parts, row, robot, now) };
+    return { row, update: (robot, now) => updateRobotRow(parts, row, robot, now, this.store) };
   }
 }
 
-function updateRobotRow(parts, row, robot, now) {
+function updateRobotRow(parts, row, robot, now, store) {
   setAttribute(row, "data-condition", robot.condition);
+  setAttribute(row, "data-urgent", robot.urgent && "");
   setText(parts.name, robot.name);
   setAttribute(parts.name, "title", robot.name);
   setText(parts.model, robot.name === robot.serialNumber ? robot.manufacturer : robot.id);
-  setText(parts.chip, t(`condition.${robot.condition}`));
+  setText(parts.chip, conditionText(robot));
   setAttribute(parts.chip, "data-condition", robot.condition);
+  setAttribute(parts.chip, "data-urgent", robot.urgent && "");
   setText(parts.reason, reasonOf(robot));
+  parts.reason.classList.toggle("of-orders", isOfOrderService(robot));
+  refill(parts.head, headOf(robot, store), headLink);
   setText(parts.marks, marks(robot).join(" · "));
   updateBattery(parts, robot.battery);
-  updateOrder(parts, robot);
+  updateOrder(parts, orderOf(robot, store.orders));
   const seconds = robot.lastState ? (now - Date.parse(robot.lastState)) / 1000 : null;
   setText(parts.age, seconds === null ? t("age.never") : age(seconds));
   parts.age.classList.toggle("bad", seconds === null || seconds > robot.silenceLimit);
@@ -168,16 +173,29 @@ function updateBattery(parts, battery) {
   setText(parts.charging, battery?.charging ? t("battery.charging") : "");
 }
 
-function updateOrder(parts, robot) {
-  const order = robot.order;
-  const active = Boolean(order?.active);
-  setText(parts.order, active ? orderName(robot) : t("none"));
-  setAttribute(parts.order, "title", active ? order.orderId : null);
-  parts.progress.box.hidden = !active;
-  if (!active) return;
-  parts.progress.bar.value = order.progress;
-  setAttribute(parts.progress.bar, "aria-label", t("progress.label", { name: order.orderId }));
-  setText(parts.progress.value, t("progress.value", { percent: number(order.progress) }));
+function updateOrder(parts, order) {
+  setText(parts.order, order?.name ?? t("none"));
+  setAttribute(parts.order, "title", order?.name);
+  const progress = order?.progress ?? null;
+  parts.progress.box.hidden = progress === null;
+  if (progress === null) return;
+  parts.progress.bar.value = progress;
+  setAttribute(parts.progress.bar, "aria-label", t("progress.label", { name: order.name }));
+  setText(parts.progress.value, t("progress.value", { percent: number(progress) }));
+}
+
+// The head of the queue in which a robot waits: text and address; only a text in a circle; null if it waits for nobody.
+function headOf({ vehicle }, store) {
+  const { head, circle } = vehicle?.wait ?? {};
+  if (circle?.length) return { text: t("robots.circle", { names: circle.join(", ") }) };
+  const robot = head && store.robotOfVehicle(head);
+  if (!robot) return null;
+  return { text: t("robots.head", { name: head, condition: conditionText(robot) }), href: address("robots", robot.id) };
+}
+
+function headLink(head) {
+  if (!head) return [];
+  return [head.href ? element("a", { href: head.href }, head.text) : element("strong", {}, head.text)];
 }
 
 customElements.define("nena-robot-table", RobotTable);
@@ -199,7 +217,7 @@ class OrderTable extends LiveTable {
     const parts = {
       created: element("span", { class: "detail" }),
       chip: element("span", { class: "chip" }),
-      reason: foreign("span", "", { class: "reason" }),
+      reason: foreign("span", "", { class: "reason of-orders" }),
       unconfirmed: element("span", { class: "reason" }),
       vehicle: element("span", { class: "nowrap" }),
       destinations: verbatim("ol", "", { class: "destinations" }),

@@ -182,7 +182,7 @@ class FleetMap extends HTMLElement {
 
   #change({ robots, parts }) {
     if (parts.has("plant")) this.note.hidden = this.store.plant !== null;
-    if (!robots.size) return;
+    if (!robots.size && !parts.has("jams")) return;
     if (!this.#fitted) this.fit();
     this.#describe();
     this.#draw();
@@ -245,8 +245,10 @@ class FleetMap extends HTMLElement {
     if (followed) this.view.centre(followed.x, followed.y);
     const grids = this.#grids.of(this.store.robots.values(), selected);
     const traffic = this.#traffic.vehicles;
-    const scene = { plan: this.#plan, grids, robots: this.#robots(), selected, colours, layers: this.layers.chosen, pose, traffic };
-    this.#places = this.painter.paint(this.view, scene);
+    const jams = this.replayed ? new Map() : jamsByVehicle(this.store.jams);
+    const scene = { plan: this.#plan, grids, robots: this.#robots(), selected, colours, layers: this.layers.chosen, pose, traffic, jams };
+    const { places, labels } = this.painter.paint(this.view, scene);
+    [this.#places, this.labels] = [places, labels];
     this.#drawScale();
   }
 
@@ -255,6 +257,11 @@ class FleetMap extends HTMLElement {
     this.bar.style.width = `${length * this.view.scale}px`;
     setText(this.bar, t("map.scale", { length: number(length, length < 1 ? 1 : 0) }));
   }
+}
+
+// Robots that wait in a jam, by the vehicle at its head or by each one of its circle.
+function jamsByVehicle(jams) {
+  return new Map(jams.flatMap(({ head, circle, robots }) => (head ? [head] : circle).map((name) => [name, robots])));
 }
 
 customElements.define("nena-fleet-map", FleetMap);

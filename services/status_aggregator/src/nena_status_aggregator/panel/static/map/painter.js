@@ -1,7 +1,8 @@
 // Paints the map: the cached plan, robots and the picked pose.
 
-import { paintPlan } from "./plan_painter.js";
-import { paintRobots } from "./robot_painter.js";
+import { overlap } from "./labels.js";
+import { labelPlan, paintPlan } from "./plan_painter.js";
+import { labelRobots, paintRobots } from "./robot_painter.js";
 import { paintTraffic } from "./traffic.js";
 
 const LENGTH = 44;
@@ -33,7 +34,7 @@ function paintArrow(context, theta) {
 }
 
 const COLOURS = ["ink", "muted", "line", "surface", "path", "point", "location", "accent", "bad"];
-const CONDITIONS = ["idle", "busy", "charging", "blocked", "error", "manual", "silent", "broken", "offline"];
+const CONDITIONS = ["idle", "busy", "waiting", "charging", "blocked", "error", "manual", "silent", "broken", "offline"];
 
 /** Return the current colours of the style sheet. */
 export function readColours(host) {
@@ -41,20 +42,21 @@ export function readColours(host) {
   host.append(probe);
   const colours = {};
   for (const name of [...COLOURS, ...CONDITIONS]) {
-    probe.style.color = `var(--${name})`;
+    probe.style.color = `var(--${name}-fill, var(--${name}))`;
     colours[name] = getComputedStyle(probe).color;
   }
   probe.remove();
   return colours;
 }
 
-/** Paints on a canvas. The plan is cached as an image, and repainted only when it changes. */
+/** Paints on a canvas. The plan is cached as two images, without and with labels, and repainted only when it changes. */
 export class Painter {
   #canvas;
   #context;
+  #bare = document.createElement("canvas");
   #sheet = document.createElement("canvas");
   #painted = [];
-  #texts = [];
+  #labels = [];
 
   constructor(canvas) {
     this.#canvas = canvas;
@@ -62,21 +64,40 @@ export class Painter {
   }
 
   /**
-   * Paint everything. `scene`: {plan, grids, robots, selected, colours, layers, pose, traffic}. Returns the screen positions of the
-   * robots, `[{robot, at}]`.
+   * Paint everything. `scene`: {plan, grids, robots, selected, colours, layers, pose, traffic, jams}; `jams`: robots that wait
+   * behind a vehicle, by its name. Returns `{places, labels}`: the screen positions of the robots, `[{robot, at}]`, and the
+   * labels, `[{text, box}]`.
    */
   paint(view, scene) {
     const context = this.#context;
     context.setTransform(1, 0, 0, 1, 0, 0);
     context.clearRect(0, 0, this.#canvas.width, this.#canvas.height);
-    if (scene.plan || scene.grids.length) context.drawImage(this.#planPicture(view, scene), 0, 0);
-    context.scale(devicePixelRatio, devicePixelRatio);
+    const planned = this.#canvas.width > 0 && this.#canvas.height > 0 && Boolean(scene.plan || scene.grids.length);
+    if (planned) context.drawImage(this.#planPicture(view, scene), 0, 0);
     const places = scene.robots.map((robot) => ({ robot, at: view.toScreen(robot.position.x, robot.position.y) }));
-    const seen = places.filter(({ robot, at }) => robot.order?.active || inSight(view, at));
-    if (scene.layers.traffic && scene.plan) paintTraffic(context, view, scene, this.#texts);
-    paintRobots(context, view, seen, { ...scene, texts: this.#texts });
+    const inView = places.filter(({ at }) => inSight(view, at));
+    const labels = planned ? this.#labels : [];
+    const names = labelRobots(context, view, inView, scene, labels.map(({ box }) => box));
+    const covered = new Set(labels.filter(({ box }) => names.taken.some((each) => overlap(each, box))));
+    for (const { box } of covered) this.#uncover(box);
+    const shown = [...names.placed, ...labels.filter((each) => !covered.has(each))];
+    context.scale(devicePixelRatio, devicePixelRatio);
+    if (scene.layers.traffic && scene.plan) shown.push(...paintTraffic(context, view, scene, shown.map(({ box }) => box)));
+    paintRobots(context, view, places.filter(({ robot, at }) => robot.order?.active || inSight(view, at)), scene);
+    names.paint(scene.colours);
     if (scene.pose) paintPose(context, view.toScreen(scene.pose.x, scene.pose.y), scene.pose.theta, scene.colours.accent);
-    return places;
+    return { places, labels: shown };
+  }
+
+  // Paint the plan without labels over the label in a box.
+  #uncover(box) {
+    const [left, top] = box.slice(0, 2).map((each) => Math.max(0, Math.floor((each - 1) * devicePixelRatio)));
+    const right = Math.min(this.#canvas.width, Math.ceil((box[2] + 1) * devicePixelRatio));
+    const bottom = Math.min(this.#canvas.height, Math.ceil((box[3] + 1) * devicePixelRatio));
+    if (right <= left || bottom <= top) return;
+    const area = [left, top, right - left, bottom - top];
+    this.#context.clearRect(...area);
+    this.#context.drawImage(this.#bare, ...area, ...area);
   }
 
   #planPicture(view, scene) {
@@ -85,13 +106,22 @@ export class Painter {
     wanted.push(...scene.grids.flatMap(({ grid, image }) => [grid, image]));
     if (wanted.length !== this.#painted.length || wanted.some((each, at) => each !== this.#painted[at])) {
       this.#painted = wanted;
-      Object.assign(this.#sheet, { width, height });
-      const context = this.#sheet.getContext("2d");
+      const bare = cleared(this.#bare, width, height);
+      bare.scale(devicePixelRatio, devicePixelRatio);
+      paintPlan(bare, view, scene);
+      const context = cleared(this.#sheet, width, height);
+      context.drawImage(this.#bare, 0, 0);
       context.scale(devicePixelRatio, devicePixelRatio);
-      this.#texts = paintPlan(context, view, scene);
+      this.#labels = labelPlan(context, view, scene);
     }
     return this.#sheet;
   }
+}
+
+// Setting the size also clears the canvas.
+function cleared(sheet, width, height) {
+  Object.assign(sheet, { width, height });
+  return sheet.getContext("2d");
 }
 
 function inSight(view, [x, y]) {

@@ -1,6 +1,7 @@
 // Paints the plant model: blocks, paths, locations, points and labels.
 
 import { paintGrids } from "./grids.js";
+import { Labels } from "./labels.js";
 
 const MM = 1000;
 
@@ -129,80 +130,27 @@ export function middle(line, curved) {
   return [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2, Math.atan2(b[1] - a[1], b[0] - a[0])];
 }
 
-const FONT = "12px system-ui, sans-serif";
-const SMALL = "11px system-ui, sans-serif";
-const HALF = 7;
-const widths = new Map();
-
-/** Labels that do not overlap. A label without room is omitted, unless it is important. */
-export class Labels {
-  /** Boxes of placed labels, `[left, top, right, bottom]`. */
-  taken;
-
-  /** `over`: boxes of other labels, avoided if possible and covered by a plate otherwise. */
-  constructor(context, width, colours, over = []) {
-    this.taken = [...over];
-    this.context = context;
-    this.width = width;
-    this.colours = colours;
-  }
-
-  /** Place a label `distance` pixels from the centre of its object. */
-  put(text, [middle, centre], distance, important) {
-    const { context, colours } = this;
-    context.font = important ? FONT : SMALL;
-    const half = widthOf(context, text) / 2 + 3;
-    const x = Math.max(half, Math.min(this.width - half, middle));
-    const boxes = [distance, -distance].map((off) => [x - half, centre + off - HALF, x + half, centre + off + HALF]);
-    const free = boxes.find((box) => !this.taken.some((each) => overlap(each, box)));
-    if (!free && !important) return;
-    const box = free ?? boxes[0];
-    this.taken.push(box);
-    if (!free) this.#paintPlate(box);
-    const y = (box[1] + box[3]) / 2;
-    context.textAlign = "center";
-    context.textBaseline = "middle";
-    context.lineWidth = 3;
-    context.lineJoin = "round";
-    context.strokeStyle = colours.surface;
-    context.strokeText(text, x, y);
-    context.fillStyle = important ? colours.ink : colours.muted;
-    context.fillText(text, x, y);
-  }
-
-  #paintPlate([left, top, right, bottom]) {
-    const { context } = this;
-    context.globalAlpha = 0.9;
-    context.fillStyle = this.colours.surface;
-    context.beginPath();
-    context.roundRect(left, top, right - left, bottom - top, 3);
-    context.fill();
-    context.globalAlpha = 1;
-  }
-}
-
-function widthOf(context, text) {
-  const key = `${context.font} ${text}`;
-  if (!widths.has(key)) widths.set(key, context.measureText(text).width);
-  return widths.get(key);
-}
-
-function overlap(a, b) {
-  return a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3];
-}
-
-/** Paint grid maps and the visible layers of a plan. Returns the boxes of visible labels. */
+/** Paint grid maps and the visible layers of a plan, without labels. */
 export function paintPlan(context, view, { plan, grids, colours, layers }) {
   if (layers.grids) paintGrids(context, view, grids, colours.muted);
-  if (!plan) return [];
+  if (!plan) return;
   context.lineCap = "round";
   if (layers.blocks) for (const block of plan.blocks) paintBlock(context, view, block, colours);
   if (layers.paths) for (const path of plan.paths) paintPath(context, view, path, colours);
   if (layers.locations) for (const location of plan.locations) paintLocation(context, view, location, colours);
   if (layers.points) for (const point of plan.points.values()) paintPoint(context, view, point, colours);
-  const labels = new Labels(context, view.width, colours);
-  if (layers.names) labelPlan(labels, view, plan, layers);
-  return labels.taken.filter((box) => inSight(view, box));
+}
+
+/** Paint the labels of a plan: locations first, then points. Returns those in sight. */
+export function labelPlan(context, view, { plan, colours, layers }) {
+  if (!plan || !layers.names) return [];
+  const labels = new Labels(context, view.width);
+  const put = (each, distance, important) => labels.put(each.name, view.toScreen(each.x, each.y), distance, { important });
+  if (layers.locations) for (const each of plan.locations) put(each, 18, true);
+  if (layers.points) for (const each of plan.points.values()) put(each, 14, false);
+  if (layers.blocks) for (const each of plan.blocks.filter((block) => !block.empty)) put(each, 32, false);
+  labels.paint(colours);
+  return labels.placed.filter(({ box }) => inSight(view, box));
 }
 
 // A single stroke, so that overlapping parts keep one opacity.
@@ -293,12 +241,4 @@ function paintLocation(context, view, location, colours) {
   context.setLineDash([]);
   context.fillStyle = colours.location;
   context.fillRect(x - 4, y - 2.5, 8, 5);
-}
-
-function labelPlan(labels, view, plan, layers) {
-  const put = (each, distance, important) =>
-    labels.put(each.name, view.toScreen(each.x, each.y), distance, important);
-  if (layers.locations) for (const each of plan.locations) put(each, 18, true);
-  if (layers.points) for (const each of plan.points.values()) put(each, 14, false);
-  if (layers.blocks) for (const each of plan.blocks.filter((block) => !block.empty)) put(each, 32, false);
 }

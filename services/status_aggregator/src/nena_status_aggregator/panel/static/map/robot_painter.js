@@ -1,10 +1,44 @@
 // Paints robots: footprint, heading, planned route and goal. Sizes are in metres.
 
-import { Labels, trace } from "./plan_painter.js";
+import { t } from "../i18n.js";
+import { Labels } from "./labels.js";
+import { trace } from "./plan_painter.js";
 
 const ABSENT = ["SILENT", "BROKEN", "OFFLINE"];
 const ROBOT = { length: 0.9, width: 0.6 };
 const LEAST_ROBOT = 16;
+const RING = 7;
+const BODY = 0.75; // a footprint fills about so much of the box around its circle
+
+/** Place the names of robots, `[{robot, at}]`: off all robots, and off the boxes of other labels if possible. Urgent ones come first. */
+export function labelRobots(context, view, places, { layers, selected, jams }, others) {
+  const bodies = layers.robots ? places.map(({ robot, at: [x, y] }) => boxAround(x, y, isMarked(robot, jams) ? reachOf(view, robot, jams) : BODY * radiusOf(view, robot))) : [];
+  const labels = new Labels(context, view.width, bodies);
+  if (!layers.robots || !layers.robotNames) return labels;
+  const rank = ({ robot }) => [robot.id === selected, robot.urgent, jams.has(robot.vehicle?.name), true].indexOf(true);
+  for (const { robot, at } of [...places].sort((a, b) => rank(a) - rank(b))) {
+    labels.put(nameOf(robot, jams), at, reachOf(view, robot, jams) + 10, { important: true, avoid: others, beside: true });
+  }
+  return labels;
+}
+
+function boxAround(x, y, reach) {
+  return [x - reach, y - reach, x + reach, y + reach];
+}
+
+// How far a robot and its ring reach from its centre.
+function reachOf(view, robot, jams) {
+  return radiusOf(view, robot) + (isMarked(robot, jams) ? RING : 0);
+}
+
+function nameOf(robot, jams) {
+  const behind = jams.get(robot.vehicle?.name);
+  return behind ? t("map.jam", { name: robot.name, count: behind }) : robot.name;
+}
+
+function isMarked(robot, jams) {
+  return robot.urgent || jams.has(robot.vehicle?.name);
+}
 
 /** Paint robots, `[{robot, at}]`: `at` is the position on the screen. */
 export function paintRobots(context, view, places, scene) {
@@ -17,14 +51,11 @@ export function paintRobots(context, view, places, scene) {
   }
   if (!layers.robots) return;
   for (const { robot, at } of places) paintRobot(context, view, robot, at, scene);
-  if (!layers.robotNames) return;
-  const labels = new Labels(context, view.width, colours, scene.texts);
-  for (const { robot, at } of places) labels.put(robot.name, at, radiusOf(view, robot) + 10, true);
 }
 
-/** Return the colour of a robot: that of its condition. */
+/** Return the colour of a robot: that of its condition; red if a person has to go there. */
 export function colourOf(robot, colours) {
-  return colours[robot.condition.toLowerCase()];
+  return robot.urgent ? colours.error : colours[robot.condition.toLowerCase()];
 }
 
 // The remaining steps of the order, each with the line to its node.
@@ -96,10 +127,11 @@ function radiusOf(view, robot) {
   return Math.hypot(...bodyOf(view, robot)) / 2;
 }
 
-function paintRobot(context, view, robot, [x, y], { selected, colours }) {
+function paintRobot(context, view, robot, [x, y], { selected, colours, jams }) {
   const [length, width] = bodyOf(view, robot);
   context.save();
   context.translate(x, y);
+  if (isMarked(robot, jams)) paintRing(context, reachOf(view, robot, jams), colourOf(robot, colours), robot.urgent);
   if (robot.id === selected) paintHalo(context, radiusOf(view, robot) + 5, colours.accent);
   context.rotate(-robot.position.theta);
   context.globalAlpha = ABSENT.includes(robot.condition) || !robot.position.localized ? 0.55 : 1;
@@ -131,6 +163,21 @@ function paintNose(context, length, width, colour) {
   context.closePath();
   context.fillStyle = colour;
   context.fill();
+}
+
+// Around a robot to which a person has to go (solid) or behind which others wait (dashed).
+function paintRing(context, radius, colour, solid) {
+  context.beginPath();
+  context.arc(0, 0, radius, 0, 2 * Math.PI);
+  context.globalAlpha = 0.25;
+  context.fillStyle = colour;
+  context.fill();
+  context.globalAlpha = 1;
+  context.strokeStyle = colour;
+  context.lineWidth = 3;
+  context.setLineDash(solid ? [] : [5, 4]);
+  context.stroke();
+  context.setLineDash([]);
 }
 
 function paintHalo(context, radius, colour) {

@@ -2,7 +2,8 @@
 
 import { ask } from "../api.js";
 import { number, t } from "../i18n.js";
-import { Labels, trace } from "./plan_painter.js";
+import { Labels } from "./labels.js";
+import { trace } from "./plan_painter.js";
 import { colourOf } from "./robot_painter.js";
 
 const PAUSE = 1000;
@@ -28,11 +29,14 @@ export class TrafficPlan extends EventTarget {
   }
 }
 
-/** Paint what each vehicle holds (solid), what is planned (dashed), when it comes there, and for whom it waits. */
-export function paintTraffic(context, view, scene, texts) {
+/**
+ * Paint what each vehicle holds (solid), what is planned (dashed), when it comes there, and for whom it waits. Times are
+ * left out where they would cover one of the boxes of other labels, `taken`. Returns the labels.
+ */
+export function paintTraffic(context, view, scene, taken) {
   const { plan, robots, colours } = scene;
   const named = new Map(robots.filter((robot) => robot.vehicle).map((robot) => [robot.vehicle.name, robot]));
-  const labels = new Labels(context, view.width, colours, texts);
+  const labels = new Labels(context, view.width, taken);
   const places = new Map();
   for (const vehicle of scene.traffic) {
     const robot = named.get(vehicle.vehicle);
@@ -43,7 +47,9 @@ export function paintTraffic(context, view, scene, texts) {
   const colour = (vehicle) => (named.has(vehicle.vehicle) ? colourOf(named.get(vehicle.vehicle), colours) : colours.muted);
   for (const vehicle of shown) paintWay(context, view, plan, vehicle, places.get(vehicle.vehicle), colour(vehicle));
   for (const vehicle of shown) labelTimes(labels, view, plan, vehicle);
+  labels.paint(colours);
   for (const vehicle of shown) paintWait(context, view, plan, vehicle, places, colours.bad);
+  return labels.placed;
 }
 
 function paintWay(context, view, plan, vehicle, start, colour) {
@@ -72,7 +78,7 @@ function labelTimes(labels, view, plan, vehicle) {
   for (const { point, seconds } of vehicle.ahead) {
     const place = plan.points.get(point);
     if (!place || seconds === null) continue;
-    labels.put(t("age.seconds", { count: number(seconds) }), view.toScreen(place.x, place.y), 14, false);
+    labels.put(t("age.seconds", { count: number(seconds) }), view.toScreen(place.x, place.y), 14);
   }
 }
 

@@ -1,0 +1,107 @@
+"""Who waits behind whom, and the jams: many robots behind one head for long."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from datetime import datetime
+
+from nena_shared.fleet_api.wait_chains import WaitChain, wait_chains
+from nena_status_aggregator.fleet.condition import Condition
+from nena_status_aggregator.fleet.robot import Robot, Timestamp
+
+STUCK = (
+    Condition.OFFLINE,
+    Condition.BROKEN,
+    Condition.SILENT,
+    Condition.MANUAL,
+    Condition.ERROR,
+    Condition.BLOCKED,
+)
+"""Conditions in which a robot does not drive on until a person has done something."""
+
+
+@dataclass(frozen=True, slots=True)
+class JamLimits:
+    """From when on waiting robots are a jam."""
+
+    robots: int = 3
+    """Number of robots behind one head that is no jam yet."""
+    seconds: float = 60.0
+    """Time for which there have to be more."""
+
+
+@dataclass(frozen=True, slots=True)
+class Jam:
+    """Robots that wait behind one head, or in a circle and behind it."""
+
+    end: tuple[str, ...]
+    """The head, or the vehicles of the circle."""
+    circle: bool
+    robots: int
+    since: datetime
+    """Since when there are more than the limit."""
+
+
+class Queues:
+    """The queues of waiting vehicles, by the vehicles' names."""
+
+    def __init__(self, limits: JamLimits) -> None:
+        self.chains: dict[str, WaitChain] = {}
+        """Where the waiting of each waiting vehicle leads."""
+        self._limits = limits
+        self._waits: dict[str, tuple[str, ...]] = {}
+        self._stuck: dict[str, None] = {}
+        self._changed = False
+        self._sizes: Counter[tuple[str, ...]] = Counter()
+        self._long: dict[tuple[str, ...], Timestamp] = {}
+        """Since when queues by their ends have been longer than the limit."""
+
+    def see(self, robot: Robot) -> None:
+        """Note for whom a robot waits, and whether it is stuck."""
+        vehicle = robot.vehicle
+        if vehicle is None:
+            return
+        waiting = robot.condition is Condition.WAITING and vehicle.wait is not None
+        self._note(
+            vehicle.name,
+            vehicle.wait.vehicles if waiting and vehicle.wait else (),
+            stuck=robot.condition in STUCK,
+        )
+
+    def forget(self, name: str) -> None:
+        """Forget a vehicle."""
+        self._note(name, (), stuck=False)
+
+    def line_up(self, at: Timestamp) -> list[str]:
+        """Follow all chains again if anything has changed; return the vehicles with another chain."""
+        if not self._changed:
+            return []
+        self._changed = False
+        before, self.chains = self.chains, wait_chains(self._waits, self._stuck)
+        self._sizes = Counter(chain.end for chain in self.chains.values())
+        long = [end for end, number in self._sizes.items() if number > self._limits.robots]
+        self._long = {end: self._long.get(end, at) for end in long}
+        names = before.keys() | self.chains.keys()
+        return [name for name in names if before.get(name) != self.chains.get(name)]
+
+    def jams(self, at: Timestamp) -> tuple[Jam, ...]:
+        """Return the jams as of the last :meth:`line_up`, the longest queue first."""
+        found = [
+            Jam(end, len(end) > 1, self._sizes[end], since.utc)
+            for end, since in self._long.items()
+            if at.monotonic - since.monotonic >= self._limits.seconds
+        ]
+        return tuple(sorted(found, key=lambda jam: (-jam.robots, jam.end)))
+
+    def _note(self, name: str, waits: tuple[str, ...], *, stuck: bool) -> None:
+        if self._waits.get(name, ()) != waits:
+            self._changed = True
+            self._waits.pop(name, None)
+            if waits:
+                self._waits[name] = waits
+        if (name in self._stuck) is not stuck:
+            self._changed = True
+            self._stuck.pop(name, None)
+            if stuck:
+                self._stuck[name] = None

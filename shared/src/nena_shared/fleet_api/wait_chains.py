@@ -1,0 +1,125 @@
+"""Follows who waits for whom to the vehicle at the head of the queue, or to a circle."""
+
+from __future__ import annotations
+
+from collections import defaultdict, deque
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class WaitChain:
+    """Where the waiting of one vehicle leads."""
+
+    next: str
+    """The vehicle in front of it on the way to the head."""
+    head: str | None
+    """The vehicle that all of them wait for in the end, which waits for nobody; None: a circle."""
+    circle: tuple[str, ...] = ()
+    """The vehicles that wait for each other, each for the one after it; from the first by name."""
+
+    @property
+    def end(self) -> tuple[str, ...]:
+        """The head, or the vehicles of the circle; equal for all vehicles of one queue."""
+        return (self.head,) if self.head is not None else self.circle
+
+
+def wait_chains(
+    waits: Mapping[str, Collection[str]], stuck: Collection[str] = frozenset()
+) -> dict[str, WaitChain]:
+    """Return the chain of each vehicle of ``waits``, which holds for whom each one waits.
+
+    A vehicle that waits for several follows the one that leads to what a person has to clear first: a
+    ``stuck`` vehicle (emergency stop, error, away), then a circle, then any other vehicle; of several the
+    nearest. A vehicle that is stuck heads its queue even if it waits, too; so does one that nothing is
+    known of.
+    """
+    asked = {
+        name: tuple(other for other in others if other != name)
+        for name, others in waits.items()
+        if name not in stuck
+    }
+    asked = {name: others for name, others in asked.items() if others}
+    behind: dict[str, list[str]] = defaultdict(list)
+    for name, others in asked.items():
+        for other in others:
+            behind[other].append(name)
+    chains: dict[str, WaitChain] = {}
+    heads = [name for name in behind if name not in asked]
+    _line_up(chains, behind, (name for name in heads if name in stuck))
+    _find_circles(chains, asked, behind)
+    _line_up(chains, behind, (name for name in heads if name not in stuck))
+    return chains
+
+
+def chain_from(name: str, chains: Mapping[str, WaitChain]) -> tuple[str, ...]:
+    """Return the vehicles from ``name`` to the head, or once around the circle at its end."""
+    found = [name]
+    while (chain := chains.get(found[-1])) and chain.next not in found:
+        found.append(chain.next)
+    return tuple(found)
+
+
+def _line_up(chains: dict[str, WaitChain], behind: Mapping[str, Iterable[str]], heads: Iterable[str]) -> None:
+    """Add the chains of those who wait behind ``heads`` and have none, the nearest first."""
+    row = deque((head, WaitChain(head, head)) for head in heads)
+    _add(chains, behind, row)
+
+
+def _add(
+    chains: dict[str, WaitChain], behind: Mapping[str, Iterable[str]], row: deque[tuple[str, WaitChain]]
+) -> None:
+    while row:
+        name, chain = row.popleft()
+        for other in behind.get(name, ()):
+            if other not in chains:
+                chains[other] = WaitChain(name, chain.head, chain.circle)
+                row.append((other, chain))
+
+
+def _find_circles(
+    chains: dict[str, WaitChain], waits: Mapping[str, Iterable[str]], behind: Mapping[str, Iterable[str]]
+) -> None:
+    """Add the chains of those who have none and wait in a circle, or behind one."""
+    open_ways = _endless(waits, behind, chains.keys())
+    following = {name: next(each for each in waits[name] if each in open_ways) for name in open_ways}
+    for circle in tuple(_circles(following)):
+        row = deque[tuple[str, WaitChain]]()
+        for name in circle:
+            chains[name] = WaitChain(following[name], None, circle)
+            row.append((name, chains[name]))
+        _add(chains, behind, row)
+
+
+def _endless(
+    waits: Mapping[str, Iterable[str]], behind: Mapping[str, Iterable[str]], known: Collection[str]
+) -> dict[str, None]:
+    """Return the vehicles from which the waiting leads on and on; ``known`` ones are left out."""
+    left = {name: None for name in waits if name not in known}
+    count = {name: sum(each in left for each in waits[name]) for name in left}
+    ends = deque(name for name, number in count.items() if not number)
+    while ends:
+        name = ends.popleft()
+        del left[name]
+        for other in behind.get(name, ()):
+            if other in left:
+                count[other] -= 1
+                if not count[other]:
+                    ends.append(other)
+    return left
+
+
+def _circles(following: Mapping[str, str]) -> Iterator[tuple[str, ...]]:
+    """Yield the circles to which the steps of ``following`` lead."""
+    seen: set[str] = set()
+    for start in following:
+        way: dict[str, int] = {}
+        name = start
+        while name not in seen:
+            seen.add(name)
+            way[name] = len(way)
+            name = following[name]
+        if name in way:
+            circle = list(way)[way[name] :]
+            first = circle.index(min(circle))
+            yield (*circle[first:], *circle[:first])

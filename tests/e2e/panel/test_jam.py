@@ -1,0 +1,264 @@
+"""A jam in a real browser: who waits for whom, to the head, and an order service that dies."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from playwright.async_api import Browser, Page, expect
+
+from nena_shared.fleet_api.service_status import ServiceStatus
+from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
+from nena_shared.fleet_api.transport_order import DriveOrderState, TransportOrderState
+from nena_shared.vda5050.topics import RobotKey, Topic
+from support.aggregator_process import AggregatorProcess
+from support.broker import Broker, free_port
+from support.fleet_examples import (
+    START,
+    connection,
+    drive_order,
+    position,
+    state,
+    vehicle_status,
+    way,
+)
+from support.order_service_fleet import Fleet, listening
+from support.panel import (
+    COLOUR_NEAR,
+    LABELS,
+    OVERLAPPING,
+    Hall,
+    becomes,
+    findings,
+    opened,
+    picture,
+    seconds_now,
+)
+
+pytestmark = [pytest.mark.e2e, pytest.mark.broker]
+
+STOP = {"safety_state": {"active_emergency_stop": "MANUAL", "field_violation": False}}
+JAM = ("--jam.robots", "3", "--jam.seconds", "0.1")
+
+
+def robot(hall: Hall, number: int, x: float, y: float, *behind: int, **fields: Any) -> None:
+    """Publish a robot that stands, and its vehicle: one ``behind`` others has the order T-number."""
+    key, name = RobotKey("ACME", f"r{number:02}"), f"AMR-{number:02}"
+    hall.send(Topic.CONNECTION, connection(robot=key), robot=key, retain=True)
+    shown = {"mobile_robot_position": position(x, y), "last_node_id": "Middle 2", **fields}
+    hall.send(Topic.STATE, state(robot=key, at=seconds_now(), **shown), robot=key)
+    wait = None
+    if behind:
+        names = tuple(f"AMR-{each:02}" for each in behind)
+        reason = f"it waits for {names[0]}, which passes 'Middle 2' first"
+        wait = TrafficWait(vehicles=names, at="Middle 2", cause=WaitCause.PASSES, reason=reason)
+        hall.publish_order(
+            1,
+            TransportOrderState.BEING_PROCESSED,
+            f"T-{number}",
+            processing_vehicle=name,
+            reason=f"Vehicle {name} travels to destination 2 of 2, but {reason}",
+            drive_orders=(
+                drive_order("Goods in", "Load", DriveOrderState.FINISHED, ("A", "B")),
+                drive_order("Packing", "Unload", DriveOrderState.TRAVELLING, ("B", "C")),
+            ),
+            current_drive_order_index=1,
+        )
+    status = vehicle_status(name, robot=key, transport_order=f"T-{number}" if behind else None, wait=wait)
+    body = status.model_dump_json(by_alias=True)
+    hall.peer.publish(hall.fleet.vehicle_status(key.serial_number), body, retain=True)
+
+
+def jam(hall: Hall) -> None:
+    """Let robots stand in a queue behind AMR-17, which has an emergency stop, and others work."""
+    hall.publish_plant()
+    robot(hall, 17, 12, 7, **STOP)
+    robot(hall, 15, 9, 7, 17, order_id="vda-15", **way("Middle gate", released=0))
+    robot(hall, 1, 7.5, 7, 15)
+    robot(hall, 2, 6, 7, 1)
+    robot(hall, 3, 4.5, 7, 2)
+    robot(hall, 4, 3, 7, 3)
+    robot(hall, 5, 15, 12)
+    robot(hall, 6, 21, 2, paused=True)
+    robot(hall, 7, 9, 12, driving=True, order_id="vda-7", **way("North 1", "Middle 1"))
+
+
+def row(page: Page, number: int) -> Any:
+    return page.locator(f"tr[data-robot='ACME/r{number:02}']")
+
+
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+async def test_a_jam_is_led_to_its_head(hall: Hall, browser: Browser, *, dark: bool) -> None:
+    with hall.aggregator(*JAM) as aggregator:
+        await aggregator.logged("broker connected")
+        jam(hall)
+        async with opened(browser, hall.url, width=1600, height=1000, dark=dark) as page:
+            header = page.locator("nena-fleet-summary")
+            await expect(header).to_contain_text("AMR-17: Emergency stop")
+            await expect(header).to_contain_text("Jam behind AMR-17: 5")
+            await expect(header).to_contain_text("5 Waiting")
+            await expect(header).to_contain_text("1 Idle")
+            await expect(page.locator("tr[data-robot]").first).to_contain_text("AMR-17")
+            await expect(row(page, 17)).to_contain_text("Emergency stop")
+            waiting = row(page, 1)
+            await expect(waiting).to_contain_text("Waits for AMR-15 to pass Middle 2.")
+            await expect(waiting).to_contain_text("Head of queue: AMR-17 (Emergency stop)")
+            await expect(waiting.locator(".order")).to_have_text("T-1")
+            await expect(waiting.get_by_role("progressbar")).to_have_attribute("value", "50")
+            await becomes(page, LABELS, None, lambda labels: "AMR-17 (jam: 5)" in labels)
+            await becomes(page, COLOUR_NEAR, [12, 7, "error"], lambda found: found > 20)
+            await becomes(page, COLOUR_NEAR, [7.5, 7, "waiting"], lambda found: found > 20)
+            await becomes(page, COLOUR_NEAR, [21, 2, "blocked"], lambda found: found > 20)
+            assert await page.evaluate(OVERLAPPING) == []
+            await picture(page, "dark" if dark else "jam")
+            assert await findings(page) == []
+            await waiting.get_by_role("link", name="AMR-01").click()
+            causes = page.locator("nena-robot-page .causes li")
+            await expect(causes.nth(0)).to_contain_text("Waiting: Waits for AMR-15 to pass Middle 2.")
+            await expect(causes.nth(1)).to_contain_text("AMR-15 (Waiting): Waits for AMR-17")
+            await expect(causes.nth(2)).to_contain_text("AMR-17 (Emergency stop): Emergency stop active")
+            await expect(causes.nth(3)).to_contain_text("T-1")
+            if not dark:
+                await picture(page, "queue")
+            assert await findings(page) == []
+            await causes.nth(2).get_by_role("link").click()
+            await expect(page.locator("nena-robot-page h2")).to_have_text("AMR-17")
+
+
+async def test_a_circle_is_named(hall: Hall, browser: Browser) -> None:
+    with hall.aggregator("--jam.robots", "2", "--jam.seconds", "0.1") as aggregator:
+        await aggregator.logged("broker connected")
+        hall.publish_plant()
+        for number, other in ((1, 2), (2, 3), (3, 1)):
+            robot(hall, number, 3.0 * number, 7, other)
+        async with opened(browser, hall.url) as page:
+            header = page.locator("nena-fleet-summary")
+            await expect(header).to_contain_text("Jam in a circle (AMR-01, AMR-02, AMR-03): 3")
+            await expect(row(page, 2)).to_contain_text("Wait in a circle: AMR-01, AMR-02, AMR-03")
+            await row(page, 2).get_by_role("link", name="AMR-02").click()
+            causes = page.locator("nena-robot-page .causes")
+            await expect(causes).to_contain_text("AMR-03 (Waiting): Waits for AMR-01")
+            await expect(causes).to_contain_text("These robots wait for each other in a circle")
+            robot(hall, 1, 3.0, 7)
+            await expect(header).not_to_contain_text("Jam")
+
+
+async def test_an_idle_robot_shows_no_old_goals_and_no_internal_orders(hall: Hall, browser: Browser) -> None:
+    goals = tuple(
+        {
+            "info_type": "goal",
+            "info_level": "INFO",
+            "info_references": (
+                {"reference_key": "goalId", "reference_value": str(number)},
+                {"reference_key": "status", "reference_value": status},
+            ),
+        }
+        for number, status in enumerate(("ABORTED", "ABORTED", "SUCCEEDED"))
+    )
+    with hall.aggregator() as aggregator:
+        await aggregator.logged("broker connected")
+        hall.publish_plant()
+        robot(hall, 1, 3, 7, order_id="evasion-7f37e9cd", information=goals)
+        robot(hall, 2, 9, 7, order_id="vda-2", information=goals, **way("Middle 3"))
+        async with opened(browser, hall.url) as page:
+            await expect(row(page, 1)).to_contain_text("Idle")
+            await row(page, 1).get_by_role("link").click()
+            shown = page.locator("nena-robot-page")
+            await expect(shown).to_contain_text("Localised")
+            for text in ("evasion-", "100 %", "aborted", "Navigation goals"):
+                await expect(shown.locator(f"section:visible:has-text('{text}')")).to_have_count(0)
+            await page.goto(hall.url + "#/robots/ACME%2Fr02")
+            await expect(shown.get_by_role("heading", name="Navigation goals")).to_be_visible()
+
+
+async def test_labels_of_a_crowd_do_not_overlap(hall: Hall, browser: Browser) -> None:
+    with hall.aggregator() as aggregator:
+        await aggregator.logged("broker connected")
+        hall.publish_plant()
+        for number in range(40):
+            robot(hall, number, 9 + number % 8, 6 + number // 8 / 2)
+        async with opened(browser, hall.url) as page:
+            await expect(page.locator("tr[data-robot]")).to_have_count(40)
+            await becomes(page, LABELS, None, lambda labels: any(each.startswith("AMR") for each in labels))
+            labels = await page.evaluate(LABELS)
+            assert "North 1" in labels
+            assert await page.evaluate(OVERLAPPING) == []
+            await page.locator("nena-fleet-map canvas").focus()
+            for _ in range(6):
+                await page.keyboard.press("+")
+                await becomes(page, OVERLAPPING, None, lambda pairs: pairs == [])
+            await becomes(page, LABELS, None, lambda shown: set(shown) != set(labels))
+
+
+async def test_a_dead_order_service_is_told_by_a_red_banner(
+    broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
+) -> None:
+    fleet, port = Fleet(broker, interface_name, tmp_path), free_port()
+    options = ("--interface_name", interface_name, "--topic_prefix", fleet.prefix)
+    with (
+        fleet.stack,
+        AggregatorProcess("--http.port", str(port), "--mqtt.port", str(broker.port), *options) as aggregator,
+    ):
+        await aggregator.logged("broker connected")
+        service = fleet.order_service()
+        async with await service.client() as orders:
+            await listening(orders)
+        async with opened(browser, f"http://127.0.0.1:{port}/") as page:
+            banner = page.locator("nena-link-banner")
+            up = "document.querySelector('nena-fleet-map').store?.orderService.up"
+            await becomes(page, up, None, lambda found: found is True)
+            await expect(banner).to_be_hidden()
+            service.kill()
+            await expect(banner).to_contain_text("The order service is down; its last sign of life was at")
+            await expect(banner).to_have_attribute("data-level", "bad")
+            await expect(page.locator("body")).to_have_class("orders-old")
+            fleet.order_service(name="second")
+            await expect(banner).to_be_hidden()
+            await expect(page.locator("body")).not_to_have_class("orders-old")
+
+
+async def test_reasons_of_a_dead_order_service_are_shown_as_old(hall: Hall, browser: Browser) -> None:
+    with hall.aggregator() as aggregator:
+        await aggregator.logged("broker connected")
+        jam(hall)
+        dead = ServiceStatus(online=False, timestamp=START, store_ready=False)
+        hall.peer.publish(hall.fleet.service_status, dead.model_dump_json(by_alias=True), retain=True)
+        async with opened(browser, hall.url, width=1600, height=1000) as page:
+            await expect(page.locator("nena-link-banner")).to_contain_text("The order service is down.")
+            reason = row(page, 1).locator(".reason")
+            await expect(reason).to_have_css("font-style", "italic")
+            await expect(row(page, 17).locator(".reason")).to_have_css("font-style", "normal")
+            await expect(page.locator("tr[data-order='T-1'] .reason").first).to_have_css(
+                "font-style", "italic"
+            )
+            assert await findings(page) == []
+            await picture(page, "order-service-down")
+            await page.goto(hall.url + "#/robots/ACME%2Fr01")
+            causes = page.locator("nena-robot-page .causes")
+            await expect(causes).to_contain_text(
+                "The order service is down; its orders and reasons are out of date."
+            )
+            assert await findings(page) == []
+
+
+@pytest.mark.parametrize(
+    ("language", "words"),
+    [
+        ("de-DE", ("Stau hinter AMR-17: 5", "Not-Halt", "Wartet", "Ganz vorn: AMR-17 (Not-Halt)")),
+        ("nl-NL", ("File achter AMR-17: 5", "Noodstop", "Wacht", "Vooraan: AMR-17 (Noodstop)")),
+    ],
+)
+async def test_a_jam_is_told_in_the_users_language(
+    hall: Hall, browser: Browser, language: str, words: tuple[str, ...]
+) -> None:
+    with hall.aggregator(*JAM) as aggregator:
+        await aggregator.logged("broker connected")
+        jam(hall)
+        async with opened(browser, hall.url, width=390, language=language) as page:
+            summary, urgent, waiting, head = words
+            await expect(page.locator("nena-fleet-summary")).to_contain_text(summary)
+            await expect(row(page, 17)).to_contain_text(urgent)
+            await expect(row(page, 1)).to_contain_text(waiting)
+            await expect(row(page, 1)).to_contain_text(head)
+            assert await page.evaluate("document.documentElement.scrollWidth") <= 390

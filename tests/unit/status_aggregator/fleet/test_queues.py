@@ -1,0 +1,168 @@
+"""Queues and jams of the fleet model, from statuses to views."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+from typing import Any
+
+from nena_shared.clock import iso
+from nena_shared.fleet_api.service_status import LOST_AFTER, ServiceStatus
+from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
+from nena_shared.vda5050.connection import ConnectionState
+from nena_shared.vda5050.topics import RobotKey
+from nena_status_aggregator.fleet.model import FleetModel, ModelLimits
+from nena_status_aggregator.fleet.queues import JamLimits
+from nena_status_aggregator.fleet.views import FleetView, WaitView
+from support.fleet_examples import START, connection, timestamp, vehicle_status
+from support.fleet_records import state
+
+LIMITS = ModelLimits(jam=JamLimits(robots=2, seconds=20))
+STOP = {"safety_state": {"active_emergency_stop": "MANUAL", "field_violation": False}}
+
+
+class Site:
+    """A model, and vehicles V-1, V-2, ... of it."""
+
+    def __init__(self) -> None:
+        self.model = FleetModel(LIMITS)
+        self.now = 0.0
+        self._header = 0
+
+    def robot(self, number: int, *behind: int, **fields: Any) -> None:
+        """Let a robot stand, with an order if it waits ``behind`` others."""
+        key = RobotKey("ACME", f"r{number}")
+        at, self._header = timestamp(self.now), self._header + 1
+        self.model.on_connection(key, connection(robot=key), at)
+        self.model.on_state(key, state(self._header, robot=key, at=self.now, **fields), at)
+        names = tuple(f"V-{each}" for each in behind)
+        wait = (
+            TrafficWait(vehicles=names, at="B", cause=WaitCause.PASSES, reason="it waits") if names else None
+        )
+        order = f"T-{number}" if names else None
+        self.model.on_vehicle_status(
+            vehicle_status(f"V-{number}", robot=key, transport_order=order, wait=wait), at
+        )
+
+    def pass_time(self, seconds: float) -> None:
+        self.now += seconds
+
+    def view(self) -> FleetView:
+        self.model.flush(timestamp(self.now))
+        return self.model.snapshot()
+
+    def wait(self, number: int) -> WaitView:
+        """Return where the waiting of a vehicle leads."""
+        (found,) = [each for each in self.view()["robots"] if each["name"] == f"V-{number}"]
+        assert found["vehicle"]
+        assert found["vehicle"]["wait"]
+        return found["vehicle"]["wait"]
+
+    def jams(self) -> list[tuple[str | None, list[str], int]]:
+        return [(each["head"], each["circle"], each["robots"]) for each in self.view()["jams"]]
+
+
+def test_a_chain_leads_to_the_robot_with_the_emergency_stop() -> None:
+    site = Site()
+    site.robot(1, 15)
+    site.robot(15, 17)
+    site.robot(17, **STOP)
+    assert (site.wait(1)["next"], site.wait(1)["head"]) == ("V-15", "V-17")
+    assert (site.wait(15)["next"], site.wait(15)["head"]) == ("V-17", "V-17")
+
+
+def test_a_chain_changes_with_a_robot_further_ahead() -> None:
+    site = Site()
+    site.robot(1, 2)
+    site.robot(2)
+    assert site.wait(1)["head"] == "V-2"
+    site.robot(2, 3)
+    assert site.wait(1)["head"] == "V-3"
+
+
+def test_a_robot_with_an_emergency_stop_heads_its_queue_whatever_it_waits_for() -> None:
+    site = Site()
+    site.robot(1, 2)
+    site.robot(2, 3, **STOP)
+    site.robot(3)
+    assert site.wait(1)["head"] == "V-2"
+    assert site.wait(2)["next"] is None
+
+
+def test_a_robot_that_is_away_or_unknown_heads_its_queue() -> None:
+    site = Site()
+    site.robot(1, 2)
+    assert site.wait(1)["head"] == "V-2"
+    site.robot(2, 1)
+    assert site.wait(1)["circle"] == ["V-1", "V-2"]
+    key = RobotKey("ACME", "r2")
+    site.model.on_connection(key, connection(ConnectionState.OFFLINE, robot=key), timestamp(site.now))
+    assert (site.wait(1)["head"], site.wait(1)["circle"]) == ("V-2", [])
+
+
+def test_robots_that_wait_in_a_circle_are_named() -> None:
+    site = Site()
+    site.robot(1, 2)
+    site.robot(2, 3)
+    site.robot(3, 1)
+    assert (site.wait(2)["head"], site.wait(2)["circle"]) == (None, ["V-1", "V-2", "V-3"])
+    site.pass_time(20)
+    assert site.jams() == [(None, ["V-1", "V-2", "V-3"], 3)]
+
+
+def test_more_robots_than_the_limit_for_long_are_a_jam() -> None:
+    site = Site()
+    site.robot(1, 2)
+    site.robot(2, 3)
+    site.robot(3)
+    site.view()
+    site.pass_time(600)
+    site.robot(1, 2)
+    site.robot(2, 3)
+    site.robot(3)
+    assert site.jams() == []
+    site.robot(4, 3)
+    assert site.jams() == []
+    site.pass_time(19)
+    assert site.jams() == []
+    site.pass_time(1)
+    assert site.jams() == [("V-3", [], 3)]
+    assert site.view()["jams"][0]["since"] == iso(START + timedelta(seconds=600))
+
+
+def test_a_jam_ends_when_its_robots_go_on() -> None:
+    site = Site()
+    for number in (1, 2, 4):
+        site.robot(number, 3)
+    site.robot(3, **STOP)
+    site.view()
+    site.pass_time(20)
+    assert site.jams() == [("V-3", [], 3)]
+    site.robot(4)
+    assert site.jams() == []
+    site.robot(4, 3)
+    assert site.jams() == []
+
+
+def test_a_robot_that_drives_is_no_part_of_a_queue() -> None:
+    site = Site()
+    site.robot(1, 2, driving=True)
+    assert site.wait(1)["next"] is None
+
+
+def service(*, online: bool, at: float) -> ServiceStatus:
+    return ServiceStatus(online=online, timestamp=START + timedelta(seconds=at), store_ready=online)
+
+
+def test_a_dead_order_service_is_published_with_its_last_sign_of_life() -> None:
+    site = Site()
+    assert site.view()["orderService"] == {"up": None, "lastSign": None}
+    site.model.on_service_status(service(online=True, at=0), timestamp(0), retained=False)
+    assert site.view()["orderService"] == {"up": True, "lastSign": None}
+    site.pass_time(1)
+    site.model.on_service_status(service(online=False, at=0), timestamp(1), retained=False)
+    assert site.view()["orderService"] == {"up": False, "lastSign": iso(START)}
+    site.model.on_service_status(service(online=True, at=2), timestamp(2), retained=False)
+    site.pass_time(1 + LOST_AFTER)
+    assert site.view()["orderService"] == {"up": False, "lastSign": iso(START + timedelta(seconds=2))}
+    site.model.on_link(connected=False, at=timestamp(site.now))
+    assert site.view()["orderService"] == {"up": None, "lastSign": None}
