@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from typing import Any, Generic, Self, TypeVar
 
+from nena_shared import ros
 from support.waiting import wait_until
 
 ROS_ENVIRONMENT = {
@@ -40,8 +41,6 @@ from rclpy.node import Node  # noqa: E402
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy  # noqa: E402
 from rclpy.signals import SignalHandlerOptions  # noqa: E402
 
-from nena_edge_agent.nav2 import session  # noqa: E402 - the environment comes first
-from nena_robot_simulator import session as simulator_session  # noqa: E402
 from support.waiting import PATIENCE  # noqa: E402
 
 T = TypeVar("T")
@@ -125,7 +124,7 @@ def own_domain_id(count: int = 1) -> Iterator[int]:
     had only other processes in it leaves a participant there, which sees when they have gone. From the first
     one on, agents and simulators in this process share its participants; programs that tests start do not.
     """
-    session.joined_domain = simulator_session.joined_domain = _kept_domain
+    ros.joined_domain = _kept_domain
     domain_id = next((each for each in _free if _participants[each].alone), None) if count == 1 else None
     if domain_id is None:
         domain_id = _reserve(count)

@@ -7,13 +7,13 @@ import os
 import socket
 import sys
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
-from contextlib import asynccontextmanager, suppress
+from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from nena_shared.log import configure, get_logger
 from nena_shared.settings import ConfigurationError, S, load
-from nena_shared.tasks import TaskFailedError, end, stop_on_signals
+from nena_shared.tasks import TaskFailedError, end, set_within, stop_on_signals
 
 log = get_logger(__name__)
 
@@ -89,18 +89,15 @@ async def _give_signs(supervision: Supervision, stop: asyncio.Event) -> None:
             if well:
                 log.warning("cannot notify the watchdog", reason=str(error))
             well = False
-        news = "STOPPING=1" if await _set_within(supervision.period, stop) else ""
+        news = "STOPPING=1" if await _stopped_within(supervision.period, stop) else ""
 
 
-async def _set_within(seconds: float, stop: asyncio.Event) -> bool:
+async def _stopped_within(seconds: float, stop: asyncio.Event) -> bool:
     """Wait ``seconds``; return whether ``stop`` was set in that time."""
     if stop.is_set():
         await asyncio.sleep(seconds)
         return False
-    with suppress(TimeoutError):
-        async with asyncio.timeout(seconds):
-            await stop.wait()
-    return stop.is_set()
+    return await set_within(stop, seconds)
 
 
 EXIT_FAILED = 1

@@ -114,6 +114,16 @@ def end_if_cancelled() -> None:
         raise asyncio.CancelledError
 
 
+async def set_within(event: asyncio.Event, seconds: float) -> bool:
+    """Wait until an event is set, but at most this long; return whether it is."""
+    try:
+        async with asyncio.timeout(seconds):
+            await event.wait()
+    except TimeoutError:
+        return False
+    return True
+
+
 async def forever(name: str, work: Callable[[], Awaitable[None]], *, pause: float = 1.0) -> None:
     """Do ``work`` again and again; a failure is logged and answered with a pause, in seconds."""
     while True:

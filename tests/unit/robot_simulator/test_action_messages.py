@@ -9,9 +9,10 @@ from geometry_msgs.msg import PoseStamped
 
 from nena_robot_simulator import messages
 from nena_robot_simulator.action_server import action_types
-from nena_robot_simulator.goals import Action, GoalEntry, GoalStatus
+from nena_robot_simulator.goals import Action, GoalEntry
 from nena_robot_simulator.motion import Pose
 from nena_robot_simulator.robot import Feedback
+from nena_shared.ros import GoalStatus
 from support.action_types import needs_action_types
 
 pytestmark = [pytest.mark.ros, needs_action_types]

@@ -6,8 +6,9 @@ import pytest
 
 from nena_robot_simulator import faults
 from nena_robot_simulator.faults import Faults, Lasting, disturbed, parse
-from nena_robot_simulator.goals import GoalEntry, GoalStatus
+from nena_robot_simulator.goals import GoalEntry
 from nena_robot_simulator.motion import Pose
+from nena_shared.ros import GoalStatus
 
 
 @pytest.mark.parametrize(

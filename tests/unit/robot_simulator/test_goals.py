@@ -8,13 +8,13 @@ from nena_robot_simulator.goals import (
     ANY_GOAL,
     CancelCode,
     GoalEntry,
-    GoalStatus,
     GoalTransitionError,
     Snapshot,
     StatusArray,
     answer_cancel,
     of_several,
 )
+from nena_shared.ros import GoalStatus
 
 
 @pytest.mark.parametrize(("code", "expected"), [(208, 308), (204, 304), (105, 105), (0, 0), (309, 309)])

@@ -7,9 +7,10 @@ import pytest
 from geometry_msgs.msg import Pose as PoseMessage
 
 from nena_robot_simulator import messages
-from nena_robot_simulator.goals import GoalEntry, GoalStatus
+from nena_robot_simulator.goals import GoalEntry
 from nena_robot_simulator.motion import Pose
 from nena_robot_simulator.sensors import Battery
+from nena_shared.ros import GoalStatus
 
 pytestmark = pytest.mark.ros
 

@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from nena_robot_simulator.motion import OCCUPIED, GridMap, Limits, Motion, Pose, hall, step, wrap, yaw_of
+from nena_robot_simulator.motion import OCCUPIED, GridMap, Limits, Motion, Pose, hall, step
+from nena_shared.ros import wrap, yaw_of
 
 metres = st.floats(-1000, 1000)
 poses = st.builds(Pose, metres, metres, st.floats(-10, 10).map(wrap))

@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 from hypothesis.stateful import Bundle, RuleBasedStateMachine, invariant, multiple, rule
 
 from nena_robot_simulator import goals
-from nena_robot_simulator.goals import GoalStatus, StatusArray
+from nena_robot_simulator.goals import StatusArray
 from nena_robot_simulator.motion import Pose
 from nena_robot_simulator.navigator import PLAN_PARTS, Drive, DriveFailure, Goal, Navigator, Progress, Target
+from nena_shared.ros import GoalStatus
 from support.examples import EXAMPLES
 
 HALTING = 0.03

@@ -8,7 +8,7 @@ from typing import Protocol
 
 from nena_shared.log import get_logger
 from nena_shared.program import StartError
-from nena_shared.tasks import Supervisor, TaskFailedError
+from nena_shared.tasks import Supervisor, TaskFailedError, set_within
 
 log = get_logger(__name__)
 
@@ -56,7 +56,7 @@ async def _keep_up(
         if attempt < restarts:
             seconds = min(pause * 2**attempt, LONGEST_PAUSE)
             log.info("restarting robot", robot=name, in_seconds=seconds, restarts_left=restarts - attempt)
-            if await _stopped_within(seconds, stop):
+            if await set_within(stop, seconds):
                 return
     log.error("robot abandoned; the others continue", robot=name, starts=restarts + 1)
 
@@ -72,12 +72,3 @@ async def _run(name: str, make: Callable[[], Robot], stop: asyncio.Event) -> boo
     else:
         return True
     return False
-
-
-async def _stopped_within(seconds: float, stop: asyncio.Event) -> bool:
-    try:
-        async with asyncio.timeout(seconds):
-            await stop.wait()
-    except TimeoutError:
-        return False
-    return True

@@ -22,6 +22,7 @@ from nena_edge_agent.protocol.events import (
     StartAction,
     ZoneSetReceived,
 )
+from nena_shared.tasks import set_within
 
 MESSAGE_LIMIT = 100
 """Messages of fleet control that may wait."""
@@ -81,11 +82,7 @@ class Mailbox:
         if self._filled.is_set() or seconds <= 0:
             await asyncio.sleep(0)
             return
-        try:
-            async with asyncio.timeout(seconds):
-                await self._filled.wait()
-        except TimeoutError:
-            return
+        await set_within(self._filled, seconds)
 
     def _keep_order(self, event: Event) -> None:
         """Put ``event`` after the pose that came before it: an arrival is judged by its own pose."""

@@ -15,7 +15,7 @@ from nena_robot_simulator.settings import SimulatorSettings
 from nena_shared import log as logging
 from nena_shared.clock import SystemClock
 from nena_shared.program import StartError, run
-from nena_shared.tasks import TaskFailedError
+from nena_shared.tasks import TaskFailedError, set_within
 
 if TYPE_CHECKING:
     from nena_robot_simulator.node import RobotNode
@@ -83,11 +83,7 @@ async def _wait(robots: Sequence[RobotNode], stop: asyncio.Event) -> None:
     while not stop.is_set():
         if not all(robot.alive for robot in robots):
             raise TaskFailedError("a robot's ROS thread")
-        try:
-            async with asyncio.timeout(CHECK_PERIOD):
-                await stop.wait()
-        except TimeoutError:
-            continue
+        await set_within(stop, CHECK_PERIOD)
 
 
 if __name__ == "__main__":

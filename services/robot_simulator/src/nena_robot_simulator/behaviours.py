@@ -11,11 +11,11 @@ from uuid import UUID
 from action_msgs.srv import CancelGoal
 
 from nena_robot_simulator import messages
-from nena_robot_simulator.goals import GoalStatus as Status
-from nena_robot_simulator.offers import interface
 from nena_robot_simulator.robot import Robot
 from nena_robot_simulator.session import RosSession
 from nena_shared.log import get_logger
+from nena_shared.ros import GoalStatus as Status
+from nena_shared.ros import interface
 
 log = get_logger(__name__)
 

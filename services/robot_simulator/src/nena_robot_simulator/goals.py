@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from enum import IntEnum, StrEnum
 from uuid import UUID
 
+from nena_shared.ros import GoalStatus
+
 
 class Action(StrEnum):
     """The actions of bt_navigator, each with its own server; the value is the name in the ROS graph."""
@@ -38,18 +40,6 @@ def of_several(code: int) -> int:
     """Return the NavigateThroughPoses counterpart of a code."""
     by_planner = code // THROUGH_POSES == ErrorCode.NO_VALID_PATH // THROUGH_POSES
     return code + THROUGH_POSES if by_planner else code
-
-
-class GoalStatus(IntEnum):
-    """action_msgs/GoalStatus."""
-
-    UNKNOWN = 0
-    ACCEPTED = 1
-    EXECUTING = 2
-    CANCELING = 3
-    SUCCEEDED = 4
-    CANCELED = 5
-    ABORTED = 6
 
 
 _NEXT: dict[GoalStatus, frozenset[GoalStatus]] = {

@@ -19,10 +19,11 @@ from nav_msgs.msg import OccupancyGrid, Odometry, Path
 from sensor_msgs.msg import BatteryState
 
 from nena_robot_simulator.goals import Action, GoalEntry
-from nena_robot_simulator.motion import GridMap, Pose, yaw_of
+from nena_robot_simulator.motion import GridMap, Pose
 from nena_robot_simulator.navigator import Goal
 from nena_robot_simulator.robot import Feedback
 from nena_robot_simulator.sensors import Battery, Estimate, Scale
+from nena_shared.ros import yaw_of
 
 SECOND = 1_000_000_000
 X_VARIANCE, Y_VARIANCE, YAW_VARIANCE = 0, 7, 35

@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+from nena_shared.ros import wrap
+
 
 class Pose(NamedTuple):
     """A place and a heading; ``yaw`` in (-pi, pi]."""
@@ -35,19 +37,6 @@ class Pose(NamedTuple):
         """Return the inverse transform: ``pose.then(pose.inverse())`` is the origin."""
         cos, sin = math.cos(self.yaw), math.sin(self.yaw)
         return Pose(-cos * self.x - sin * self.y, sin * self.x - cos * self.y, wrap(-self.yaw))
-
-
-def wrap(angle: float) -> float:
-    """Normalise an angle (rad) to (-pi, pi]."""
-    return math.pi - (math.pi - angle) % math.tau
-
-
-def yaw_of(x: float, y: float, z: float, w: float) -> float | None:
-    """Yaw of a quaternion of either sign; none when it is no unit quaternion (1 % off is forgiven)."""
-    norm = math.hypot(x, y, z, w)
-    if not math.isfinite(norm) or abs(norm - 1.0) > 0.01:  # noqa: PLR2004 - said in the docstring
-        return None
-    return wrap(math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
 
 
 FREE = 0

@@ -22,8 +22,9 @@ from itertools import pairwise
 from typing import NamedTuple
 from uuid import UUID
 
-from nena_robot_simulator.goals import ErrorCode, GoalStatus, StatusArray
-from nena_robot_simulator.motion import Pose, wrap
+from nena_robot_simulator.goals import ErrorCode, StatusArray
+from nena_robot_simulator.motion import Pose
+from nena_shared.ros import GoalStatus, wrap
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from functools import partial
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +17,7 @@ from nena_robot_simulator.motion import FREE, OCCUPIED, GridMap
 from nena_robot_simulator.robot import Robot
 from nena_robot_simulator.servers import Server
 from nena_robot_simulator.session import RosSession
+from nena_shared.ros import interface
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -79,15 +79,6 @@ LATCHED = QoSProfile(
 )
 TRANSFORMS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
-
-
-def interface(name: str) -> Any | None:  # noqa: ANN401 - rclpy carries no types
-    """Return the type of a name such as ``nav2_msgs/msg/SpeedLimit``; None if it is not installed."""
-    package, kind, type_name = name.split("/")
-    try:
-        return getattr(import_module(f"{package}.{kind}"), type_name, None)
-    except ImportError:
-        return None
 
 
 def map_services(servers: ServerEndpoints, use: Callable[[GridMap], Any]) -> list[Any]:

@@ -6,7 +6,8 @@ import random
 from dataclasses import dataclass
 from typing import Literal
 
-from nena_robot_simulator.motion import Pose, wrap
+from nena_robot_simulator.motion import Pose
+from nena_shared.ros import wrap
 
 Scale = Literal["fraction", "percent"]
 

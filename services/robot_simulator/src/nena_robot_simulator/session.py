@@ -10,32 +10,19 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from typing import Any
 
-import rclpy
 from rclpy.clock import Clock, ClockType
-from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rclpy.service import Service
-from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
+from nena_shared import ros
 from nena_shared.log import get_logger
 
 log = get_logger(__name__)
-
-
-@contextmanager
-def joined_domain(domain_id: int) -> Iterator[Context]:
-    """Join a ROS domain with a participant of its own; its nodes must have been destroyed before the end."""
-    context = Context()
-    rclpy.init(args=[], context=context, domain_id=domain_id, signal_handler_options=SignalHandlerOptions.NO)
-    try:
-        yield context
-    finally:
-        context.try_shutdown()
 
 
 class RosSession:
@@ -44,7 +31,7 @@ class RosSession:
     def __init__(self, name: str, *, node_name: str, namespace: str, domain_id: int) -> None:
         self._name = name
         self._joined = ExitStack()
-        context = self._joined.enter_context(joined_domain(domain_id))
+        context = self._joined.enter_context(ros.joined_domain(domain_id))
         self._node = Node(
             node_name,
             context=context,

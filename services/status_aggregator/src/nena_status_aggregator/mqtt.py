@@ -27,7 +27,6 @@ from nena_shared.vda5050.deviations import Deviations
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.malformed import MalformedMessageError, problems_of
 from nena_shared.vda5050.message_reader import MessageReader
-from nena_shared.vda5050.repair import Repair
 from nena_shared.vda5050.robot_sources import RobotSources
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
@@ -79,7 +78,7 @@ class FleetSubscriber:
         model.statistics.repaired = deviations.totals
         self._undated: dict[tuple[RobotKey, MessageKind], messages.Sequence] = {}
         """Of topics with timestamps that cannot be read."""
-        self._reader = MessageReader(partial(_note_repairs, deviations), strict=settings.strict)
+        self._reader = MessageReader(deviations.note_message, strict=settings.strict)
         self.mqtt = MqttLink(
             settings.mqtt,
             # several aggregators may use one broker; client IDs must be unique
@@ -247,12 +246,6 @@ class FleetSubscriber:
             self._problems.clear()
         self._problems[topic] = problem
         log.warning("unreadable message", topic=topic, robot=str(key) if key else None, problem=problem)
-
-
-def _note_repairs(deviations: Deviations, topic: str, repairs: tuple[Repair, ...]) -> None:
-    """Count the repairs of one message; the last levels of its topic name the robot."""
-    *_, manufacturer, serial_number, name = topic.split("/")
-    deviations.note(RobotKey(manufacturer, serial_number), name, repairs)
 
 
 def _summary(problems: Sequence[str]) -> str:

@@ -36,6 +36,7 @@ from nena_shared.mqtt.packets import (
     publication,
 )
 from nena_shared.settings import MqttSettings
+from nena_shared.tasks import set_within
 
 log = get_logger(__name__)
 
@@ -273,9 +274,7 @@ class Client:
                 self._paho.disconnect()
                 self._drained.clear()
                 self._flush()
-                with suppress(TimeoutError):
-                    async with asyncio.timeout(min(self._timeout, DISCONNECT_TIMEOUT)):
-                        await self._drained.wait()
+                await set_within(self._drained, min(self._timeout, DISCONNECT_TIMEOUT))
         finally:
             self._close()
 

@@ -47,6 +47,11 @@ class Deviations:
         self._log(robot, topic, repairs)
         return new
 
+    def note_message(self, topic: str, repairs: tuple[Repair, ...]) -> None:
+        """Count the repairs of one message by its full topic, of which the last levels name the robot."""
+        *_, manufacturer, serial_number, name = topic.split("/")
+        self.note(RobotKey(manufacturer, serial_number), name, repairs)
+
     def of(self, robot: RobotKey) -> tuple[Repair, ...]:
         """Return how a robot deviates: each field and kind once, with the value that was seen first."""
         return tuple(self._robots.get(robot, {}).values())

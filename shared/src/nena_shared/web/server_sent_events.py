@@ -13,6 +13,7 @@ from typing import Final, Generic, TypeVar
 from starlette.types import Message, Receive, Send
 
 from nena_shared.clock import Clock
+from nena_shared.tasks import set_within
 
 HEADERS: Final[Mapping[str, str]] = MappingProxyType({"cache-control": "no-store", "x-accel-buffering": "no"})
 """Neither caches nor proxies may hold events back."""
@@ -74,21 +75,12 @@ class EventRing(Generic[E]):
             added = self._added
             if found := await read():
                 yield found
-            elif await _nothing_within(added, HEARTBEAT):
+            elif not await set_within(added, HEARTBEAT):
                 yield HEARTBEAT_FRAME
 
     def _wake(self) -> None:
         self._added.set()
         self._added = asyncio.Event()
-
-
-async def _nothing_within(added: asyncio.Event, seconds: float) -> bool:
-    try:
-        async with asyncio.timeout(seconds):
-            await added.wait()
-    except TimeoutError:
-        return True
-    return False
 
 
 LOOK_AFTER = 1.0

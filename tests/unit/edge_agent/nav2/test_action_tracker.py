@@ -26,10 +26,11 @@ from nena_edge_agent.nav2.action_tracker import (
 )
 from nena_edge_agent.nav2.commands import AskResult, CancelGoal, Command, PublishGoal, Report, SendGoal
 from nena_edge_agent.nav2.error_codes import meaning_of
-from nena_edge_agent.nav2.goals import YIELD_TIME, GoalEntry, GoalIdPrefix, GoalStatus
+from nena_edge_agent.nav2.goals import YIELD_TIME, GoalEntry, GoalIdPrefix
 from nena_edge_agent.nav2.settings import GoalSettings, Navigation, RosSettings
 from nena_shared.clock import SystemClock
 from nena_shared.program import StartError
+from nena_shared.ros import GoalStatus
 from support.action_types import needs_action_types
 
 MARK = GoalIdPrefix("agent")

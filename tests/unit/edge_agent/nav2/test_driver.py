@@ -15,7 +15,7 @@ from nena_edge_agent.nav2 import driver as driver_module
 from nena_edge_agent.nav2 import presence
 from nena_edge_agent.nav2.action_tracker import FeedbackReading
 from nena_edge_agent.nav2.driver import Nav2Driver, Nav2Options
-from nena_edge_agent.nav2.goals import GoalEntry, GoalStatus
+from nena_edge_agent.nav2.goals import GoalEntry
 from nena_edge_agent.nav2.map_server import MapServer
 from nena_edge_agent.nav2.poses import PoseReading
 from nena_edge_agent.nav2.presence import Lifecycle, Presence
@@ -23,6 +23,7 @@ from nena_edge_agent.nav2.settings import RosSettings
 from nena_edge_agent.nav2.speed_limit import SpeedLimiter
 from nena_shared.clock import SystemClock
 from nena_shared.program import StartError
+from nena_shared.ros import GoalStatus
 from support.clocks import ManualClock
 from support.pausing import turn_passes
 from support.waiting import until

@@ -24,8 +24,9 @@ from nena_edge_agent.driver.port import (
 )
 from nena_edge_agent.nav2.commands import CancelGoal, Command, PublishGoal, Report, RequestPose, StopMotion
 from nena_edge_agent.nav2.goal_tracker import GoalTracker
-from nena_edge_agent.nav2.goals import GoalEntry, GoalStatus
+from nena_edge_agent.nav2.goals import GoalEntry
 from nena_edge_agent.nav2.settings import GoalSettings
+from nena_shared.ros import GoalStatus
 from support.examples import EXAMPLES
 
 EXTERNAL = 0

@@ -3,7 +3,8 @@ from __future__ import annotations
 import pytest
 
 from nena_edge_agent.driver.port import GoalReport
-from nena_edge_agent.nav2.goals import GoalEntry, GoalIdPrefix, GoalRegistry, GoalStatus, PrefixedGoalRegistry
+from nena_edge_agent.nav2.goals import GoalEntry, GoalIdPrefix, GoalRegistry, PrefixedGoalRegistry
+from nena_shared.ros import GoalStatus
 
 
 def test_every_code_of_the_definition_is_known() -> None:

@@ -7,8 +7,9 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from nena_edge_agent.driver.map_port import MapGoal, MapPose
-from nena_edge_agent.nav2.poses import PoseReading, agrees, impossible, localized, quaternion_of, wrap, yaw_of
+from nena_edge_agent.nav2.poses import PoseReading, agrees, impossible, localized, quaternion_of
 from nena_edge_agent.nav2.settings import LocalisationSettings
+from nena_shared.ros import wrap, yaw_of
 
 ANGLES = st.floats(-20.0, 20.0)
 

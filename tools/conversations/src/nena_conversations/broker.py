@@ -20,7 +20,7 @@ from nena_conversations.message import Sender, sender_of
 from nena_conversations.recording import Entry
 from nena_shared.mqtt import Inbound, MqttLink, Outbound
 from nena_shared.settings import MqttSettings, MqttTlsSettings
-from nena_shared.tasks import Supervisor
+from nena_shared.tasks import Supervisor, set_within
 from nena_shared.vda5050.topics import Topic
 
 CONNECT_WITHIN: Final = 10.0
@@ -190,7 +190,7 @@ async def replay(
     headers = FreshHeaders()
     async with _connected(address, client_id, None) as link:
         for pause, entry in paced(entries, speed):
-            await _stopped_within(stop, pause)
+            await set_within(stop, pause)
             if stop.is_set():
                 break
             sent = headers.apply(entry, datetime.now(UTC)) if fresh else entry
@@ -202,12 +202,6 @@ async def replay(
             message = f"the broker did not accept all messages within {DRAIN_WITHIN:.0f} s"
             raise BrokerError(message)
     return count
-
-
-async def _stopped_within(stop: asyncio.Event, seconds: float) -> None:
-    with suppress(TimeoutError):
-        async with asyncio.timeout(seconds):
-            await stop.wait()
 
 
 @asynccontextmanager

@@ -22,6 +22,7 @@ from nena_edge_agent.driver.port import (
 )
 from nena_edge_agent.protocol.events import Event, LoadSensed
 from nena_shared.settings import ConfigurationError
+from nena_shared.tasks import set_within
 
 HALT_TIMEOUT = 10.0
 """Seconds for the robot to stand, after which a drive that was given up ends anyway."""
@@ -116,11 +117,7 @@ class ActionDrive:
     async def _halt(self, halt: Callable[[], None]) -> None:
         self._stand.clear()
         halt()
-        try:
-            async with asyncio.timeout(HALT_TIMEOUT):
-                await self._stand.wait()
-        except TimeoutError:
-            return
+        await set_within(self._stand, HALT_TIMEOUT)
 
     def _end(self, problem: str) -> None:
         if self._result is not None and not self._result.done():

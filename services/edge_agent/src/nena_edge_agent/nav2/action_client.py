@@ -19,11 +19,10 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from nena_edge_agent.driver.map_port import MapPose
 from nena_edge_agent.nav2 import messages
 from nena_edge_agent.nav2.action_tracker import FeedbackReading
-from nena_edge_agent.nav2.goals import GoalStatus
 from nena_edge_agent.nav2.messages import UnusablePoseError
-from nena_edge_agent.nav2.poses import yaw_of
 from nena_edge_agent.nav2.session import RosSession
 from nena_edge_agent.nav2.settings import Navigation, RosSettings
+from nena_shared.ros import GoalStatus, yaw_of
 
 FEEDBACK_PERIOD = 0.05
 """Seconds between two messages of feedback that are read; Nav2 sends one each 10 ms."""

@@ -16,12 +16,13 @@ from nena_edge_agent.driver.port import DriveFailure, DriveProgress
 from nena_edge_agent.nav2.commands import AskResult, Command, SendGoal
 from nena_edge_agent.nav2.error_codes import Meaning, meaning_of
 from nena_edge_agent.nav2.goal_tracker import GoalDrive, GoalTracker
-from nena_edge_agent.nav2.goals import GoalEntry, GoalIdPrefix, GoalStatus, PrefixedGoalRegistry
+from nena_edge_agent.nav2.goals import GoalEntry, GoalIdPrefix, PrefixedGoalRegistry
 from nena_edge_agent.nav2.poses import agrees, near
 from nena_edge_agent.nav2.settings import GoalSettings, Navigation, RosSettings
 from nena_shared.clock import Clock
 from nena_shared.log import get_logger
 from nena_shared.program import StartError
+from nena_shared.ros import GoalStatus
 
 if TYPE_CHECKING:
     from nena_edge_agent.nav2.action_client import ActionClient, GoalResult

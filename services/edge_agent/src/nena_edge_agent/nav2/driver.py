@@ -79,7 +79,7 @@ from nena_edge_agent.nav2.transforms import TransformWatch
 from nena_shared.clock import Clock
 from nena_shared.log import get_logger
 from nena_shared.program import StartError
-from nena_shared.tasks import Supervisor, forever
+from nena_shared.tasks import Supervisor, forever, set_within
 
 if TYPE_CHECKING:
     from nena_edge_agent.nav2.node import Nav2Node
@@ -361,10 +361,7 @@ class Nav2Driver:
 
     async def _stand(self) -> None:
         self.halt()
-        try:
-            async with asyncio.timeout(self._settings.stop_timeout):
-                await self._halted.wait()
-        except TimeoutError:
+        if not await set_within(self._halted, self._settings.stop_timeout):
             self._log.warning(
                 "the robot may still drive: Nav2 did not stop it in time", seconds=self._settings.stop_timeout
             )

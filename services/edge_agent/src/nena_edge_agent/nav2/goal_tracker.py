@@ -29,11 +29,12 @@ from nena_edge_agent.nav2.commands import (
     RequestPose,
     StopMotion,
 )
-from nena_edge_agent.nav2.goals import GoalEntry, GoalRegistry, GoalStatus
+from nena_edge_agent.nav2.goals import GoalEntry, GoalRegistry
 from nena_edge_agent.nav2.poses import agrees, near
 from nena_edge_agent.nav2.robot_base import Standstill
 from nena_edge_agent.nav2.settings import GoalSettings
 from nena_shared.log import get_logger
+from nena_shared.ros import GoalStatus
 
 LATE_AT_MOST = 8.0
 """Seconds after an arrival in which poses that show the robot driving are taken for late ones."""

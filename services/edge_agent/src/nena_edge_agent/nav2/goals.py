@@ -10,34 +10,9 @@ import hashlib
 import secrets
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import IntEnum
 
 from nena_edge_agent.driver.port import GoalReport, GoalTable
-
-
-class GoalStatus(IntEnum):
-    """action_msgs/GoalStatus."""
-
-    UNKNOWN = 0
-    ACCEPTED = 1
-    EXECUTING = 2
-    CANCELING = 3
-    SUCCEEDED = 4
-    CANCELED = 5
-    ABORTED = 6
-
-    @classmethod
-    def of(cls, number: int) -> GoalStatus:
-        """Return the status of a number on the wire; UNKNOWN for a number without a definition."""
-        try:
-            return cls(number)
-        except ValueError:
-            return cls.UNKNOWN
-
-    @property
-    def terminal(self) -> bool:
-        """Whether the goal has ended; no other status follows."""
-        return self >= GoalStatus.SUCCEEDED
+from nena_shared.ros import GoalStatus
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,9 +14,10 @@ from geometry_msgs.msg import Pose as PoseMessage
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 
 from nena_edge_agent.driver.map_port import MapPose
-from nena_edge_agent.nav2.goals import GoalEntry, GoalStatus
-from nena_edge_agent.nav2.poses import PoseReading, quaternion_of, yaw_of
+from nena_edge_agent.nav2.goals import GoalEntry
+from nena_edge_agent.nav2.poses import PoseReading, quaternion_of
 from nena_edge_agent.nav2.robot_base import BatteryReading
+from nena_shared.ros import GoalStatus, yaw_of
 
 X_VARIANCE, Y_VARIANCE, YAW_VARIANCE = 0, 7, 35
 """Where these stand in the covariance of a pose, a matrix of 6 by 6 in rows."""

@@ -6,11 +6,11 @@ A robot's ROS installation has ``nav2_msgs`` as a rule; the agent works without.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Any
 
 from nena_edge_agent.nav2.session_control import prepare_environment
 from nena_edge_agent.nav2.settings import Navigation, RosSettings
+from nena_shared import ros
 
 CLEAR_COSTMAP = "nav2_msgs/srv/ClearEntireCostmap"
 COLLISION_MONITOR = "nav2_msgs/msg/CollisionMonitorState"
@@ -24,11 +24,7 @@ SPEED_LIMIT = "nav2_msgs/msg/SpeedLimit"
 def interface(name: str) -> Any | None:  # noqa: ANN401 - rclpy carries no types
     """Return the type of a name such as ``nav2_msgs/msg/SpeedLimit``; None where it is not installed."""
     prepare_environment()
-    package, kind, type_name = name.split("/")
-    try:
-        return getattr(import_module(f"{package}.{kind}"), type_name, None)
-    except ImportError:
-        return None
+    return ros.interface(name)
 
 
 @dataclass(frozen=True, slots=True)

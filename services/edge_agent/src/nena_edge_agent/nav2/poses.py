@@ -7,9 +7,7 @@ from dataclasses import dataclass
 
 from nena_edge_agent.driver.map_port import MapGoal, MapPose
 from nena_edge_agent.nav2.settings import LocalisationSettings
-
-NORM_TOLERANCE = 0.01
-"""How far the length of a unit quaternion may be off."""
+from nena_shared.ros import wrap
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,19 +22,6 @@ class PoseReading:
     x_variance: float
     y_variance: float
     yaw_variance: float
-
-
-def wrap(angle: float) -> float:
-    """Bring an angle in rad into (-pi, pi]."""
-    return math.pi - (math.pi - angle) % math.tau
-
-
-def yaw_of(x: float, y: float, z: float, w: float) -> float | None:
-    """Return the heading in rad of a unit quaternion of either sign; none where it is no unit quaternion."""
-    norm = math.hypot(x, y, z, w)
-    if not math.isfinite(norm) or abs(norm - 1.0) > NORM_TOLERANCE:
-        return None
-    return wrap(math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
 
 
 def quaternion_of(yaw: float) -> tuple[float, float]:

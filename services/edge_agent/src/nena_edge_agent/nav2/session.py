@@ -5,22 +5,21 @@ from __future__ import annotations
 import asyncio
 import threading
 from collections import deque
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable
+from contextlib import ExitStack
 from typing import Any, Generic, TypeVar
 
-import rclpy
-from rclpy.context import Context
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
-from rclpy.signals import SignalHandlerOptions
 
 from nena_edge_agent.driver.port import SessionState
 from nena_edge_agent.nav2.session_control import SessionError
+from nena_shared import ros
 from nena_shared.log import get_logger
+from nena_shared.tasks import set_within
 
 T = TypeVar("T")
 
@@ -61,17 +60,6 @@ class RosMailbox(Generic[T]):
 log = get_logger(__name__)
 
 
-@contextmanager
-def joined_domain(domain_id: int) -> Iterator[Context]:
-    """Join a ROS domain with a participant of its own; its nodes must have been destroyed before the end."""
-    context = Context()
-    rclpy.init(args=[], context=context, domain_id=domain_id, signal_handler_options=SignalHandlerOptions.NO)
-    try:
-        yield context
-    finally:
-        context.try_shutdown()
-
-
 class RosSession:
     """One node in one domain. A session that has ended or failed is not started again: make a new one."""
 
@@ -109,11 +97,9 @@ class RosSession:
         )
         self._thread.start()
         try:
-            async with asyncio.timeout(seconds):
-                await self._began.wait()
-        except TimeoutError:
-            self.state, self.reason = SessionState.FAILED, f"ROS did not start within {seconds:g} s"
-            self._end_thread()
+            if not await set_within(self._began, seconds):
+                self.state, self.reason = SessionState.FAILED, f"ROS did not start within {seconds:g} s"
+                self._end_thread()
         except asyncio.CancelledError:
             self._end_thread()
             raise
@@ -127,11 +113,9 @@ class RosSession:
             return
         self.state = SessionState.TERMINATING
         self._end_thread()
-        try:
-            async with asyncio.timeout(seconds):
-                await self._ended.wait()
+        if await set_within(self._ended, seconds):
             self._thread.join(1.0)  # its last deed was to tell that it has ended
-        except TimeoutError:
+        else:
             log.warning("the ROS thread did not end; leaving it until the process exits", seconds=seconds)
 
     def subscribe(
@@ -180,13 +164,9 @@ class RosSession:
         future = client.call_async(request)
         future.add_done_callback(lambda _: self.post(answered.set))
         try:
-            async with asyncio.timeout(seconds):
-                await answered.wait()
-        except TimeoutError:
-            return None
+            return future.result() if await set_within(answered, seconds) else None
         finally:
             client.remove_pending_request(future)
-        return future.result()
 
     def post(self, function: Callable[[], None]) -> None:
         """Call ``function`` in the event loop; it is dropped if the loop has ended."""
@@ -216,7 +196,7 @@ class RosSession:
             self.post(lambda: self._end(reason))
 
     def _open(self, stack: ExitStack, populate: Callable[[Any], None]) -> None:
-        context = stack.enter_context(joined_domain(self._domain_id))
+        context = stack.enter_context(ros.joined_domain(self._domain_id))
         node = Node(
             self._node_name,
             context=context,

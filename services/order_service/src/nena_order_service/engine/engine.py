@@ -10,7 +10,7 @@ from __future__ import annotations
 import asyncio
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -57,6 +57,7 @@ from nena_shared.fleet_api.transport_order import (
 from nena_shared.fleet_api.vehicle import AcceptableOrderType, IntegrationLevel, ReroutingType, VehicleStatus
 from nena_shared.histogram import SHORT, Histogram
 from nena_shared.log import get_logger
+from nena_shared.tasks import set_within
 from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.own_actions import transforms_itself
 from nena_shared.vda5050.topics import RobotKey
@@ -302,9 +303,7 @@ class Engine:
     async def run(self) -> None:
         """Check regularly for changes that come without an event, until cancelled."""
         while True:
-            with suppress(TimeoutError):
-                async with asyncio.timeout(LOOK_INTERVAL if self._gate.is_open else FIRST_LOOKS):
-                    await self._look_due.wait()
+            await set_within(self._look_due, LOOK_INTERVAL if self._gate.is_open else FIRST_LOOKS)
             self._look_due.clear()
             for _ in self._look():
                 await asyncio.sleep(0)

@@ -42,7 +42,6 @@ from nena_shared.vda5050.malformed import MalformedMessageError
 from nena_shared.vda5050.message_reader import MessageReader
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.records import changed
-from nena_shared.vda5050.repair import Repair
 from nena_shared.vda5050.responses import Responses
 from nena_shared.vda5050.robot_sources import Dated, RobotSources
 from nena_shared.vda5050.state import State
@@ -328,7 +327,7 @@ class FleetLink:
         """Marks of the last commands that this program has sent, oldest first."""
         self.deviations = Deviations(clock)
         """What had to be repaired in the robots' messages."""
-        self._reader = MessageReader(self._note_repairs, strict=settings.strict)
+        self._reader = MessageReader(self.deviations.note_message, strict=settings.strict)
         self._hear(Topic.CONNECTION, Connection, self._controller.on_connection, qos=1)
         self._hear(Topic.FACTSHEET, Factsheet, self._controller.on_factsheet, qos=settings.qos)
         self._hear(Topic.STATE, State, self._controller.on_state, qos=settings.qos)
@@ -502,11 +501,6 @@ class FleetLink:
                 problems=error.problems,
                 so_far=count,
             )
-
-    def _note_repairs(self, topic: str, repairs: tuple[Repair, ...]) -> None:
-        """Count what had to be repaired in a message; the last four levels of a topic name the robot."""
-        *_, manufacturer, serial_number, name = topic.split("/")
-        self.deviations.note(RobotKey(manufacturer, serial_number), name, repairs)
 
     def _hand_out(self, outputs: Iterable[FleetOutput]) -> None:
         events: list[FleetOutput] = []

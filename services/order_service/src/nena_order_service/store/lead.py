@@ -22,7 +22,7 @@ from nena_order_service.store.leadership import (
 from nena_order_service.store.schema import FencedError, open_database, reason_of, unusable
 from nena_order_service.store.store import Store
 from nena_shared.log import get_logger
-from nena_shared.tasks import end
+from nena_shared.tasks import end, set_within
 
 log = get_logger(__name__)
 
@@ -77,7 +77,7 @@ class Lead:
                     self._wait_for_the_last_one()
                     return True
                 self._stood_by = True
-                await _pause(stop, POLL)
+                await set_within(stop, POLL)
         finally:
             await end(hanging_up)
         return False
@@ -193,11 +193,3 @@ class Lead:
 
     async def _run(self, work: Callable[[], T]) -> T:
         return await asyncio.get_running_loop().run_in_executor(self._thread, work)
-
-
-async def _pause(stop: asyncio.Event, seconds: float) -> None:
-    try:
-        async with asyncio.timeout(seconds):
-            await stop.wait()
-    except TimeoutError:
-        return

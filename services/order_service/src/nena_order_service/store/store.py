@@ -21,6 +21,7 @@ from nena_order_service.store.schema import PASSING, StoreLostError, reason_of
 from nena_shared.database_lines import hang_up
 from nena_shared.histogram import SHORT, Histogram
 from nena_shared.log import get_logger
+from nena_shared.tasks import set_within
 
 log = get_logger(__name__)
 
@@ -134,12 +135,7 @@ class Store:
         """Wait at most ``seconds`` until all that waits is committed and published; return whether it is."""
         done = asyncio.Event()
         self.commit(Changes(), done.set)
-        try:
-            async with asyncio.timeout(seconds):
-                await done.wait()
-        except TimeoutError:
-            return False
-        return True
+        return await set_within(done, seconds)
 
     def close(self) -> None:
         """End the threads, close the database and release its lock; pending queries are abandoned."""

@@ -1,0 +1,78 @@
+"""ROS 2 as the edge agent and the simulator of its robot both need it; without ROS this can be imported."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from enum import IntEnum
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rclpy.context import Context
+
+NORM_TOLERANCE = 0.01
+"""How far the length of a unit quaternion may be off."""
+
+
+class GoalStatus(IntEnum):
+    """action_msgs/GoalStatus."""
+
+    UNKNOWN = 0
+    ACCEPTED = 1
+    EXECUTING = 2
+    CANCELING = 3
+    SUCCEEDED = 4
+    CANCELED = 5
+    ABORTED = 6
+
+    @classmethod
+    def of(cls, number: int) -> GoalStatus:
+        """Return the status of a number on the wire; UNKNOWN for a number without a definition."""
+        try:
+            return cls(number)
+        except ValueError:
+            return cls.UNKNOWN
+
+    @property
+    def terminal(self) -> bool:
+        """Whether the goal has ended; no other status follows."""
+        return self >= GoalStatus.SUCCEEDED
+
+
+def interface(name: str) -> Any | None:  # noqa: ANN401 - rclpy carries no types
+    """Return the type of a name such as ``nav2_msgs/msg/SpeedLimit``; None if it is not installed."""
+    package, kind, type_name = name.split("/")
+    try:
+        return getattr(import_module(f"{package}.{kind}"), type_name, None)
+    except ImportError:
+        return None
+
+
+@contextmanager
+def joined_domain(domain_id: int) -> Iterator[Context]:
+    """Join a ROS domain with a participant of its own; its nodes must have been destroyed before the end."""
+    import rclpy  # noqa: PLC0415 - as the module says
+    from rclpy.context import Context  # noqa: PLC0415
+    from rclpy.signals import SignalHandlerOptions  # noqa: PLC0415
+
+    context = Context()
+    rclpy.init(args=[], context=context, domain_id=domain_id, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        yield context
+    finally:
+        context.try_shutdown()
+
+
+def wrap(angle: float) -> float:
+    """Normalise an angle (rad) to (-pi, pi]."""
+    return math.pi - (math.pi - angle) % math.tau
+
+
+def yaw_of(x: float, y: float, z: float, w: float) -> float | None:
+    """Return the heading (rad) of a unit quaternion of either sign; None if it is no unit quaternion."""
+    norm = math.hypot(x, y, z, w)
+    if not math.isfinite(norm) or abs(norm - 1.0) > NORM_TOLERANCE:
+        return None
+    return wrap(math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
