@@ -6,11 +6,11 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 WORDS = {"extra_forbidden": "unknown field", "missing": "is missing"}
-"""By the kind of finding, where pydantic speaks of what programmers know: inputs and extras."""
+"""Texts by kind of finding, where pydantic uses programmers' terms: inputs and extras."""
 PREFIX = "Value error, "
 """What pydantic puts before words of our own."""
 SHOWN = 300
-"""Signs of a name or of words that are repeated: both may hold what somebody sent, however long."""
+"""Length to which a name or a value in a text is cut: both may contain foreign input of any length."""
 FINDINGS_SHOWN = 10
 """Maximum findings in one answer."""
 

@@ -121,7 +121,7 @@ class _Table(Collector):
         for each in self._metrics:
             try:
                 yield each.family(self._source)
-            except Exception:  # the others are shown: who looks for a fault needs them most
+            except Exception:  # the others are shown: they help to find the fault
                 log.exception("a metric could not be read", metric=each.name)
 
 

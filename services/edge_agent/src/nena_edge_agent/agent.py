@@ -84,9 +84,9 @@ class AgentStatistics:
         self.recoveries = 0
         self.session: SessionState | None = None
         self.localized: bool | None = None
-        """Whether the robot knows where it is; None: it never did."""
+        """Whether the robot is localised; None: it never was."""
         self.posed_at: float | None = None
-        """When the last pose that counts came, in monotonic seconds."""
+        """Time of the last valid pose, in monotonic seconds."""
         self.fleet_clock = ClockSkew()
         """Of the order service, by the timestamps of its orders."""
         self._recoveries_of_drive = 0
@@ -148,7 +148,7 @@ class Vitals:
     link: LinkState
     inbox: InboxCounts
     dropped: int
-    """Messages of fleet control that came too many at once."""
+    """Messages of fleet control dropped because too many came at once."""
     statistics: AgentStatistics
     journal_problem: str
     journal_seconds: Histogram

@@ -303,8 +303,8 @@ def check_frame(memory: Memory | None, frame: str) -> None:
 
 
 AT_ONCE = 0.01
-"""Seconds for which the event loop itself waits: the kernel usually takes a record in 0.1 ms, which is
-shorter than a switch to another task and back."""
+"""Seconds for which the event loop itself waits: the kernel usually accepts a record in 0.1 ms, less than
+switching to another task and back."""
 WRITE_TIMEOUT = 2.0
 """Seconds that the disk has to write a record; a robot that must stop cannot wait for longer."""
 
@@ -352,7 +352,7 @@ class Recorder:
             return  # a newer record must not overtake an older one on a disk that hangs
         loop = asyncio.get_running_loop()
         self._begun, self._deadline = version, loop.time() + WRITE_TIMEOUT
-        self._written = self._durable = None  # a record that fails may have taken the place of the one before
+        self._written = self._durable = None  # a failed record may have overwritten the previous one
         written: SimpleQueue[bool] = SimpleQueue()
         self._record = loop.run_in_executor(None, _work, self._journal, memory(), written)
         self._record.add_done_callback(_hear)

@@ -48,7 +48,7 @@ from nena_shared.vda5050.zone_set import ZoneSetTransfer
 
 WRAP = 2**32
 RESERVE = 100
-"""Ids of a topic that are reserved at once: a restart skips at most so many."""
+"""IDs of a topic that are reserved at once: the most that a restart skips."""
 TOPICS = (Topic.STATE, Topic.VISUALIZATION, Topic.CONNECTION, Topic.FACTSHEET)
 """Topics that a robot publishes."""
 
@@ -232,7 +232,7 @@ class Inbox:
         self._deviations = Deviations(clock)
         self._log = log.bind(robot=str(robot))
         self._dated = True
-        """Whether the timestamp of the message at hand could be read."""
+        """Whether the timestamp of the current message could be read."""
         self.counts = InboxCounts()
 
     def handlers(self, *, zones: bool) -> dict[Topic, Handler]:

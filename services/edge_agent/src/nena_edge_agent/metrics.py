@@ -32,7 +32,7 @@ ROBOT: Final = ("manufacturer", "serial_number")
 HEAD_LIMIT = 8192
 """Bytes that the head of a request may have."""
 PATIENCE = 5.0
-"""Seconds that a client has for its request, and the disk to say how much room it has."""
+"""Timeout of a client's request, and of the disk's free space, seconds."""
 CLIENTS = 10
 """Connections at a time; further ones are closed at once."""
 
@@ -50,7 +50,7 @@ class Program:
     disk_free: float | None = None
     """Bytes left for the journal."""
     _asked: asyncio.Future[float | None] | None = None
-    """The last question to the disk: while it is not answered, no other one is asked."""
+    """The last query of the disk: while it is pending, no other one is started."""
 
     async def look(self) -> None:
         """Read what one scrape shows. A disk that hangs is waited for in one thread, and not for long."""

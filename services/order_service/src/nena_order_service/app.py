@@ -22,7 +22,7 @@ from nena_shared.plant import PlantModel
 from nena_shared.tasks import Supervisor, end
 
 LOOK = 0.25
-"""Seconds between looks at whether the store takes what the beginning writes."""
+"""Seconds between checks whether the store accepts the writes of the start."""
 
 
 async def has_begun(
@@ -62,7 +62,7 @@ async def has_begun(
 log = get_logger(__name__)
 
 DRAIN_TIMEOUT = 3.0
-"""Seconds that store and broker have at the end to take what waits for them."""
+"""Seconds for store and broker at the end to accept pending writes and messages."""
 
 
 async def serve(settings: OrderServiceSettings, stop: asyncio.Event) -> None:

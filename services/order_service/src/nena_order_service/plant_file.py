@@ -23,7 +23,7 @@ class PlantFile:
 
     model: PlantModel
     digest: str
-    """SHA-256 of its bytes: the same until the file changes, whatever release reads it."""
+    """SHA-256 of its bytes: the same until the file changes, whichever release reads it."""
 
 
 def load_plant(path: Path) -> PlantFile:

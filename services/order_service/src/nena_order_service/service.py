@@ -360,7 +360,9 @@ class ServiceRunner:
         self.service = service
         try:
             await service.begin(self._start)
-        except StoreNotReadyError as error:  # no answer to a host: nothing runs any more, so the program ends
+        except (
+            StoreNotReadyError
+        ) as error:  # no answer to a host: nothing works any longer, so the program exits
             message = "the changed plant model cannot be activated: the store is unavailable"
             raise RuntimeError(message) from error
         self.show(service.app)

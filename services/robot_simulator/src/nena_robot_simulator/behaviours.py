@@ -25,7 +25,7 @@ RECOVERIES = {"spin": "Spin", "backup": "BackUp"}
 BEHAVIOURS = {**RECOVERIES, "drive_on_heading": "DriveOnHeading"}
 """Names and types of the actions."""
 PERIOD = 0.02
-"""Seconds between two looks at the goal."""
+"""Seconds between two checks of the goal."""
 NOT_IN_DATABASE = 901
 DOCK_DISTANCE, DOCK_SPEED = 0.4, 0.2
 """Metres from the place before the dock into it, and m/s."""

@@ -27,7 +27,7 @@ class ErrorCode(IntEnum):
     NONE = 0
     """No error, or the goal never started."""
     CONTROLLER_TF = 102
-    """From the controller: it does not know where the robot is."""
+    """From the controller: the robot's position is unknown."""
     FAILED_TO_MAKE_PROGRESS = 105
     """From the controller: the robot is stuck."""
     GOAL_OUTSIDE_MAP = 204

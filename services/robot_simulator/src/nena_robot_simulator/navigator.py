@@ -199,11 +199,11 @@ class Navigator:
 
 
 XY_TOLERANCE = 0.25
-"""Metres from the end of the way within which a goal counts as reached (``xy_goal_tolerance``)."""
+"""Distance from the end of the path within which a goal counts as reached (``xy_goal_tolerance``), m."""
 YAW_TOLERANCE = 0.25
 """Radians from the goal's heading within which a goal counts as reached (``yaw_goal_tolerance``)."""
 PASSED_WITHIN = 0.7
-"""Metres from a place on the way at which the tree takes it for passed (``RemovePassedGoals``)."""
+"""Distance from a place on the path at which the tree counts it as passed (``RemovePassedGoals``), m."""
 PLAN_SPACING = 0.25
 """Metres between the poses of the published plan, as long as it has no more than ``PLAN_PARTS``."""
 PLAN_PARTS = 10_000

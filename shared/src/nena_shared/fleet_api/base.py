@@ -18,7 +18,7 @@ class Role(IntEnum):
     VIEWER = 1
     """Read everything."""
     OPERATOR = 2
-    """Give orders and commands."""
+    """Create orders and send commands."""
     ADMIN = 3
     """Change how the fleet works: plant model and zone sets."""
 
@@ -57,4 +57,4 @@ IdempotencyKey = Annotated[str, Field(min_length=1, max_length=200, pattern=r"^[
 """Unique ID of a request among all hosts; no NUL, which PostgreSQL cannot store."""
 
 OrderName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_:\-][A-Za-z0-9_.:\-]{0,99}$")]
-"""Name of a transport order; it also stands in MQTT topics and URLs, where ``..`` means something else."""
+"""Name of a transport order; also used in MQTT topics and URLs, where ``..`` has another meaning."""

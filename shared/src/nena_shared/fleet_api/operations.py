@@ -118,7 +118,7 @@ class Operation(Generic[A]):
     summary: str
     method: Literal["GET", "POST", "PUT", "DELETE"]
     path: str
-    """Of the REST route; ``{name}`` stands for the object that it is about."""
+    """The REST path; ``{name}`` is the name of the object."""
     answer: type[A]
     role: Role
     """The least role that a caller over REST needs."""
@@ -137,9 +137,9 @@ class Operation(Generic[A]):
     name_type: Any = str
     """Type of ``{name}``."""
     subject: str = ""
-    """The field of the MQTT command that says what REST's ``{name}`` says."""
+    """The field of the MQTT command that corresponds to ``{name}`` in REST."""
     result: str = ""
-    """The field of the MQTT answer that holds the answer; empty: not over MQTT, or on a topic of its own."""
+    """The field of the MQTT answer with the result; empty: not over MQTT, or on a separate topic."""
     request_field: str = ""
     """The field of the MQTT command that holds the request; empty: the command has the request's fields."""
     max_body: int | None = None
@@ -573,7 +573,7 @@ OPERATIONS: Final[tuple[Operation[Any], ...]] = (
     SUMMARISE,
     SHOW_TRAFFIC_PLAN,
 )
-"""Those that are served alike; a route that could take another one's place stands behind it."""
+"""The operations served alike; a route that could match another one's path comes after it."""
 
 COMMANDS: Final[Mapping[str, Operation[Any]]] = {each.name: each for each in OPERATIONS if each.result}
 """Those of MQTT commands, by the commands' names."""

@@ -35,7 +35,7 @@ class PathStatus(Resource):
     locked: bool
     """Whether new routes keep off it."""
     locked_in_plant_model: bool
-    """What holds where no host has said otherwise."""
+    """The value unless a host has set another one."""
 
 
 LONGEST_ID = 200
@@ -51,7 +51,7 @@ def _addressed(zone_set: ZoneSet) -> ZoneSet:
 
 
 StoredZoneSet = Annotated[ZoneSet, AfterValidator(_addressed)]
-"""A zone set that can be kept and asked for by its id."""
+"""A zone set that can be stored and queried by its ID."""
 
 
 class ZoneSetPhase(StrEnum):
@@ -59,7 +59,7 @@ class ZoneSetPhase(StrEnum):
 
     ENABLED = "ENABLED"
     DISABLED = "DISABLED"
-    """It is there and not in use."""
+    """It exists but is not in use."""
     MISSING = "MISSING"
     """It is not there."""
     UNKNOWN = "UNKNOWN"
@@ -72,7 +72,7 @@ class ZoneSetAtVehicle(Resource):
     vehicle: str
     phase: ZoneSetPhase
     note: str = ""
-    """What was tried last, and what came of it, in words."""
+    """The last attempt and its result, as text."""
 
 
 class ZoneSetStatus(Resource):
@@ -86,7 +86,7 @@ class ZoneSetStatus(Resource):
     deleted: bool
     """Whether robots are to delete it."""
     vehicles: tuple[ZoneSetAtVehicle, ...]
-    """The robots that know zone sets; those of VDA 5050 2.x do not."""
+    """Robots that support zone sets; those of VDA 5050 2.x do not."""
 
 
 class ZoneSetList(Resource):

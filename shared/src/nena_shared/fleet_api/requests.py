@@ -33,7 +33,7 @@ AfterNumber = Annotated[str, Field(pattern=r"^[0-9]{1,18}$")]
 """What the page before had as ``next``."""
 
 VEHICLES_EXPLAINED = 100
-"""Vehicles that are explained to a host that does not say how many."""
+"""Default number of vehicles that are explained to a host."""
 
 
 class TransportOrdersQuery(Resource):
@@ -127,14 +127,14 @@ SOMEBODY = "somebody"
 """Name of a requester without a name."""
 
 BY_LIMIT = 100
-"""Characters of who asks."""
+"""Maximum length of the caller's name."""
 
 
 class HoldRequest(Request):
     """Request to hold a transport order until it is resumed."""
 
     by: Annotated[str, Field(min_length=1, max_length=BY_LIMIT)] | None = None
-    """Who asks: a person or a program, by name; None: the user whose token comes with the request."""
+    """The caller: a person or a program, by name; None: the user of the request's token."""
     reason: Annotated[str, Field(min_length=1, max_length=500)] = "no reason given"
     immediate: bool = True
     """Whether its robot is to stop; false: it drives to the end of what it was given."""
@@ -144,7 +144,7 @@ class ResumeRequest(Request):
     """Request to resume a held transport order."""
 
     by: Annotated[str, Field(min_length=1, max_length=BY_LIMIT)] | None = None
-    """Who asks: a person or a program, by name; None: the user whose token comes with the request."""
+    """The caller: a person or a program, by name; None: the user of the request's token."""
     reason: Annotated[str, Field(min_length=1, max_length=500)] = "no reason given"
 
 
@@ -173,7 +173,7 @@ class ReroutingRequest(Request):
     """Request to reroute a vehicle's current order."""
 
     type: ReroutingType = ReroutingType.REGULAR
-    """REGULAR: from the end of the robot's base; FORCED: from where it stands."""
+    """REGULAR: from the end of the robot's base; FORCED: from its position."""
 
 
 class DispatchRequest(Request):
@@ -267,7 +267,7 @@ class Readiness(Resource):
 
     ready: bool
     role: Literal["active", "standby", "starting"] = "active"
-    """A standby waits until the active one has ended; one that starts, until its store takes changes."""
+    """A standby waits until the active one has ended; a starting one until its store accepts changes."""
     broker_connected: bool
     store_ready: bool
     loop_lag: float = 0.0

@@ -21,4 +21,4 @@ class ServiceStatus(Resource):
     timestamp: Moment
     """By its own clock; of a last will when it was made."""
     store_ready: bool = False
-    """Whether new orders are taken."""
+    """Whether new orders are accepted."""

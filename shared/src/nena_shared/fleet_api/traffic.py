@@ -13,7 +13,7 @@ class WaitCause(StrEnum):
     PASSES = "PASSES"
     """The other one holds the place, and drives on."""
     STANDS = "STANDS"
-    """The other one stands there."""
+    """The other vehicle is standing there."""
     GOES_FIRST = "GOES_FIRST"
     """The other one has to go first."""
 
@@ -27,7 +27,7 @@ class TrafficWait(Resource):
     """The point, path, location or block that they need; None: it waits for something else."""
     cause: WaitCause | None = None
     turn_back: float | None = None
-    """Metres that the other one would have to turn back if this vehicle went first."""
+    """Distance that the other vehicle would have to turn back if this one went first, m."""
     reason: str
     """All of it in words, as in the reason of its order."""
 
@@ -52,11 +52,11 @@ class VehiclePlan(Resource):
     at: str
     """The point that it has reached last."""
     holds: tuple[str, ...]
-    """Points, paths, locations and blocks that nobody else may use meanwhile."""
+    """Points, paths, locations and blocks that no other vehicle may use meanwhile."""
     ahead: tuple[PlannedPoint, ...] = ()
-    """The points of its way, as far as it could drive within the horizon."""
+    """The points of its route, as far as it could drive within the horizon."""
     goal: str | None = None
-    """Where its way ends; None: it is not under way."""
+    """The end of its route; None: it is not under way."""
     wait: TrafficWait | None = None
     """None: nothing keeps it."""
 

@@ -17,9 +17,9 @@ class FailureMeasure(StrEnum):
     """One thing that can be done about a failure."""
 
     RETRY = "RETRY"
-    """The same vehicle does the same destination again, from where it stands."""
+    """The same vehicle retries the same destination from its position."""
     REPLAN = "REPLAN"
-    """The same vehicle takes another way, which avoids where it failed."""
+    """The same vehicle takes another route, which avoids the place of the failure."""
     OTHER_VEHICLE = "OTHER_VEHICLE"
     """The order waits for another vehicle; never while the vehicle carries something for it."""
     SKIP = "SKIP"
@@ -64,7 +64,7 @@ def _ends_once(steps: tuple[FailureStep, ...]) -> tuple[FailureStep, ...]:
 
 
 FailurePolicy = Annotated[tuple[FailureStep, ...], Field(max_length=20), AfterValidator(_ends_once)]
-"""Steps that are tried in turn; one that makes no sense for a failure is passed over, and FAIL comes last."""
+"""Steps that are tried in turn; one that does not apply to a failure is skipped, and FAIL comes last."""
 
 Seconds = Annotated[float, Field(gt=0, le=31_536_000)]
 
@@ -73,7 +73,7 @@ class Hold(Resource):
     """An order that waits until a person resumes it."""
 
     by: str
-    """Who holds it: a host or a person by name; ``failure policy`` for the order service itself."""
+    """The holder: a host or a person by name; ``failure policy`` for the order service itself."""
     reason: str
     since: Moment
 
@@ -161,7 +161,7 @@ class Destination(Request):
     operation: Annotated[str, Field(min_length=1, max_length=200)] = "MOVE"
     properties: Annotated[tuple[OperationProperty, ...], Field(max_length=100)] = ()
     on_failure: FailurePolicy | None = None
-    """What is done when the vehicle fails here; None: what the order says."""
+    """Measures if the vehicle fails here; None: those of the order."""
 
     @model_validator(mode="after")
     def _one_place(self) -> Self:
@@ -179,17 +179,17 @@ class TransportOrderRequest(Request):
     incomplete_name: bool = False
     """Whether the order service completes ``name`` to a unique one."""
     idempotency_key: IdempotencyKey | None = None
-    """The same key again gives the order that the first request made, and no second one."""
+    """A repeated key returns the order that the first request created, and creates no second one."""
     destinations: Annotated[tuple[Destination, ...], Field(min_length=1, max_length=100)]
     intended_vehicle: ObjectName | None = None
     type: OrderType = "-"
-    """Which vehicles take it: those that accept orders of this type."""
+    """Order type; only vehicles that accept it get the order."""
     priority: Annotated[int, Field(ge=-1000, le=1000)] = 0
     """Greater is more urgent."""
     deadline: Moment | None = None
-    """Orders that are due earlier come first; one that is not done by then is ``late``."""
+    """Orders that are due earlier come first; one that is not finished by then is ``late``."""
     dispensable: bool = False
-    """Whether it may be dropped when something better comes for its vehicle, as parking may."""
+    """Whether it may be dropped when its vehicle is needed for another order, like parking."""
     peripheral_reservation_token: Annotated[str, Field(min_length=1, max_length=200)] | None = None
     """Kept and shown, as openTCS has it; there are no peripherals that it could reserve."""
     dependencies: Annotated[tuple[OrderName, ...], Field(max_length=100)] = ()
@@ -199,7 +199,7 @@ class TransportOrderRequest(Request):
     """Name of the order sequence to which it is added."""
     properties: Annotated[tuple[Property, ...], Field(max_length=100)] = ()
     on_failure: FailurePolicy | None = None
-    """What is done when the vehicle fails; None: what the order service's setting says."""
+    """Measures if the vehicle fails; None: those of the order service's setting."""
     timeout: Seconds | None = None
     """Seconds from its creation on; if it is not done by then, it is withdrawn and cancelled at the robot."""
     processing_timeout: Seconds | None = None
@@ -218,7 +218,7 @@ class DriveOrderStatus(Resource):
     measures_taken: int = 0
     """How far its failure policy is used up."""
     avoided: tuple[str, ...] = ()
-    """Names of paths and points that its way avoids, since the vehicle failed there."""
+    """Names of paths and points that its route avoids, because the vehicle failed there."""
 
 
 class HistoryEntry(Resource):
@@ -253,7 +253,7 @@ class TransportOrderStatus(Resource):
     """Whether the deadline had passed before it was at its end."""
     dispensable: bool = False
     automatic: bool = False
-    """Whether the order service has made it by itself, to park a vehicle or to recharge it."""
+    """Whether the order service created it itself, to park a vehicle or to recharge it."""
     peripheral_reservation_token: str | None = None
     dependencies: tuple[str, ...] = ()
     on_dependency_failure: DependencyFailure = DependencyFailure.FAIL
@@ -266,7 +266,7 @@ class TransportOrderStatus(Resource):
     assigned: Moment | None = None
     """When it was first given to a vehicle."""
     held: Hold | None = None
-    """Who holds it and why; None: not held."""
+    """The hold: by whom and why; None: not held."""
     next_try: Moment | None = None
     """When it is tried again after a failure; None: nothing is waited for."""
     excluded_vehicles: tuple[str, ...] = ()
@@ -281,7 +281,7 @@ class Problem(Resource):
     title: str
     status: int
     detail: str
-    """Says what to do."""
+    """The reason, and what to do."""
     errors: tuple[str, ...] = ()
 
 
@@ -305,7 +305,7 @@ class OrderSequenceRequest(Request):
     incomplete_name: bool = False
     """Whether the order service completes ``name`` to a unique one."""
     idempotency_key: IdempotencyKey | None = None
-    """The same key again gives the sequence that the first request made, and no second one."""
+    """A repeated key returns the sequence that the first request created, and creates no second one."""
     order_types: Annotated[tuple[OrderType, ...], Field(min_length=1, max_length=100)] = (ANY_TYPE,)
     """Types of the orders that may be added; ``*``: any."""
     intended_vehicle: ObjectName | None = None
@@ -350,7 +350,7 @@ class VehicleForOrder(Resource):
     reason: str
     """Why not, in words that follow its name."""
     cost: float | None = None
-    """Of its way, where it could do it; the unit is that of ``routing.costs``, mm by default."""
+    """Cost of its route, if feasible; the unit is that of ``routing.costs``, mm by default."""
 
 
 class AssignmentStatus(Resource):
@@ -362,7 +362,7 @@ class AssignmentStatus(Resource):
     """Why it is in this state, or what it waits for."""
     processing_vehicle: str | None = None
     vehicles: tuple[VehicleForOrder, ...] = ()
-    """Those that could do it first, the cheapest way before others; none for an order at its end."""
+    """The vehicles that could execute it first, the cheapest route before others; none for an ended order."""
     left_out: int = 0
     """How many vehicles more there are."""
 

@@ -58,7 +58,7 @@ class IntegrationLevel(StrEnum):
     TO_BE_NOTICED = "TO_BE_NOTICED"
     """It is shown; nothing is kept free for it."""
     TO_BE_RESPECTED = "TO_BE_RESPECTED"
-    """What it stands on is kept free for it; it gets no orders."""
+    """Its place is kept free for it; it gets no orders."""
     TO_BE_UTILIZED = "TO_BE_UTILIZED"
     """It also gets orders."""
 
@@ -108,7 +108,7 @@ class VehicleStatus(Resource):
     """Name of the point that it is at or was at last."""
     precise_position: PrecisePosition | None = None
     maps: tuple[RobotMap, ...] | None = None
-    """Those that its robot has, by its last state; None: it does not tell."""
+    """The maps on its robot, by its last state; None: not reported."""
     energy_level: float | None = None
     """Percent."""
     transport_order: str | None = None
@@ -124,7 +124,7 @@ class ReroutingType(StrEnum):
     REGULAR = "REGULAR"
     """From the end of the base: the robot continues without a stop, by an order update."""
     FORCED = "FORCED"
-    """Where the robot stands: its order is cancelled first, and it gets a new one."""
+    """From the robot's position: its order is cancelled first, and it gets a new one."""
 
 
 class ReroutingOutcome(StrEnum):
@@ -133,7 +133,7 @@ class ReroutingOutcome(StrEnum):
     REROUTED = "REROUTED"
     """The vehicle rerouted."""
     UNCHANGED = "UNCHANGED"
-    """The way stays; the reason says why."""
+    """The route stays; the reason explains it."""
     STOPPING = "STOPPING"
     """The robot stops, at once or at the end of its base, and continues from there."""
 
@@ -147,4 +147,4 @@ class ReroutingAnswer(Resource):
     reason: str
     """In words."""
     route: tuple[str, ...] = ()
-    """The points from the end of the base to the destination, where the way is known."""
+    """The points from the end of the base to the destination, if the route is known."""

@@ -221,18 +221,18 @@ class Client:
         self._packet_id = OWN_PACKET_IDS.stop
         self._keeping_alive: asyncio.Task[None] | None = None
         self._reads_on = False
-        """Whether more is read in the next turn of the event loop, whatever the socket says."""
+        """Whether more is read in the next turn of the event loop, even if the socket reports nothing."""
         self._wrote = False
         """Whether something was written in this turn of the event loop; the rest is written at its end."""
         self._reading = False
         """Whether what is sent waits for the end of a reading."""
         self._awaits_socket = False
         self._heard = False
-        """Whether anything has come since the last look of the keep-alive."""
+        """Whether anything has arrived since the last check of the keep-alive."""
         self._maker = _StreamMaker(tls_context(settings.tls))
         self._paho = self._make_paho(client_id, will)
         self.dropped = 0
-        """Messages that came before :meth:`receive` and were more than ``incoming_limit``."""
+        """Messages that arrived before :meth:`receive` beyond ``incoming_limit``."""
 
     @property
     def socket(self) -> socket.socket | None:

@@ -74,7 +74,7 @@ FIRST_AT_ONCE = 50
 """Messages of those that are published first that are made at once: in large fleets there are thousands."""
 
 TERM_POLL = 0.25
-"""Seconds between two looks at whether the program still has the right to publish."""
+"""Seconds between two checks whether the program still has the right to publish."""
 
 DROPS_LOGGED_EVERY = 60.0
 """Minimum seconds between two log lines about messages that the full queue dropped."""
@@ -87,8 +87,8 @@ class LinkHooks:
     will: Callable[[], Outbound | None] = lambda: None
     """Returns the last will, at each connect; None: there is none."""
     on_connected: Callable[[], Iterable[Outbound]] = tuple
-    """Returns what is published first, before the subscriptions are made; called at each connect, so its
-    messages are never kept over a break. It is taken in parts, between which other tasks run."""
+    """Returns what is published first, before the subscriptions are made; called on each connection, so its
+    messages are never kept over a break. It is consumed in parts, between which other tasks run."""
     on_lost: Callable[[], None] = lambda: None
     """Called when a connection has ended."""
     on_subscribed: Callable[[], None] = lambda: None
@@ -135,7 +135,7 @@ class _Session:
     sent: int = 0
     """How many messages were sent; each has its number."""
     subscribed: int = 0
-    """How many of the link's subscriptions the broker has been asked for."""
+    """How many of the link's subscriptions have been sent to the broker."""
     subscribing: asyncio.Task[None] | None = None
 
     @property

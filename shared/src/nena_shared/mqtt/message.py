@@ -14,7 +14,7 @@ class Inbound:
     retained: bool
     """True when the broker had kept it from before the subscription."""
     qos: int = field(default=0, compare=False)
-    """Quality of service that it came with: the lesser of the sender's and of the subscription's."""
+    """Its quality of service: the lower of the sender's and the subscription's."""
 
 
 @dataclass(frozen=True, slots=True)

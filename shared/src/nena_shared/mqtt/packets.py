@@ -56,7 +56,7 @@ class PacketReader:
         self._offered = 0
         """Where what was offered ends."""
         self.why_ended = ""
-        """Why nothing more comes; empty while something may."""
+        """Why no more data follows; empty while it may."""
 
     @property
     def ready(self) -> bool:

@@ -13,9 +13,9 @@ class ErrorLevel(StrEnum):
     WARNING = "WARNING"
     """The robot continues its order and accepts new ones."""
     URGENT = "URGENT"
-    """As WARNING, but somebody should look soon."""
+    """As WARNING, but needs attention soon."""
     CRITICAL = "CRITICAL"
-    """The robot cannot go on with its order, but takes new ones."""
+    """The robot cannot continue its order, but accepts new ones."""
     FATAL = "FATAL"
     """A person is needed."""
 

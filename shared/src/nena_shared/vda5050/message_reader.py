@@ -87,10 +87,10 @@ class _KnownReader:
     """What the last message of a topic was like."""
 
     version: str
-    """As it was written."""
+    """As written."""
     codec: Codec
     deviations: frozenset[str]
-    """Paths of the fields that were repaired; those of the next message are looked at first."""
+    """Paths of the repaired fields; in the next message these are checked first."""
 
 
 class MessageReader:
@@ -107,7 +107,7 @@ class MessageReader:
         self._known: dict[str, _KnownReader] = {}
         """By topic."""
         self.undated = False
-        """Whether the timestamp of the last message could not be read; the time of arrival stands for it."""
+        """Whether the timestamp of the last message could not be read; the time of arrival replaces it."""
 
     def read(self, kind: type[M], topic: str, payload: bytes, major_version: str) -> M:
         """Read a message in the version of its header (section 7.2).
@@ -125,7 +125,7 @@ class MessageReader:
             try:
                 message = _read(kind, known.codec, payload)
             except MalformedMessageError:
-                del self._known[topic]  # perhaps it speaks another version now
+                del self._known[topic]  # perhaps its version has changed
             else:
                 if message.version == known.version:
                     known.deviations = EVERYWHERE
@@ -161,7 +161,7 @@ class MessageReader:
         if not isinstance(content, dict):
             return None
         codec = reader_for(version_number(content.get("version")), major_version)
-        # NaN may stand anywhere: then all fields are looked at
+        # NaN may be anywhere: then all fields are checked
         usual = self._usual(topic) if exact else EVERYWHERE
         try:
             message = self._repaired_with(kind, codec, content, found, usual)

@@ -11,10 +11,8 @@ STOP_ROS_SESSION: Final = "nena:stopRosSession"
 CONFIGURE_ROS_SESSION: Final = "nena:configureRosSession"
 
 SHOW_MAP_TRANSFORMS: Final = "nena:showMapTransforms"
-"""Tells how the plant lies on the robot's maps.
-
-A robot that lists it speaks in the plant's frame and transforms poses itself; so fleet control must not.
-"""
+"""Describes how the plant lies on the robot's maps. A robot that lists it uses the plant's frame and
+transforms poses itself; so fleet control must not."""
 
 USE_BEHAVIOR_TREE: Final = "nena:useBehaviorTree"
 """Edge action: has Nav2 drive the edge by another behaviour tree."""

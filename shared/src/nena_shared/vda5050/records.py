@@ -85,7 +85,7 @@ def _decoded(kind: type[R], codec: Codec, payload: bytes) -> R | None:
         return None
     try:
         if not payload.isascii():
-            payload.decode()  # the decoder does not look at what it passes over
+            payload.decode()  # the decoder does not check what it skips
         return _of_major(codec, cast("R", _decoder(form).decode(payload)))
     except (DecodeError, UnicodeDecodeError, RecursionError):
         return None
@@ -153,7 +153,7 @@ def _other_names(each: Field) -> list[tuple[str, Any, Any]]:
 
 def _type_of(shape: Shape) -> Any:  # noqa: ANN401 - any type annotation
     if shape.kind is object:
-        return None  # the version reads it in a way of its own: the codec
+        return None  # the version reads it by its own code: the codec
     if shape.kind is tuple:
         return GenericAlias(tuple, (_type_of(shape.item or Shape(object)), ...))
     if issubclass(shape.kind, WireObject):

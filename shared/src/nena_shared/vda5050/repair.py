@@ -130,13 +130,13 @@ SAFEST: Final[Mapping[tuple[type[WireObject], str], object]] = {
     (PowerSupply, "state_of_charge"): 0.0,
     (PowerSupply, "charging"): False,
 }
-"""What stands for a required value that is missing or cannot be repaired, in messages that report."""
+"""Replaces a required value that is missing or cannot be repaired, in messages that report."""
 
 _NEVER_EMPTIED: Final = {(State, "node_states")}
 """Lists that must be given, if only as null: an order whose nodes are not reported must not look finished."""
 
 _NEVER_DROPPED: Final = (NodeState, EdgeState, ActionState, ErrorEntry, Load)
-"""List elements without which the list would say something else."""
+"""List elements without which the list would have another meaning."""
 
 _PERCENT: Final = 100.0
 _MUCH_BEYOND: Final = 50.0
@@ -180,7 +180,7 @@ def repair(
         with suppress(_Beyond):
             field.apply(content, found)
     if content.get("orderId") and ("orderUpdateId", RepairKind.REPLACED) in found:
-        del content["orderUpdateId"]  # guessed, it would say that the robot has lost its order
+        del content["orderUpdateId"]  # a guess would mean that the robot has lost its order
 
 
 def written(content: dict[str, Any]) -> bytes | None:
@@ -277,7 +277,7 @@ class _FieldRepair:
     plain: type | None
     """Values of this type are always right."""
     empty: bool
-    """Whether the field is a list that may be taken as empty."""
+    """Whether the field is a list that may be assumed to be empty."""
     optional: bool
     """Whether the field may be left out."""
     safest: object
@@ -482,7 +482,7 @@ def _is_finite(number: float) -> bool:
 def _number(text: str) -> float | int | None:
     """Read a number from text."""
     if "_" in text:
-        return None  # only Python takes it
+        return None  # only Python accepts it
     try:
         return int(text) if text.strip().lstrip("+-").isdigit() else float(text)
     except ValueError:

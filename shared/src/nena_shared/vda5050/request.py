@@ -41,7 +41,7 @@ class ZoneRequest(WireObject):
     zone_set_id: Identifier
     request_status: RequestStatus
     trajectory: Trajectory | None = None
-    """The path that a REPLANNING asks for."""
+    """The path that a REPLANNING requests."""
 
 
 class EdgeRequest(WireObject):

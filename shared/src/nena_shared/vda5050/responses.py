@@ -22,7 +22,7 @@ class Response(WireObject):
     request_id: Identifier
     grant_type: GrantType
     lease_expiry: Timestamp | None = None
-    """When a GRANTED ends; None: not by itself."""
+    """When a GRANTED ends; None: not automatically."""
 
 
 class Responses(Header):

@@ -10,7 +10,7 @@ from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.topics import RobotKey, TopicScheme
 
 FAREWELLS: Final = frozenset({ConnectionState.OFFLINE, ConnectionState.CONNECTION_BROKEN})
-"""What ends a connection. The broker may tell the will of an old one when the new one stands long since."""
+"""What ends a connection. The broker may publish the will of an old one long after the new one is up."""
 
 
 class Dated(Protocol):
@@ -25,7 +25,7 @@ class Dated(Protocol):
 class _Source:
     scheme: TopicScheme
     timestamp: datetime | None
-    """Of the newest message from another time; None: the robot is known to speak there."""
+    """Time of the newest retained message; None: the robot is known to publish there."""
 
 
 class RobotSources:

@@ -25,7 +25,7 @@ class Rules:
     first_update_id_is_zero: bool
     """A new order begins with orderUpdateId 0; one with another number is refused (section 6.1.1)."""
     equal_update_id_compared: bool
-    """An update with the held number is refused if it says something else, else always dropped silently."""
+    """An update with the held number is refused if its content differs, else always dropped silently."""
     stitching_node_repeated: bool
     """An update repeats the decision point unchanged and in full, else only its id and number count."""
     cancel_names_order: bool
@@ -42,4 +42,4 @@ class Rules:
     node_forgotten_in: frozenset[OperatingMode] = frozenset()
     """Modes that are entered with an empty lastNodeId (section 6.6.7)."""
     node_left_in: frozenset[OperatingMode] = frozenset()
-    """Modes in which lastNodeId becomes empty where the node cannot be the start of an order any more."""
+    """Modes in which lastNodeId becomes empty if the node can no longer be the start of an order."""

@@ -99,7 +99,7 @@ def _shape(annotation: Any, metadata: list[Any]) -> Shape:  # noqa: ANN401 - any
         kinds = [each for each in get_args(annotation) if each is not type(None)]
         return _shape(kinds[0], metadata) if len(kinds) == 1 else Shape(object)
     if any(isinstance(each, BeforeValidator) and not isinstance(each, Reads) for each in metadata):
-        return Shape(object)  # the version reads it in a way of its own
+        return Shape(object)  # the version reads it by its own code
     if origin is tuple:
         return Shape(tuple, item=_shape(get_args(annotation)[0], []))
     if isinstance(annotation, type) and issubclass(

@@ -234,7 +234,7 @@ class State(Header):
     mobile_robot_position: MobileRobotPosition | None = None
     velocity: Velocity | None = None
     loads: tuple[Load, ...] | None = None
-    """None: the robot cannot tell; empty: it carries nothing."""
+    """None: the robot cannot report it; empty: it carries nothing."""
     driving: bool
     paused: bool | None = None
     new_base_request: bool | None = None

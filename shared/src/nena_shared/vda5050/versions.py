@@ -39,7 +39,7 @@ CODECS: Final[Mapping[str, Codec]] = MappingProxyType(find_codecs())
 """By version number, the oldest first."""
 
 RULES: Final[Mapping[str, Rules]] = MappingProxyType({name: each.rules for name, each in CODECS.items()})
-"""What each version can say and means, by version number."""
+"""The differences in meaning of each version, by version number."""
 
 _WRITTEN: Final = re.compile(r"v?(\d{1,3})(?:\.(\d{1,3}))?(?:\.(\d{1,3}))?", re.ASCII)
 """A version number of which the end may be missing."""

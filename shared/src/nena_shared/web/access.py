@@ -98,7 +98,7 @@ WRONG_TOKENS_AT_ONCE = 10
 KnownUser = User | OidcUser
 
 RoleNeeded = Callable[[str, str], Role | None]
-"""Tells from method and path what a request takes; None: it is for everybody."""
+"""Returns the role that a request requires, by method and path; None: no login needed."""
 
 
 class TokenReader(Protocol):
@@ -127,7 +127,7 @@ class AccessControl:
     settings: HttpSettings
     role_needed: RoleNeeded
     book: UserBook | None
-    """Who may log in by a token of NeNa's own."""
+    """Users who may log in by a token of NeNa's own."""
     clock: Clock = field(default_factory=SystemClock)
     cookies: bool = False
     """Whether a browser may show its token as a cookie: only where requests of other pages are refused."""

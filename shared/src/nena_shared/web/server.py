@@ -39,7 +39,7 @@ BODY_TIMEOUT = 60.0
 
 PER_ADDRESS = 256
 """Connections of one address, counted from accept on; not behind a proxy, from whose address all come.
-Without a limit one machine could use up all files that the system allows a process, 1024 by default."""
+Without a limit one machine could use up all file descriptors of the process, 1024 by default."""
 
 RESERVED_FILES = 128
 """Files that are left for the store, the broker and the log, however many clients connect."""
@@ -296,7 +296,7 @@ class HttpServer:
         """
         check_exposure(settings)
         self.app = app
-        """What answers; another may take its place while the server runs."""
+        """The application; another one may replace it while the server runs."""
         config = uvicorn.Config(
             self._answer,
             http=HttpConnection,  # on h11: httptools loses bodies and does not limit heads

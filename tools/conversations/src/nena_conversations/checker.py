@@ -122,7 +122,7 @@ def _compare(message: Header, last_id: int, last_time: datetime) -> Iterator[Pro
 
 MAX_STATE_INTERVAL: Final = timedelta(seconds=30)
 GRACE: Final = timedelta(seconds=5)
-"""For the way over the broker and inexact clocks."""
+"""Tolerance for the broker's delay and inexact clocks."""
 
 NOT_ONLINE: Final = {
     ConnectionState.OFFLINE: Severity.ERROR,

@@ -45,7 +45,7 @@ ROBOTS = (
     DemoRobot("robot-01", "r1", x=1.0, y=7.0, theta=0.0),
     DemoRobot("robot-02", "r2", x=23.0, y=7.0, theta=3.14159),
 )
-"""They stand on the points `Parking bay` and `Packing stand` of the sample plant."""
+"""They start at the points `Parking bay` and `Packing stand` of the sample plant."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -49,8 +49,8 @@ class Demand:
     orders: tuple[Order, ...] = ()
     relations: tuple[Relation, ...] = ()
     backlog: int = 0
-    """How many orders wait all the time, drawn by the rates of the relations, or between any two stations;
-    0: orders come at those rates."""
+    """Number of orders that wait at all times, drawn by the rates of the relations, or between any two
+    stations; 0: orders arrive at those rates."""
 
     def timed(self, plant: PlantModel, random: Random) -> Iterator[Order]:
         """Yield the orders that have their own time, the earliest first, without an end if drawn."""
@@ -163,7 +163,7 @@ def _of_json(content: Any) -> Demand:  # noqa: ANN401 - whatever the file holds
 def _timed_request(
     content: Mapping[str, Any],
 ) -> tuple[str | float, TransportOrderRequest]:
-    if "driveOrders" in content:  # an order as the order service tells of it
+    if "driveOrders" in content:  # an order as returned by the order service
         destinations = [each["destination"] for each in content["driveOrders"]]
         kept = {key: content[key] for key in ("type", "priority") if key in content}
         body = {"destinations": destinations, **kept}

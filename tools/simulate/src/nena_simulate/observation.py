@@ -19,7 +19,7 @@ from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_simulate.site import SimulatedRobot, Site
 
 EACH = 0.5
-"""Seconds between two looks at the robots."""
+"""Seconds between two checks of the robots."""
 
 
 class Doing(StrEnum):

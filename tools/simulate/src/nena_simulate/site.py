@@ -44,9 +44,9 @@ MAP_ID = "simulation"
 LOADING = ("pick", "drop")
 READY_SECONDS = 120.0
 POSE_SECONDS = 1.0
-"""Between two poses while a robot drives; it tells of each node in any case."""
+"""Interval between two poses while a robot drives, seconds; it reports each node in any case."""
 LOOK = 0.25
-"""Seconds between two looks at the backlog."""
+"""Seconds between two checks of the backlog."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,9 +77,9 @@ class Case:
     speed: float = 1.0
     """m/s"""
     work_seconds: float = 5.0
-    """What picking and dropping take."""
+    """Duration of picking and dropping, seconds."""
     starts: tuple[str, ...] = ()
-    """Points at which robots stand at first; the others: parking positions, then any by lot."""
+    """Points at which robots start first; the others: parking positions, then random points."""
     settings: dict[str, Any] = field(default_factory=dict)
     """Of the order service."""
     disturbances: Disturbances = Disturbances()
@@ -127,7 +127,7 @@ class SimulatedRobot:
     def __init__(self, vehicle: Vehicle, start: Point, case: Case, broker: Broker, random: Random) -> None:
         self.vehicle = vehicle
         self.loaded = False
-        """Whether it carries something; who looks at its states says so."""
+        """Whether it carries something; set by the observer of its states."""
         self.driven = {False: 0.0, True: 0.0}
         """Metres without and with a load."""
         self._last: Pose | None = None

@@ -13,7 +13,7 @@ from paho.mqtt.client import topic_matches_sub
 from nena_shared.mqtt import Handler, Inbound, LinkHooks, LinkState, MqttLink, Outbound
 
 SUBSCRIBING_SECONDS = 0.05
-"""What it takes to connect and to subscribe."""
+"""Time to connect and to subscribe, seconds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +21,7 @@ class Conditions:
     """How good the network is."""
 
     delay: float = 0.003
-    """Seconds from who publishes to who hears."""
+    """Delay from publisher to subscriber, seconds."""
     loss: float = 0.0
     """Share of the messages that get lost; retained ones never do."""
 

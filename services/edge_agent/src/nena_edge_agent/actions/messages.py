@@ -158,7 +158,7 @@ def problems(
         case list(), Listing():
             yield from _item_problems(template, shape, types, path)
         case str(), Listing() if whole(template):
-            return  # an array as a whole; its items are looked at when it is there
+            return  # an array as a whole; its items are checked when it is complete
         case _:
             try:
                 conformed(template, shape, path)

@@ -184,7 +184,7 @@ class DrivePort(Protocol):
 
 
 Report = Callable[[ActionReport], None]
-"""Tells the core of a new status, or of progress by RUNNING with a result; at any time, from any thread."""
+"""Reports a new status to the core, or progress by RUNNING with a result; at any time, from any thread."""
 
 
 class PluginUnavailableError(Exception):

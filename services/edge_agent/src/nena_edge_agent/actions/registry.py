@@ -101,7 +101,7 @@ def names_installed() -> tuple[str, ...]:
 
 def _wanted(settings: ActionSettings) -> Iterator[str]:
     if settings.plugins == () and not settings.options:
-        return  # who wants none need not wait for a look at all that is installed
+        return  # without wanted plug-ins, there is no need to search all installed packages
     there = _entry_points()
     named = tuple(there) if settings.plugins is None else settings.plugins
     missing = [name for name in (*named, *settings.options) if name not in there]

@@ -25,7 +25,7 @@ from nena_shared.settings import ConfigurationError
 from nena_shared.tasks import set_within
 
 HALT_TIMEOUT = 10.0
-"""Seconds for the robot to stand, after which a drive that was given up ends anyway."""
+"""Timeout for the robot to stop, seconds; after it, a cancelled drive ends anyway."""
 
 
 class ActionDrive:

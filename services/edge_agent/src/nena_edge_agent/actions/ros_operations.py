@@ -57,7 +57,7 @@ OF_LOADS = tuple(
     ParameterSettings(key=key, required=False, description=f"the {what} of the load, for the state")
     for key, what in (("loadId", "id"), ("loadType", "type"))
 )
-"""Parameters of an action that takes a load."""
+"""Parameters of an action that picks up a load."""
 
 
 class ActionValues:

@@ -52,12 +52,12 @@ LOOK_EVERY = 0.05
 
 
 ANSWERS_WITHIN = 5.0
-"""Seconds for an action's server to take a goal, or to hear that it is cancelled."""
+"""Timeout of an action's server for accepting or cancelling a goal, seconds."""
 LONGEST_GOAL = 86_400.0
 """Seconds for which the result of a goal is waited for; actions have time-outs of their own."""
 SUCCEEDED = 4
 ENDS = {5: "cancelled", 6: "aborted"}
-"""What the status of a goal says that has not succeeded."""
+"""Meaning of the status of a goal that has not succeeded."""
 
 THERE = (SessionState.INITIATING, SessionState.ACTIVE)
 """States of a session that has a node."""
@@ -277,7 +277,7 @@ class _Action:
             answer = await session.call(self._send, request, seconds=ANSWERS_WITHIN)
             if answer is None or not answer.accepted:
                 text = "refuses the goal" if answer is not None else "does not answer"
-                if answer is None:  # it may take the goal later, when this action has failed
+                if answer is None:  # it may accept the goal later, when this action has failed
                     await self._cancelled(session, request.goal_id)
                 message = f"the action {self._name} {text}: is its server active?"
                 raise RosError(message)

@@ -32,7 +32,7 @@ ANSWER_WITHIN = 5.0
 """Seconds that a broker has for each answer."""
 
 RETAINED_WITHIN = 1.0
-"""Seconds for what the broker has kept; much longer than it takes."""
+"""Timeout for retained messages, seconds; much longer than they need."""
 
 MAP_PROPERTY = "vda5050:mapId"
 
@@ -231,7 +231,7 @@ def _ask_to_write(settings: EdgeAgentSettings) -> str:
         client.loop_start()
         answered.wait(ANSWER_WITHIN)
     except OSError:
-        return ""  # the connection stood a moment ago: what broke it shows at the next look
+        return ""  # the connection was up a moment ago: the next check shows what broke it
     finally:
         client.disconnect()
         client.loop_stop()

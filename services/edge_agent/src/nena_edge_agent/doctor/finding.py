@@ -29,7 +29,7 @@ class LinkVerdict(StrEnum):
     """It works, and may not do what is wanted."""
     MISSING = "MISSING"
     UNKNOWN = "-"
-    """It was not looked at, since a link before it is missing or the robot has none."""
+    """Not checked, because a link before it is missing or the robot has none."""
 
 
 @dataclass(frozen=True, slots=True)

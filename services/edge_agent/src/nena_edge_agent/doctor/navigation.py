@@ -35,7 +35,7 @@ class RosView:
     nodes: tuple[str, ...] = ()
     """Names of nodes that are neither ours nor hidden."""
     busy_domains: tuple[int, ...] = ()
-    """Other domains in which there are nodes, of those that were looked at."""
+    """Other domains that have nodes, among those searched."""
     servers: int = 0
     """Publishers of the action's status in the namespace."""
     elsewhere: tuple[str, ...] = ()
@@ -49,7 +49,7 @@ class RosView:
     server_timeout: float | None = None
     """Milliseconds that bt_navigator waits for its servers (``default_server_timeout``)."""
     clock_offset: float | None = None
-    """Seconds that the newest odometry was stamped ahead of this program's clock; None: none came."""
+    """Seconds by which the newest odometry stamp is ahead of this program's clock; None: no odometry."""
 
 
 MOST_OFF = 2.0
@@ -59,7 +59,7 @@ UNSYNCHRONISED = 5
 """What adjtimex(2) returns (TIME_ERROR) while nothing keeps the clock right."""
 
 _TIMEX_SIZE = 512
-"""Bytes, more than any Linux has in a timex; all zero asks and sets nothing."""
+"""Bytes, larger than any Linux's timex; all zero queries and sets nothing."""
 
 
 def kernel_keeps_time() -> bool | None:

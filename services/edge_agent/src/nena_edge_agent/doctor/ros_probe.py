@@ -23,13 +23,13 @@ from nena_edge_agent.nav2.session import RosSession
 from nena_edge_agent.nav2.settings import RosSettings
 
 LOOK_FOR = 5.0
-"""Seconds until what was not seen counts as missing; discovery takes up to three."""
+"""Seconds after which something unseen counts as missing; discovery takes up to three."""
 
 LOOK_ELSEWHERE = 3.0
 """Seconds for a look into another domain."""
 
 POSE_WAIT = 2.0
-"""Seconds to wait for a pose that was asked for."""
+"""Timeout for a requested pose, seconds."""
 
 
 async def look(settings: RosSettings) -> RosView:

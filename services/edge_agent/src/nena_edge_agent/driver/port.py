@@ -29,7 +29,7 @@ STANDING = 0.01
 """m/s, or rad/s, below which a robot counts as standing."""
 
 P = TypeVar("P")
-"""A kind of pose; it says the frame."""
+"""A kind of pose, which determines the frame."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,11 +92,11 @@ class DriveFailure(StrEnum):
     NOT_TAKEN_UP = "NOT_TAKEN_UP"
     """Navigation never took the goal, in spite of its being given several times."""
     OUTSIDE_TOLERANCE = "OUTSIDE_TOLERANCE"
-    """Navigation says that it has arrived, but the pose is not within the allowed deviation."""
+    """Navigation reports success, but the pose is not within the allowed deviation."""
     NAVIGATION_GONE = "NAVIGATION_GONE"
     """Navigation vanished or was restarted while it was driving."""
     TAKEN_OVER = "TAKEN_OVER"
-    """Another client gave navigation a goal in place of this robot's own."""
+    """Another client sent navigation a goal that replaced this robot's own."""
 
 
 @dataclass(frozen=True, slots=True)

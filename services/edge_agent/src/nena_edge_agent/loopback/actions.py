@@ -19,7 +19,7 @@ LONGEST_ACTION = 86_400.0
 DURATION = Parameter("duration", ValueDataType.NUMBER, required=False, description="s, 0 to 86400")
 
 Outcome = Callable[[Action], str | None]
-"""Tells why an action fails at its end; None: it finishes."""
+"""Returns why an action fails at its end; None: it finishes."""
 
 
 class SimulatedAction:

@@ -250,7 +250,7 @@ class LoopbackDriver:
     def halt(self) -> None:
         """Brake, and drop the goal."""
         if isinstance(self._motion, Braking):
-            return  # is answered when it stands
+            return  # answered at standstill
         motion, now = self._motion, self._clock.monotonic()
         slowing = braking(motion, now, self._settings.deceleration) if motion else None
         self._stand()

@@ -36,11 +36,11 @@ WITHOUT_REASON = (
 SAME = 0.001
 """Metres that two places of the same node may differ by."""
 TURNED_AWAY = 0.3
-"""Metres by which a robot is further from a place than it was, when it does not drive to it any more."""
+"""Increase of the distance to a place, m, at which the robot no longer drives to it."""
 
 
 FROM_END = 1.0
-"""Metres from the end of a way beyond which a robot has not driven it, whatever navigation says."""
+"""Distance from the end of a route, m, beyond which it is not driven, whatever navigation reports."""
 
 
 class WayDriven:
@@ -83,13 +83,13 @@ class WayDriven:
 
 
 POSE_STEP = 0.05
-"""Metres between two places that are told on."""
+"""Distance between two reported positions, m."""
 YAW_STEP = 0.1
 """Radians."""
 PROGRESS_PERIOD = 1.0
 """Seconds between two reports of what is left."""
 FRESH = 0.5
-"""Seconds for which a pose of the feedback is better than one of the localisation, which comes seldom."""
+"""Seconds for which a pose of the feedback is preferred to one of the localisation, which is rarer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,14 +144,14 @@ class FeedbackFilter:
         if drive == self._progress and now - self._progress_at < PROGRESS_PERIOD:
             return None
         self._progress, self._progress_at = drive, now
-        left = reading.left if reading.left > 0.0 else None  # Nav2 says 0 as long as it has no path
+        left = reading.left if reading.left > 0.0 else None  # Nav2 reports 0 while it has no path
         return DriveProgress(left, reading.recoveries, map_id)
 
 
 log = get_logger(__name__)
 
 REASON_WAIT = 1.0
-"""Seconds that the result of an aborted goal may come after the array that shows its end."""
+"""Seconds that the result of an aborted goal may come after the array with its end."""
 
 
 class ActionTracker(GoalTracker):

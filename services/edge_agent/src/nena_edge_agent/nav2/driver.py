@@ -87,11 +87,11 @@ if TYPE_CHECKING:
 
 
 TICK = 0.05
-"""Seconds between two looks at the time while something is waited for."""
+"""Seconds between two checks of the time while something is awaited."""
 FEEDBACK_TIMEOUT = 2.0
 """Seconds without feedback of a drive, each 10 ms as a rule, after which bt_navigator counts as dead."""
 HELD_UP = 0.3
-"""Seconds that the event loop may be late; beyond that, feedback may have come and waits to be read."""
+"""Tolerated delay of the event loop, seconds; beyond it, unread feedback may be waiting."""
 READINGS = 5
 """Times that Nav2's parameters are read at most while none of them is the controller's speed."""
 
@@ -296,7 +296,7 @@ class Nav2Driver:
         if not self._settings.start_session:
             self.session.tell_off()
             return
-        with suppress(SessionError):  # it is told, and tried again
+        with suppress(SessionError):  # reported, and retried
             await self.session.start()
 
     async def _open_node(self, address: RosAddress) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 SEVERAL = 100
-"""What a code of the planner is higher by, where a way over several places was asked for."""
+"""Offset of the planner's codes for a route over several places."""
 
 
 class Meaning(NamedTuple):
@@ -58,7 +58,7 @@ _FAMILIES = {
     900: "docking has failed",
     9000: "the navigator has failed",
 }
-"""Codes from these on whose single meanings help nobody who stands beside the robot."""
+"""From these codes on, the single meanings do not help a person at the robot."""
 _UNKNOWN = "unknown error code of Nav2"
 
 

@@ -37,9 +37,9 @@ from nena_shared.log import get_logger
 from nena_shared.ros import GoalStatus
 
 LATE_AT_MOST = 8.0
-"""Seconds after an arrival in which poses that show the robot driving are taken for late ones."""
+"""Seconds after an arrival in which poses that show the robot driving count as late ones."""
 STANDS = 0.1
-"""Metres, and radians, that poses of a robot that stands may differ by."""
+"""Difference between poses of a robot at standstill, m and rad."""
 
 
 @dataclass(slots=True)
@@ -53,7 +53,7 @@ class GoalDrive:
     preempts: bool = False
     """Whether it was given while another goal was driven, whose result it may get."""
     interrupted: bool = False
-    """Whether the controller was stopped on the way: the navigator may take that for success."""
+    """Whether the controller was stopped on the way: the navigator may mistake that for success."""
     give_up_at: float | None = None
     goal_id: str | None = None
     reached_at: float | None = None
@@ -93,7 +93,7 @@ class GoalDrive:
 log = get_logger(__name__)
 
 UNKNOWN_GOAL_ID = 2
-"""Answer of action_msgs/srv/CancelGoal for a goal that the server does not know."""
+"""Answer of action_msgs/srv/CancelGoal for an unknown goal."""
 STALE_XY = 0.25
 """Metres that a robot may drive before AMCL sends a pose (``update_min_d``)."""
 STALE_THETA = 0.2
@@ -104,7 +104,7 @@ PLAN_TOLERANCE = 0.75
 SAME = 0.001
 """Metres, or radians, that two places of the same node may differ by."""
 RECLAIM_TIME = 10.0
-"""Seconds after a restart in which the order may still come to want the goal that Nav2 drives to."""
+"""Seconds after a restart in which the order may still request Nav2's current goal."""
 OBEYED_WITHIN = 0.5
 """Seconds after a halt in which the navigator has the robot slow down; then its controller is stopped."""
 RECLAIM_SERVER_WAIT = 5.0
@@ -149,7 +149,7 @@ class GoalTracker:
         self._reclaimed: MapOwnGoals | None = None
         self._reclaimed_until: float | None = None
         self._arrived_at: float | None = None
-        """When the last goal was reached, while a pose of the robot at rest is still to be asked for."""
+        """When the last goal was reached, while a pose at rest still has to be requested."""
         self._out: list[Command] = []
 
     @property
@@ -212,7 +212,7 @@ class GoalTracker:
     def on_statuses(self, entries: Sequence[GoalEntry], now: float) -> list[Command]:
         """Handle a status array: all goals that the server remembers."""
         news = self._registry.update(entries, now)
-        self._runaway = False  # the navigator speaks, and what it drives to can be cancelled
+        self._runaway = False  # the navigator responds, and its goals can be cancelled
         self._report_table()
         drive = self._drive
         if drive is not None and drive.times_given:
@@ -397,7 +397,7 @@ class GoalTracker:
     def _stop_motion(self, now: float) -> None:
         """Stop the controller directly if the navigator is gone or does not stop the robot."""
         stands = self._standstill.stands(now)
-        if self._runaway and self._stop_again_at > now:  # it has been asked to stop at least once
+        if self._runaway and self._stop_again_at > now:  # a stop was requested at least once
             self._runaway = not stands and (self._standstill.known(now) or not self._stop_answered)
         halt = self._halt
         disobeyed = (

@@ -65,7 +65,7 @@ class GoalRegistry:
         self._awaited = False
         self._given_at = -float("inf")
         self.given_before: str | None = None
-        """The goal that an earlier run gave last and did not see listed, once it is."""
+        """The goal that an earlier run sent last and did not see listed, once it is."""
 
     @property
     def live(self) -> tuple[str, ...]:
@@ -140,7 +140,7 @@ class GoalRegistry:
             self._servers_since = now if servers else None
         self._servers = servers
         if gone:
-            # The same server may come back after a break of the network, and list what it still drives.
+            # The same server may return after a break of the network, and list its current goals.
             self._orphans = self._orphans | frozenset(self.live)
             self._goals.clear()
             self._array_seen = self._awaited = False
@@ -246,7 +246,7 @@ def _merged(old: Goal | None, entry: GoalEntry, *, ours: bool) -> Goal:
 
 
 YIELD_TIME = 10.0
-"""Seconds in which another client can give a goal again that Nav2 refused because this agent drove."""
+"""Seconds in which another client can resend a goal that Nav2 rejected because this agent drove."""
 
 LENGTH = 8
 """Bytes of an id, of 16, that are the same in all ids of an agent; the others are drawn by lot."""

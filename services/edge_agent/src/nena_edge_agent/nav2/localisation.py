@@ -119,7 +119,7 @@ class LocaliserWatch:
         before, was_missed, was_inactive = self._publishers, self._missed, self._inactive
         self._missed, self._inactive = bool(before) and not publishers, inactive
         if self._missed and not was_missed:
-            return None  # all of Nav2 may be going, which is told first
+            return None  # all of Nav2 may be stopping, which is reported first
         self._publishers = publishers
         if self._missed:
             return "the localisation is not running: nothing publishes its pose"
@@ -220,9 +220,9 @@ class InitialPosition:
 
 
 LONGEST_GAP = 1.0
-"""Seconds between two velocities over which the way in between can be reckoned."""
+"""Maximum interval between two velocities for integrating the distance between them, seconds."""
 SILENT_WAY = 1.0
-"""Metres, or radians, that a localisation that works does not let pass without a pose."""
+"""Distance, m or rad, within which a working localisation always sends a pose."""
 
 
 class PoseWatch:

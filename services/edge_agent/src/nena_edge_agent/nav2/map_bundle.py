@@ -19,9 +19,9 @@ from typing import Final
 from nena_shared.fleet_api.plant import png_size
 
 FILES_LIMIT = 100
-"""Files of an archive that are looked at."""
+"""Files of an archive that are read."""
 ENTRIES_LIMIT = 1000
-"""Files of a zip; the head of each takes memory, however few are looked at."""
+"""Files of a zip; the header of each takes memory, however few are read."""
 YAML_LIMIT = 64 * 1024
 """Largest YAML file, bytes."""
 IMAGE_LIMIT = 256 * 1024 * 1024
@@ -31,7 +31,7 @@ UNPACKED_LIMIT = 320 * 1024 * 1024
 PIXELS_LIMIT = 64 * 1024 * 1024
 """map_server unpacks an image: a PNG of a few kB may have more pixels than the robot has memory for."""
 DICTIONARY_LIMIT = 128 * 1024 * 1024
-"""Memory that the reader of an xz file may take, bytes."""
+"""Memory limit of the reader of an xz file, bytes."""
 IMAGES = (".pgm", ".png", ".bmp")
 REQUIRED = ("image", "resolution", "origin")
 

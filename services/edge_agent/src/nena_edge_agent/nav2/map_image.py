@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 UNKNOWN: Final = 255
 """-1 as a byte: unexplored."""
 SURE: Final = 100
-"""Something is there for certain."""
+"""Certainly occupied."""
 UNKNOWN_OPACITY: Final = 40
 
 _SIGNATURE: Final = b"\x89PNG\r\n\x1a\n"
@@ -87,7 +87,7 @@ def _chunk(kind: bytes, content: bytes) -> bytes:
 log = get_logger(__name__)
 
 CELLS_LIMIT = 64 * 1024 * 1024
-"""Cells of a grid that are looked at."""
+"""Cells of a grid that are read."""
 
 
 class MapWatch:

@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 log = get_logger(__name__)
 
 LOAD_TIMEOUT = 30.0
-"""Seconds that map_server may take to load a map."""
+"""Timeout of map_server for loading a map, seconds."""
 PROBLEMS = {
     1: "file not found: do agent and map_server see the same folder?",
     2: "the image is not a map",
     3: "the YAML file does not describe a map",
 }
-"""What a result of load_map says."""
+"""Meaning of a result of load_map."""
 
 
 class MapNotLoadedError(Exception):
@@ -67,7 +67,7 @@ class MapServer:
         self._session: RosSession | None = None
         self._node: Any = None
         self._turn = asyncio.Lock()
-        """Held while map_server is told to load a map: it takes one at a time."""
+        """Held while map_server loads a map: it loads one at a time."""
 
     def attach(self, user: MapUser) -> None:
         """Notify a driver of each change."""

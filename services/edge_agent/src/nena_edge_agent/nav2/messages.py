@@ -20,7 +20,7 @@ from nena_edge_agent.nav2.robot_base import BatteryReading
 from nena_shared.ros import GoalStatus, yaw_of
 
 X_VARIANCE, Y_VARIANCE, YAW_VARIANCE = 0, 7, 35
-"""Where these stand in the covariance of a pose, a matrix of 6 by 6 in rows."""
+"""Their indices in the covariance of a pose, a matrix of 6 by 6 in rows."""
 
 
 class NotFiniteError(ValueError):
@@ -88,7 +88,7 @@ def _number(value: SupportsFloat) -> float:
 
 NANOSECONDS = 1_000_000_000
 PLAN_POINTS = 100
-"""Points of a plan that are told on at most, beside its end."""
+"""Maximum number of reported points of a plan, beside its end."""
 
 
 class UnusablePoseError(ValueError):

@@ -43,7 +43,7 @@ NO_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
 """Reliable and volatile fits every subscription but a latched one, which makes no sense for these topics."""
 
 STATUS_ARRAYS = 10
-"""Status arrays that may wait for the loop; each tells all, so that the oldest can be dropped."""
+"""Status arrays that may wait for the loop; each is complete, so the oldest can be dropped."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ MISSES = 2
 
 
 DISCOVERY = 5.0
-"""Seconds that it takes at most to see what there is in the ROS graph."""
+"""Maximum time of discovery in the ROS graph, seconds."""
 POSE_FIRST = (
     "set the initial position first. Nav2's planner gives up after waiting 60 s for it: if Nav2 "
     "has run longer without one, restart it"
@@ -28,7 +28,7 @@ class Lifecycle(Enum):
     ABSENT = auto()
     """There is no such service: nothing is known, and Nav2 counts as active."""
     STARTING = auto()
-    """The service is there and has not answered yet, as during Nav2's bring-up."""
+    """The service exists but has not answered yet, as during Nav2's bring-up."""
     ACTIVE = auto()
     INACTIVE = auto()
     SILENT = auto()
@@ -42,7 +42,7 @@ LIFECYCLE_PROBLEMS = {
 
 
 UNTOLD = frozenset({Lifecycle.ABSENT, Lifecycle.ACTIVE})
-"""Where the lifecycle manager does not say what is wrong."""
+"""States in which the lifecycle manager does not explain the problem."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 HOLD = 0.2
 """Seconds that it must have been standing."""
 STALE = 1.0
-"""Seconds after which odometry says nothing any more."""
+"""Seconds after which odometry is outdated."""
 SLOWING = 0.02
 """m/s or rad/s by which the velocity has to fall to count as slowing down."""
 
@@ -74,7 +74,7 @@ AWAY = 0.5
 TURNED = 4.0
 """Radians that a robot may turn on one spot and count as moving; Nav2's recoveries turn again and again."""
 LONGEST_GAP = 1.0
-"""Seconds between two velocities over which the way in between can be reckoned."""
+"""Maximum interval between two velocities for integrating the distance between them, seconds."""
 
 
 class MovementWatch:

@@ -114,7 +114,7 @@ class RosSession:
         self.state = SessionState.TERMINATING
         self._end_thread()
         if await set_within(self._ended, seconds):
-            self._thread.join(1.0)  # its last deed was to tell that it has ended
+            self._thread.join(1.0)  # its last action was to report that it has ended
         else:
             log.warning("the ROS thread did not end; leaving it until the process exits", seconds=seconds)
 
@@ -178,7 +178,7 @@ class RosSession:
     def _end_thread(self) -> None:
         self._stop.set()
         if self._executor is not None:
-            self._executor.create_task(lambda: None)  # lets the thread look at the event
+            self._executor.create_task(lambda: None)  # wakes the thread to check the event
 
     def _run(self, populate: Callable[[Any], None]) -> None:
         """Live in the thread: open, spin, close."""
@@ -189,7 +189,7 @@ class RosSession:
                 self.post(self._become_active)
                 while not self._stop.is_set():
                     self._executor.spin_once()
-        except Exception as error:  # whatever it is, the program has to know of it
+        except Exception as error:  # any failure has to reach the program
             log.exception("ROS session has failed", domain_id=self._domain_id, namespace=self._namespace)
             reason = str(error) or type(error).__name__
         finally:

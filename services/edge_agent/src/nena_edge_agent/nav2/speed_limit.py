@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 log = get_logger(__name__)
 
 NO_LIMIT = 0.0
-"""What a message says to take a limit back."""
+"""Value that withdraws a limit."""
 SLOWEST = 0.01
-"""Lowest limit that is sent, m/s: 0 would take it back."""
+"""Lowest limit that is sent, m/s: 0 would withdraw it."""
 REPEATED_AFTER = 0.3
 """Seconds after which a limit that holds is sent again while the robot drives."""
 

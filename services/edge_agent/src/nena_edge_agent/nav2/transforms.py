@@ -29,11 +29,11 @@ LONGEST_CHAIN = 20
 MOST_FRAMES = 1000
 """Frames above which those are dropped whose transforms are out of date: names may be new each time."""
 STEP = 0.05
-"""Metres, or radians, between two poses that are told."""
+"""Distance between two reported poses, m or rad."""
 PERIOD = 1.0
-"""Seconds after which a pose is told also at standstill."""
+"""Interval of reported poses at standstill, seconds."""
 LOOKS = 3
-"""Looks at the graph without a publisher of poses after which transforms are listened to."""
+"""Checks of the graph without a publisher of poses after which transforms are used."""
 WAITING = 50
 """Messages that may wait for the event loop."""
 

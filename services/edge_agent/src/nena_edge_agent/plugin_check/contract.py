@@ -196,7 +196,7 @@ def sample(parameter: Parameter) -> JsonValue:
 
 
 SETTLE: Final = 0.2
-"""Seconds to wait for reports that must not come."""
+"""Seconds to wait for unwanted reports."""
 
 
 class Verdict(StrEnum):

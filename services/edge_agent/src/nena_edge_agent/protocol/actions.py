@@ -29,7 +29,7 @@ from nena_shared.vda5050.factsheet import ActionScope
 from nena_shared.vda5050.order import Edge
 
 CoreAction = Callable[[RobotState, Action], tuple[ActionStatus, str | None]]
-"""Does or starts an action in the core; returns its status from now on, and a result."""
+"""Executes or starts an action in the core; returns its new status, and a result."""
 
 
 def enqueue(robot: RobotState, actions: Sequence[Action]) -> None:
@@ -287,7 +287,7 @@ def _end_edge_action(robot: RobotState, record: ActionRecord) -> None:
     action_id = record.action.action_id
     if record.status is ActionStatus.RETRIABLE:
         _end(robot, record, ActionStatus.FAILED, record.result)
-        robot.errors.report(_failure(robot, record), Until.ORDER_OVER)  # no retry is possible any more
+        robot.errors.report(_failure(robot, record), Until.ORDER_OVER)  # a retry is no longer possible
         return
     if record.active and not _declares(robot, record, "cancel_allowed"):
         return

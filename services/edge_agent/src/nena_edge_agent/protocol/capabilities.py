@@ -31,7 +31,7 @@ class DriveStrategy(StrEnum):
     """How the robot drives from node to node."""
 
     STOP_AT_NODES = "stop_at_nodes"
-    """Each node is a goal of its own, at which the robot stops."""
+    """Each node is a separate goal, at which the robot stops."""
     PASS_THROUGH = "pass_through"  # noqa: S105 - a drive strategy, no password
     """The next goal is sent within the deviation of a node that needs no stop."""
 
@@ -149,10 +149,8 @@ DEMANDS: dict[str, Callable[[Edge, Capabilities], bool]] = {
     "edges.trajectory": lambda edge, _: edge.trajectory is not None,
     "edges.corridor": lambda edge, _: edge.corridor is not None,
 }
-"""Whether an edge asks for what the robot cannot do, for each field that may ask for it.
-
-What the robot does anyway (drive forwards, turn freely, keep to its own speed) is no demand.
-"""
+"""Whether an edge requires something that the robot cannot do, for each field that may require it. What the
+robot does anyway (drive forwards, turn freely, keep to its own speed) is no requirement."""
 TOLERABLE: frozenset[str] = frozenset({ZONE_SET, *DEMANDS})
 """Fields that the setting ``tolerated_parameters`` may name."""
 

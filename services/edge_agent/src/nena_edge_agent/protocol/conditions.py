@@ -103,7 +103,7 @@ def _localization(robot: RobotState) -> ErrorEntry | None:
     if pose is None and robot.reports.navigation.starting:
         return None  # it has not been looked for long enough
     if switched_off(robot) and robot.idle:
-        return None  # expected then, and NAVIGATION_NOT_AVAILABLE says why
+        return None  # expected then, and NAVIGATION_NOT_AVAILABLE explains it
     return error(
         ErrorType.LOCALIZATION_ERROR,
         f"the robot is not localised and does not drive{_why(pose)}",

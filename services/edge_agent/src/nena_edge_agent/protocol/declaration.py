@@ -19,7 +19,8 @@ from nena_shared.vda5050.rules import Rules
 ALL_BLOCKING_TYPES = tuple(BlockingType)
 
 Check = Callable[[Action], str | None]
-"""Says why an action cannot be done, None if it can; asked before the robot drives, so it returns at once."""
+"""Returns why an action cannot be executed, None if it can; called before the robot drives, so it must return
+at once."""
 
 
 class LoadChange(StrEnum):

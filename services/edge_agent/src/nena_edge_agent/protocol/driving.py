@@ -45,7 +45,7 @@ def advance(robot: RobotState) -> None:
     """Do what the state allows: repeat a halt, stop, or drive on."""
     _repeat_halt(robot)
     if _must_stop(robot):
-        # after a restart navigation may go on with the goal of before until the first pose comes
+        # after a restart navigation may continue the earlier goal until the first pose arrives
         (stop if robot.reports.pose is not None else halt)(robot)
         return
     _update_ahead(robot)

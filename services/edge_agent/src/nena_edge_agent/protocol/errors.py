@@ -28,7 +28,7 @@ class Until(Enum):
     WITHDRAWN = auto()
     """Its reporter withdraws it."""
     AVAILABLE = auto()
-    """The robot takes orders again."""
+    """The robot accepts orders again."""
 
 
 REFUSED = (Until.ORDER_ACCEPTED, Until.INSTANT_ACTION_ACCEPTED, Until.ZONE_SET_ACCEPTED, Until.AVAILABLE)

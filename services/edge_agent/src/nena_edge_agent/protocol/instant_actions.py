@@ -154,7 +154,7 @@ def _remember(robot: RobotState, action: Action) -> None:
         robot.instant_actions.remove(lambda record: record in ended)
 
 
-# startPause and stopPause, and whatever else holds the robot (section 6.2.3)
+# startPause and stopPause, and other reasons to pause the robot (section 6.2.3)
 
 
 def apply_hold(robot: RobotState) -> None:

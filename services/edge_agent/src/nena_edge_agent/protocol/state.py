@@ -32,7 +32,7 @@ DURABLE_FIELDS = (
     *("planned_path", "distance_since_last_node", "new_base_request", "action_states"),
     *("instant_action_states", "loads", "paused", "operating_mode", "zone_sets", "zone_requests"),
 )
-"""Fields of the state that come from what the journal keeps."""
+"""Fields of the state that are stored in the journal."""
 
 
 def make_state(header: dict[str, Any], robot: RobotState) -> State:

@@ -44,7 +44,7 @@ class Channel:
     action: Literal["send", "receive"]
     """What the order service does there."""
     body: type[BaseModel] | None
-    """None: the plant model, which has a form of its own."""
+    """None: the plant model, which has its own schema."""
     summary: str
     retained: bool = False
     parameters: tuple[str, ...] = ("host",)

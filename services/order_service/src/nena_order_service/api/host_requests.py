@@ -60,7 +60,7 @@ from nena_shared.vda5050.action import Action, ActionParameter, BlockingType
 ANY = "*"
 
 STATUSES_AT_ONCE = 50
-"""Vehicles that are looked at before the event loop does other work; each takes some 0.1 ms."""
+"""Vehicles that are checked before the event loop does other work; each takes some 0.1 ms."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +114,7 @@ log = get_logger(__name__)
 ORDER_PREFIX = "TOrder"
 
 VEHICLES_EXPLAINED = 100
-"""Vehicles of which it is said why they do not do an order, unless a host asks for more or less."""
+"""Default number of vehicles for which an order's assignment is explained."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +152,9 @@ class HostRequests:
         if known is None:
             ended = await self._ended_dependencies(request)
             await self._check_sequence(request)
-            known = self._at_hand(None if complete else name, request.idempotency_key)  # it came in between
+            known = self._at_hand(
+                None if complete else name, request.idempotency_key
+            )  # it arrived in between
         if known is None:
             self._engine.unit_of_work.require_store()
             known = self._engine.create(request, name, ended)

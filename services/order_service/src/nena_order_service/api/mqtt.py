@@ -49,7 +49,7 @@ class Command(Request):
     """What all commands have."""
 
     request_id: str | None = Field(None, min_length=1, max_length=TEXT_LIMIT)
-    """Comes back in the answer."""
+    """Repeated in the answer."""
 
 
 def _command(operation: Operation[Any]) -> type[Command]:
@@ -148,7 +148,7 @@ class MqttApi:
 
     def _on_creation(self, message: Inbound) -> None:
         if not message.payload:
-            return  # somebody clears a retained request
+            return  # another client clears a retained request
         host = self._topics.host_of(message.topic)
 
         def answer(problem: Problem) -> None:
@@ -193,7 +193,7 @@ class MqttApi:
 
     def _on_command(self, message: Inbound) -> None:
         if not message.payload:
-            return  # somebody clears a retained command
+            return  # another client clears a retained command
         host, name = self._topics.host_of(message.topic), message.topic.rsplit("/", 1)[-1]
         operation = table.COMMANDS.get(name)
         if problem := self._limits.refusal(host, len(self._commands)):

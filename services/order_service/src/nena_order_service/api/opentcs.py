@@ -102,7 +102,7 @@ def install(app: FastAPI) -> None:
 
     async def foreseen(_request: Request, error: Exception) -> Response:
         problem = problem_of(error)
-        # openTCS knows no 422.
+        # openTCS has no 422.
         status = (
             HTTPStatus.BAD_REQUEST if problem.status == HTTPStatus.UNPROCESSABLE_ENTITY else problem.status
         )
@@ -118,7 +118,7 @@ def install(app: FastAPI) -> None:
 
 
 END_OF_TIME = datetime(9999, 12, 31, 23, 59, 59, tzinfo=UTC)
-"""What openTCS says of an order without a deadline, as near as it can be written."""
+"""openTCS's value for an order without a deadline, as near as it can be written."""
 
 
 class Body(CamelCase):

@@ -54,7 +54,7 @@ class Call(Generic[R]):
     """Of the object that it is about; empty where it is about none."""
     request: R
     caller: str
-    """Who asks, as far as the access control knows."""
+    """The caller, as known to the access control."""
     seen: ETag | None = None
     """The version that the host has seen; None: any."""
 

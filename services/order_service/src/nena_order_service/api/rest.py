@@ -293,7 +293,7 @@ def _events(stream: EventStream) -> APIRouter:
         """
         interest = Interest(frozenset(kind or EventKind), transport_order, vehicle)
         frames = stream.follow(last_event_id or after, interest)
-        first = await anext(frames)  # what goes wrong at first is answered as a problem
+        first = await anext(frames)  # an error before the first event is answered as a problem
         return StreamingResponse(_from(first, frames), media_type="text/event-stream", headers=HEADERS)
 
     return router

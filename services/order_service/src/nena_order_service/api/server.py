@@ -68,7 +68,7 @@ class CountedAnswers:
 
 
 RETRY_AFTER = "1"
-"""Seconds; a takeover takes a few."""
+"""Seconds; a takeover takes several."""
 
 METHODS = ["GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"]
 
@@ -95,7 +95,7 @@ def make_standby_app(active_url: Callable[[], str], problem: Callable[[], str]) 
         )
 
     def elsewhere(request: Request) -> Response:
-        raw: bytes = request.scope["raw_path"]  # as it came: names may have letters that no header holds
+        raw: bytes = request.scope["raw_path"]  # unchanged: names may have letters that no header allows
         return _go_there(active_url(), raw.decode("ascii"))
 
     return _make_waiting_app(readiness, elsewhere)

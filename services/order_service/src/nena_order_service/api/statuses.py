@@ -178,7 +178,7 @@ class Heartbeat:
 
 
 TERM_POLL = 0.25
-"""Seconds between two looks at whether the broker is connected, in a new term."""
+"""Seconds between two checks whether the broker is connected, in a new term."""
 
 LISTEN = 2.0
 """Seconds in which a broker hands out what it has retained."""

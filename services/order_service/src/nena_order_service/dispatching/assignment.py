@@ -49,7 +49,7 @@ class _Search:
         self._left_out = 1 + sum(
             max(costs.values(), default=0) for level in levels for costs in level.values()
         )
-        """What it costs to leave an order of the present level out: more than all ways around that."""
+        """Cost of leaving an order of the present level out: more than any detour to avoid that."""
         self._costs: dict[int, dict[Place, int]] = {}
         self._order_of: dict[Place, int] = {}
         self._place_of: dict[int, Place] = {}

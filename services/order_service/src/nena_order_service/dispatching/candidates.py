@@ -13,7 +13,7 @@ from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry
 from nena_shared.fleet_api.vehicle import AcceptableOrderType
 
 EXAMPLES_AT_MOST = 50
-"""Vehicles that are looked at to say why none takes an order; those that say the same count once."""
+"""Vehicles that are checked for the reason why none takes an order; equal reasons count once."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -68,7 +68,7 @@ class Energy:
 
 
 Rank = tuple[float | str, ...]
-"""What comes first is less."""
+"""Lower values come first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,9 +182,9 @@ class Carried:
     """The loads of a vehicle that has some."""
 
     loads: tuple[str, ...]
-    """At which of its places each is; empty: it does not say."""
+    """The load position of each; empty: not reported."""
     places: frozenset[str] = frozenset()
-    """Its places for loads; none: it does not say."""
+    """Its load positions; none: not reported."""
     places_of: Mapping[str, frozenset[str]] = field(default_factory=dict, hash=False)
     """Those for loads of single types."""
 
@@ -233,7 +233,7 @@ class DispatchedVehicle:
     obstacle: str = ""
     """Why it takes no order at all; empty if it may."""
     restriction: str = ""
-    """Why it takes no order but one to recharge; empty if it takes others too."""
+    """Why it only takes orders to recharge; empty if it takes others too."""
     energy: float = 100.0
     """Percent."""
     idle: bool = True
@@ -245,9 +245,9 @@ class DispatchedVehicle:
     order_types: tuple[AcceptableOrderType, ...] = ANY_ORDER_TYPE
     """The types of orders that it accepts."""
     carried: Carried | None = None
-    """The loads that it has; None: none, or nobody knows."""
+    """Its loads; None: none, or unknown."""
     soon: bool = False
-    """Whether it is about to be free where it stands; until then it has its obstacle."""
+    """Whether it is about to be free where it is; until then it has its obstacle."""
 
     def type_priority(self, order: TransportOrder) -> float:
         """Return the priority of orders of this type, less is better; infinity: not accepted."""
@@ -283,10 +283,10 @@ COST_STEPS: Final = 1000
 """In whole numbers for each unit of a cost."""
 
 RANKS: Final = 1024
-"""How many vehicles of the same cost are told apart by the further keys."""
+"""How many vehicles of the same cost are distinguished by the further keys."""
 
 URGENCY: Final = (OrderKey.BY_PRIORITY, OrderKey.BY_DEADLINE, OrderKey.BY_AGE)
-"""The keys that :attr:`TransportOrder.urgency` stands for."""
+"""The keys combined in :attr:`TransportOrder.urgency`."""
 
 KINDS_NAMED: Final = 5
 """Kinds of obstacles that a reason names at most."""
@@ -401,7 +401,7 @@ class _Choices:
             each.vehicle.name: round((value - own) * COST_STEPS) * RANKS + min(place, RANKS - 1)
             for place, (each, value) in enumerate(zip(pairs, values, strict=True))
         }
-        """What each vehicle adds to the way that the order itself asks for, whoever does it."""
+        """Each vehicle's cost beyond the order's own route, which is the same for all."""
 
     def why(self, best: Candidate) -> str:
         """Return why a vehicle gets the order that is not the nearest one to it."""
@@ -636,7 +636,7 @@ class VehicleFit:
     reason: str
     """Why not, as a predicate; or that it could."""
     cost: float | None = None
-    """Of its way, in the router's unit, where it could."""
+    """Cost of its route, in the router's unit, if feasible."""
 
 
 def explain(

@@ -39,9 +39,9 @@ class CandidateKey(StrEnum):
     """By what pairs of one order and one vehicle are compared."""
 
     BY_COMPLETE_ROUTING_COSTS = "BY_COMPLETE_ROUTING_COSTS"
-    """The cheaper way through all destinations first."""
+    """The cheaper route through all destinations first."""
     BY_INITIAL_ROUTING_COSTS = "BY_INITIAL_ROUTING_COSTS"
-    """The cheaper way to the first destination first."""
+    """The cheaper route to the first destination first."""
     BY_ORDER_TYPE_PRIORITY = "BY_ORDER_TYPE_PRIORITY"
     """By the priority that the vehicle has for orders of this type, the smaller number first."""
     BY_PRIORITY = "BY_PRIORITY"
@@ -58,7 +58,7 @@ class Chooser(StrEnum):
     """Who chooses whom."""
 
     TOGETHER = "TOGETHER"
-    """Nobody: of equally urgent orders and the free vehicles those are paired that drive the least in all."""
+    """Neither: equally urgent orders and free vehicles are paired with the least driving in total."""
     ORDERS = "ORDERS"
     """Each order in turn chooses a vehicle."""
     SCARCER = "SCARCER"

@@ -71,7 +71,7 @@ class OrderFit:
 
 
 REASONS_KEPT = 1000
-"""Why there is no way: asked for again and again for each order that waits for one."""
+"""Why there is no route: requested repeatedly for each order that waits for one."""
 
 COSTS_KEPT = 4_000
 """Orders of which is remembered what they cost, for each kind of vehicle."""
@@ -192,13 +192,13 @@ NO_ORDER_FITS = (
 GIVES_UP = "ends a dispensable order first"
 
 TOLD_FIRST = 20
-"""Orders at the head of the queue that are told at once why they wait; the others by and by."""
+"""Orders at the head of the queue whose wait reason is updated at once; the others follow gradually."""
 LOOKED_AT_ONCE = 500
-"""Orders further back of which each look finds out whether they wait for other reasons than they say."""
+"""Orders further back whose wait reason is checked in each round."""
 EXPLAINED_AT_ONCE = 50
 """Vehicles of which it is found out at once why they do not do an order; others wait meanwhile."""
 TOLD_AT_ONCE = 100
-"""Those of them that are told so."""
+"""Those of them whose wait reason is updated."""
 ORDERS_FOR_ONE = 32
 """Orders that are compared for one vehicle that has become free."""
 ORDERS_FOR_EACH = 4
@@ -206,7 +206,7 @@ ORDERS_FOR_EACH = 4
 FEW = 8
 """Vehicles up to which that is so."""
 ORDERS_FOR_MANY = 16
-"""Orders that are compared at once for more vehicles: to assign one takes milliseconds, and others wait."""
+"""Orders that are compared at once for more vehicles: assigning one takes milliseconds, and others wait."""
 
 STANDS_STILL = (VehicleState.UNKNOWN, VehicleState.UNAVAILABLE, VehicleState.ERROR)
 """States in which a robot could not go on with another order than it has."""
@@ -241,9 +241,10 @@ class Dispatching:
         self._costs = KnownCosts(context.planner, context.registry)
         self._candidates = Candidates(context.registry, self.consider)
         self._kept: dict[int, str] = {}
-        """Vehicles that give up dispensable orders, by the numbers of the orders that they are kept for."""
+        """Vehicles that give up dispensable orders, by the numbers of the orders that they are reserved for.
+        """
         self._told_to = 0
-        """Up to which place in the queue orders have been told why they wait."""
+        """Position in the queue up to which wait reasons have been updated."""
 
     def due(self) -> Iterator[Sequence[TransportOrder]]:
         """Yield orders that may be assigned now, or whose wait reason has changed; each at most once.

@@ -36,7 +36,7 @@ log = get_logger(__name__)
 
 MAY_STILL_SPEAK = (LinkStatus.UNKNOWN, LinkStatus.ONLINE, LinkStatus.SILENT, LinkStatus.UNREADABLE)
 EVASION_PAUSE = 10.0
-"""Seconds in which a robot that did not make room is not asked again."""
+"""Seconds before a robot that did not make room is asked again."""
 CAUSES: Final = {
     WaitReason.HELD: WaitCause.PASSES,
     WaitReason.RESTING: WaitCause.STANDS,
@@ -171,7 +171,7 @@ class Mobility:
         if self._context.view(vehicle).link is not LinkStatus.ONLINE:
             return True
         if self._traffic.journey(name):
-            return False  # it is on its way, and will go on
+            return False  # it is on its way, and will continue
         works = self._context.state.sent_orders.order_number(vehicle.key) is not None
         return not works and not self.movable(name)
 
@@ -457,7 +457,7 @@ class Driving:
             self._rest(vehicle)
             if isinstance(granted, RouteGrant):
                 self._traffic.request_route(granted.route_request, first=True)
-            self._state.drive_due = False  # not again before something is heard or looked at
+            self._state.drive_due = False  # not again before a new report or check
             return
         try:
             self._unsent[vehicle.name] = self._record(granted, vehicle, standing)

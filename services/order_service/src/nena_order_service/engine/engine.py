@@ -65,13 +65,13 @@ from nena_shared.vda5050.topics import RobotKey
 log = get_logger(__name__)
 
 LOOK_INTERVAL = 2.0
-"""Seconds between looks at what changes without an event: positions, and why vehicles have no order."""
+"""Seconds between checks of what changes without an event: positions, and why vehicles have no order."""
 
 FIRST_LOOKS = 0.2
 """Seconds between looks while the first states of robots are awaited after the start."""
 
 LOOKED_AT_ONCE = 100
-"""Vehicles that are looked at before others have their turn; each takes some 0.1 ms."""
+"""Vehicles that are checked before other tasks run; each takes some 0.1 ms."""
 
 UNPUBLISHED_AT_MOST = 20
 """Units of work after which a vehicle is published though a later one that changes it waits."""
@@ -112,7 +112,7 @@ class UnitOfWork:
         """``on_event`` receives the events that effects return; hosts wait ``timeout`` s for a commit."""
         self.listeners: list[Listener] = []
         self.closed = ""
-        """Why nothing is changed any more; empty while changes are made."""
+        """Why changes are no longer made; empty while they are."""
         self._state = state
         self._store = store
         self._vehicle_status = vehicle_status
@@ -376,7 +376,7 @@ class Engine:
                         self.state.vehicle_changed(vehicle.name)
             yield
 
-    # What hosts ask for
+    # Requests of hosts
 
     def create(
         self,

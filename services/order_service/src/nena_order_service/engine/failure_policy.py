@@ -46,9 +46,9 @@ class Situation:
     others: bool = True
     """Whether there are other vehicles that may do it."""
     other_way: bool = True
-    """Whether there is a way that avoids where it failed."""
+    """Whether another route avoids the place of the failure."""
     heard: bool = True
-    """Whether the robot is there, and says what it does."""
+    """Whether the robot is online and reports."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,11 +18,9 @@ PAUSE = 10.0
 """Seconds before a vehicle is sent to do the same once more, so that it is not tried all the time."""
 
 DISPLACES_AT_MOST = 2
-"""How often a vehicle has others make room for it to park, until a host has work for it.
-
-They may have to park again then, for which it may have to make room: without an end, two could do that for
-good, and somebody who recharges would never come to the end of it.
-"""
+"""How often a vehicle makes others make room for it to park, until a host has work for it. They may have to
+park again afterwards and displace it in turn: without a limit, two vehicles could do that for ever, and a
+recharging one would never finish."""
 
 
 @dataclass(slots=True)
@@ -47,7 +45,7 @@ class _IdleRound:
 
     now: float
     goals: dict[str, str] = field(default_factory=dict)
-    """Where vehicles with orders will stand at last, by their names."""
+    """The final positions of vehicles with orders, by their names."""
 
 
 def _has_nothing_to_do(candidate: LocatedCandidate) -> bool:
@@ -160,7 +158,7 @@ class IdleVehicles:
             ),
         )
         known.parking_note = f"it should park, but {found.reason}" if found.reason else ""
-        if found.reason:  # to find that out may take many looks at ways
+        if found.reason:  # this may need many route searches
             known.not_before[PARK_TYPE] = round_.now + PAUSE
         return park_request(vehicle.name, found.point) if found.point else None
 

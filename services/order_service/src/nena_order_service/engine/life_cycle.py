@@ -57,7 +57,7 @@ S = TransportOrderState
 
 BEGUN_MEANWHILE = "the vehicle was stopped during its operation; check what it has done"
 POLICY = "failure policy"
-"""Who holds an order at which a vehicle has failed."""
+"""Holder of an order whose vehicle has failed."""
 
 OrderEvent = VdaOrderAccepted | OperationStarted | VdaOrderFinished | VdaOrderFailed | VdaOrderCancelled
 """What a robot reports of a VDA 5050 order that it was sent."""
@@ -93,7 +93,7 @@ class LifeCycle:
         self._given_up: dict[str, OrderFailure] = {}
         """Failures for which VDA 5050 orders are cancelled, by orderId."""
 
-    # What hosts ask for
+    # Requests of hosts
 
     def create(
         self,
@@ -117,7 +117,7 @@ class LifeCycle:
         if not order.state.final:
             self._watch(order)
         if order.state is S.DISPATCHABLE and not order.held:
-            self._dispatch((order,))  # every free vehicle was looked at for the other orders before
+            self._dispatch((order,))  # every free vehicle was checked for the other orders before
         return order
 
     def create_automatic(self, request: TransportOrderRequest) -> bool:

@@ -54,7 +54,7 @@ class PathLocks:
         self._locks[name] = locked
         log.info("path locked" if locked else "path unlocked", path=name)
         self._apply()
-        if not self._engine.unit_of_work.closed:  # else the new parts take it up from the store
+        if not self._engine.unit_of_work.closed:  # otherwise the new parts load it from the store
             self._engine.plant_changed()
 
     def _apply(self) -> None:

@@ -21,7 +21,7 @@ from nena_shared.plant import MapPlace
 from nena_shared.plant.track import MM_PER_M
 
 AT_ONCE: Final = 20
-"""Vehicles that are looked at before others may do something: a few milliseconds."""
+"""Vehicles that are checked before other tasks run: a few milliseconds."""
 
 _Plan = Callable[[Sequence[float]], VehiclePlan]
 

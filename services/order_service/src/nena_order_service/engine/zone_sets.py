@@ -121,7 +121,7 @@ log = get_logger(__name__)
 
 KIND = "zoneSet"
 LOOK_INTERVAL = 1.0
-"""Seconds between looks at what robots lack."""
+"""Seconds between checks of what robots lack."""
 
 
 class ZoneSets:
@@ -133,7 +133,7 @@ class ZoneSets:
         self._send = send
         self._wanted: dict[str, Wanted] = {}
         self._asked: dict[str, Wanted] = {}
-        """As it will be when all is committed that hosts have asked for: what decisions are made by."""
+        """The state once all requests of hosts are committed: decisions are based on it."""
         self._distribution = ZoneDistribution()
 
     async def load(self) -> None:

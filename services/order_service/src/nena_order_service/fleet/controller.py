@@ -35,7 +35,7 @@ from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
 
 ENDED_MISSIONS_KEPT: Final = 50
-"""Ids of VDA orders that are remembered, so that a robot that takes one up too late is stopped."""
+"""IDs of VDA orders that are remembered, so that a robot that accepts one too late is stopped."""
 
 STRAY_PAUSE: Final = 30.0
 """Seconds between tries to stop a robot that works on a VDA order that has ended for us."""
@@ -63,7 +63,7 @@ class RobotControl:
         self._mattered: tuple[object, ...] = ()
         """What mattered of the last state."""
         self._left_at = -1
-        """The changes when that had been taken in."""
+        """The number of changes when that was handled."""
         self._seen: tuple[tuple[object, ...], RobotView] | None = None
 
     def on_broker(self, *, connected: bool, now: float, unread: bool) -> Iterator[FleetOutput]:
@@ -406,7 +406,7 @@ class FleetController:
         self._broker_since = 0.0
         self._robots: dict[RobotKey, RobotControl] = {}
         self._busy: dict[RobotKey, RobotControl] = {}
-        """Those who may have something to do as time goes by; most do what they were sent."""
+        """Robots that may have something to do as time passes; most execute what they were sent."""
         self._silences = Silences()
         self._instant_actions = ReleaseManager(settings, utc_now)
 

@@ -199,7 +199,7 @@ _EDGE_FIELDS: Final[Mapping[str, tuple[str, _Fill]]] = MappingProxyType(
         ),
     }
 )
-"""What an edge says if the robot demands it; it asks for nothing that the robot would not do anyway."""
+"""Neutral values for fields of an edge that the robot requires: they change nothing."""
 
 
 def _headings(nodes: tuple[Node, ...]) -> Iterator[float]:
@@ -250,7 +250,7 @@ _READ: Final[Mapping[ValueDataType, Callable[[str], JsonValue]]] = MappingProxyT
 
 
 ALWAYS_THERE: Final = frozenset({"cancelOrder", "stateRequest", "factsheetRequest"})
-"""Instant actions that the standard asks of every robot, whether its factsheet lists them or not."""
+"""Instant actions that every robot has by the standard, whether its factsheet lists them or not."""
 
 _IS: Final[Mapping[ValueDataType, Callable[[JsonValue], bool]]] = MappingProxyType(
     {

@@ -127,7 +127,7 @@ def factsheet_request(action_id: str) -> Action:
 
 
 INSTANT_IDS_KEPT: Final = 200
-"""Ids of instant actions that are remembered, so that their states are not taken for the order's."""
+"""IDs of instant actions that are remembered, so that their states are not mistaken for the order's."""
 
 ALWAYS_ALLOWED: Final = frozenset({"stateRequest", "factsheetRequest"})
 """Instant actions that are harmless in any operating mode but INTERVENED, which takes cancelOrder only."""
@@ -136,7 +136,7 @@ CLEARING_PAUSE: Final = 30.0
 """Seconds between tries to have a robot clear its ended instant actions."""
 
 FACTSHEET_TIMEOUT: Final = 2.0
-"""Seconds that orders wait for the factsheet of a robot that was asked for it."""
+"""Seconds that orders wait for a requested factsheet."""
 
 
 class InstantActionManager:

@@ -273,7 +273,7 @@ M = TypeVar("M", Connection, Factsheet, State)
 Take = Callable[[RobotKey, M, float], Outputs]
 
 MALFORMED_LOGGED_EACH: Final = 100
-"""Of a robot's malformed messages the first and then each of so many is logged."""
+"""Of a robot's malformed messages, the first and then each of so many is logged."""
 
 _PLURALS: Final = {Topic.STATE.value: "states", Topic.CONNECTION.value: "connection messages"}
 """Messages without which a robot cannot be given orders."""

@@ -80,13 +80,13 @@ class Progress:
     idle: bool
     """Whether the robot has nothing left to do for it."""
     at_end: bool
-    """Whether the robot has come to the last node."""
+    """Whether the robot has reached the last node."""
     failed: tuple[ActionState, ...]
     """The VDA order's actions that have failed."""
     retriable: tuple[ActionState, ...]
     """Those that have failed and may be tried again."""
     unreported: frozenset[str]
-    """Ids of the VDA order's actions that the state does not know."""
+    """IDs of the VDA order's actions that are missing from the state."""
 
     @property
     def done(self) -> bool:
@@ -174,9 +174,9 @@ class OrderExecution:
         self._place_doubted = False
         """Whether the robot has not known where it is, or has connected again, since the order was sent."""
         self._excused_sending = 0
-        """The sending whose refusals count as those of a robot that did not know where it was; 0: none."""
+        """The sending whose refusals count as those of a robot that was not localised; 0: none."""
         self._passing: frozenset[ErrorIdentity] = frozenset()
-        """Refusals of a robot that did not know where it is: the order is sent once more when it does."""
+        """Refusals of a robot that is not localised: the order is resent when it is."""
         self._standing_since: float | None = None
         self._retriable: frozenset[object] = frozenset()
         """Ids of the actions that were reported as retriable."""
@@ -416,7 +416,7 @@ class OrderExecution:
         own = (each.action_result for each in failed)
         said = (text for each in failed for text in failures.of_action(state.errors, each.action_id))
         name = next(each.action_type for each in self.vda_order.actions if each.action_id == first.action_id)
-        # of an order that is given up on its way they fail without having begun
+        # actions of an order that ends early fail without having begun
         at_end = read(state, self.vda_order).at_end
         kind = FailureKind.ACTION if at_end else FailureKind.DRIVE
         return ExecutionFailure(kind, f"the action {name!r} has failed", (*filter(None, own), *said))

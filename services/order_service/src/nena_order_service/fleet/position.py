@@ -34,7 +34,7 @@ class RobotProfile:
     transforms: Mapping[str, MapTransform] = field(default_factory=dict, hash=False)
     """How the plant lies on maps, by their ids, for robots that do not transform themselves."""
     transforms_itself: bool | None = None
-    """Whether the robot speaks in the plant's frame; None: its factsheet, which says so, has not come."""
+    """Whether the robot uses the plant's frame; None: unknown until its factsheet arrives."""
 
     @classmethod
     def of(cls, vehicle: Vehicle, *, default_map_id: str, transforms: Mapping[str, MapTransform]) -> Self:

@@ -31,7 +31,7 @@ BELIEVED_AFTER: Final = 10.0
 any other one, from which the sender has restarted with a wrong clock."""
 
 CONNECTIONS_KEPT: Final = 20
-"""Connection messages of a robot that are recognised when they come again."""
+"""Connection messages of a robot that are recognised when repeated."""
 
 
 POSITION_WITHIN: Final = 30.0
@@ -118,7 +118,7 @@ class LinkStatus(StrEnum):
     SILENT = "SILENT"
     """It should be there, but its last state is too old."""
     UNREADABLE = "UNREADABLE"
-    """It is there, but what it sends cannot be read."""
+    """It is online, but its messages cannot be read."""
 
 
 REPORTS_NOTHING: Final = frozenset({LinkStatus.SILENT, LinkStatus.UNREADABLE})
@@ -157,7 +157,7 @@ class RobotView:
     state: State | None
     """Its last state message."""
     state_at: float | None
-    """When that came, in monotonic seconds."""
+    """Time of its arrival, in monotonic seconds."""
     factsheet: Factsheet | None
     malformed: int
     """How many of its messages could not be read."""
@@ -184,7 +184,7 @@ class Abilities:
     def __init__(self, factsheet: Factsheet) -> None:
         self.factsheet = factsheet
         self._taken: dict[str, bool] = {}
-        """What is known of optional fields: it is asked for with each node of each order."""
+        """Known support of optional fields, cached because each node of each order needs it."""
 
     @cached_property
     def required_fields(self) -> tuple[str, ...]:
@@ -255,7 +255,7 @@ class Abilities:
 
 
 INSTANT_ACTIONS_LIMIT: Final = 50
-"""Instant actions that may be under way at one robot; more are refused."""
+"""Maximum active instant actions of one robot; more are refused."""
 
 AWAY: Final = {
     ConnectionState.OFFLINE: LinkStatus.OFFLINE,
@@ -275,11 +275,11 @@ class Robot:
     state: State | None = None
     state_at: float | None = None
     abilities: Abilities | None = None
-    """What its factsheet says; None before the first one."""
+    """Content of its factsheet; None before the first one."""
     malformed: int = 0
     """How many of its messages could not be read."""
     placed: bool = False
-    """Whether it reports where it is; some robots never do, or not any more since they were changed."""
+    """Whether it reports its position; some robots never do, or no longer since they were changed."""
     stale: bool = False
     """Whether its last state is from before it connected: it may have been started again meanwhile."""
     unreadable: str = ""
@@ -291,7 +291,7 @@ class Robot:
     _placed_until: float | None = None
     """From when on it counts as one that does not report where it is, if it does not since it connected."""
     _online_id: int | None = None
-    """The headerId of the last connection message, if that said ONLINE."""
+    """The headerId of the last connection message, if that was ONLINE."""
     _connections: deque[tuple[int, datetime]] = field(default_factory=lambda: deque(maxlen=CONNECTIONS_KEPT))
 
     def __post_init__(self) -> None:

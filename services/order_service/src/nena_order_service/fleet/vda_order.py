@@ -88,7 +88,7 @@ PICK: Final = "pick"
 DROP: Final = "drop"
 
 STATION_ACTIONS: Final = frozenset({PICK, DROP})
-"""Actions that take and give loads, at a station."""
+"""Actions that pick up and drop loads, at a station."""
 
 DEFAULT_ACTION_TYPES: Final[Mapping[str, str]] = MappingProxyType(
     {
@@ -108,7 +108,7 @@ STATION_PARAMETERS: Final = frozenset({"stationType", "stationName", "loadType"}
 """Parameters of pick and drop for place and load, set in any case."""
 
 UNSPECIFIED_LOAD: Final = "unspecified"
-"""The loadType where none is given; 2.1 demands the parameter of pick and drop."""
+"""The loadType if none is given; 2.1 requires the parameter of pick and drop."""
 
 
 def fresh_id() -> str:
@@ -201,10 +201,10 @@ class _Stop:
     edge_id: str | None = None
     """Of the edge that leads here, where the plant has a name for it."""
     edge_fields: Mapping[str, Any] = field(default_factory=dict)
-    """What the plant says of the edge that leads here, beside its name."""
+    """Fields of the plant on the edge that leads here, beside its name."""
     edge_rule: VehicleTypeOnPath | None = None
     rule: VehicleTypeAtPoint | None = None
-    """What the layout rules for the robot's type at the node, and on the edge that leads here."""
+    """Rule of the layout for the robot's type at the node; ``edge_rule``: on the edge to it."""
 
 
 SpeedLimit = Callable[[DirectedEdge | None], float | None]

@@ -32,7 +32,7 @@ class _Asked:
     answer: GrantType | None = None
     answered_at: float = 0.0
     repeats: int = 0
-    """How often the answer has been said again."""
+    """How often the answer has been resent."""
     lease_until: float | None = None
 
     @property

@@ -9,7 +9,7 @@ from heapq import heapify, heappop, heappush
 from nena_order_service.orders.transport_order import TransportOrder
 
 FIRST_SWEEP = 64
-"""How many are watched before any are looked at again."""
+"""Number of watched orders before ended ones are removed."""
 
 
 class DueTimes:

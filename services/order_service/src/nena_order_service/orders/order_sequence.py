@@ -33,7 +33,7 @@ class SequenceEvent(StrEnum):
 
 
 REQUEST_FIELDS = ("order_types", "intended_vehicle", "failure_fatal", "properties")
-"""What a sequence keeps of its request as it is."""
+"""Fields that a sequence copies from its request."""
 
 
 class SequenceRuleError(Exception):

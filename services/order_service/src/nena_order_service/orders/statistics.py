@@ -20,7 +20,7 @@ class Wait(StrEnum):
     RETRY = "retry"
     """The time of its next try, after a failure."""
     HOLD = "hold"
-    """Somebody who resumes it."""
+    """A person who resumes it."""
 
 
 def wait_of(order: TransportOrder) -> Wait | None:

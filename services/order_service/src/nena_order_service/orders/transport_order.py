@@ -77,7 +77,7 @@ REQUEST_FIELDS = (
     "timeout",
     "processing_timeout",
 )
-"""What an order keeps of its request as it is, besides the destinations."""
+"""Fields that an order copies from its request, besides the destinations."""
 
 Urgency = tuple[int, float, int]
 """Less is more urgent; the last is the order's number."""

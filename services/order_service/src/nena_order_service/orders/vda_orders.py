@@ -140,9 +140,9 @@ class Pick(NamedTuple):
     """What an order begins with: a load to be picked up before any is dropped."""
 
     load_type: str = ""
-    """Empty: nobody says."""
+    """Empty: unknown."""
     place: str = ""
-    """The load handling device that is to take it (parameter lhd); empty: any."""
+    """The load handling device for it (parameter lhd); empty: any."""
 
 
 class OrderPlanner:

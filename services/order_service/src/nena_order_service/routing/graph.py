@@ -116,7 +116,7 @@ class RoutingProfile:
     max_velocity_mm_s: int | None = None
     max_reverse_velocity_mm_s: int | None = None
     vehicle_types: frozenset[str] = frozenset()
-    """The types of which it may be; it goes only where each of them may."""
+    """Its possible types; it goes only where each of them may."""
     bounding_box: BoundingBox | None = None
     allowed_maps: frozenset[str] | None = None
 
@@ -326,14 +326,14 @@ class RoutingGraph:
         ways = rx.digraph_dijkstra_shortest_paths(self._graph, start, target=goal, weight_fn=cost)
         if goal not in ways:
             return None
-        # Two points may be joined by several paths: the search went by the cheapest.
+        # Two points may be joined by several paths: the search used the cheapest.
         return tuple(min(self._graph.get_all_edge_data(a, b), key=cost) for a, b in pairwise(ways[goal]))
 
     def costs_from(self, source: str, destinations: Iterable[str]) -> dict[str, float]:
         """Return what it costs to reach those of the destinations that can be reached."""
         start, indices = self._indices[source], {name: self._indices[name] for name in destinations}
         goals = {*indices.values()} - {start}
-        # A search for one goal ends there, one for several goes through all that can be reached.
+        # A search for one goal ends there, one for several covers everything reachable.
         goal = next(iter(goals)) if len(goals) == 1 else None
         search = rx.digraph_dijkstra_shortest_path_lengths
         lengths = search(self._graph, start, _COST, goal) if goals else {}

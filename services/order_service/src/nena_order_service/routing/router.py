@@ -35,7 +35,7 @@ from nena_shared.plant.model import action_of
 from nena_shared.plant.track import MM_PER_M
 
 COSTS_KEPT = 2_000_000
-"""Costs that are remembered, 8 bytes each: as many maps of costs as fit, whatever the size of the plant."""
+"""Costs that are cached, 8 bytes each: as many maps of costs as fit, whatever the size of the plant."""
 
 
 class Router:
@@ -258,7 +258,7 @@ class RouteFinder:
         self._any_day = any_day or router
         self._locks: Mapping[str, bool] = {}
         self.planning = Histogram(SHORT)
-        """How long :meth:`find` takes."""
+        """Duration of :meth:`find`."""
 
     def set_locks(self, locks: Mapping[str, bool]) -> None:
         """Lock or unlock paths by name, overriding the plant model.
@@ -486,7 +486,7 @@ class Routes(Protocol):
 
 
 ROUTES_KEPT = 2_000
-"""Routes that are remembered, of a few kB each; a request that waits asks for the same one each time."""
+"""Routes that are cached, of a few kB each; a waiting request needs the same one each time."""
 
 
 class VehicleRoutes(Routes):

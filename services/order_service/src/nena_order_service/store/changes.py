@@ -10,7 +10,7 @@ from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder
 
 Document = Callable[[], str]
-"""Writes what is to be stored; called by the writer, for most are replaced before they come to that."""
+"""Serialises what is to be stored; called by the writer, because most changes are replaced before that."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +21,7 @@ class OrderChange:
     new: bool
     unchanged_history: int
     change_number: int = 0
-    """Counts the changes of all orders; the store gives it."""
+    """Counts the changes of all orders; from the store."""
 
 
 @dataclass(slots=True)

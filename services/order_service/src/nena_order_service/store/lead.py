@@ -29,10 +29,10 @@ log = get_logger(__name__)
 T = TypeVar("T")
 
 POLL = 0.25
-"""Seconds between tries to take the lead, and between signs of life of the program that has it."""
+"""Seconds between attempts to become active, and between heartbeats of the active program."""
 
 GRACE = 2.0
-"""Seconds that a standby leaves to the active one to come back, after a database that was away; not less than
+"""Seconds in which the former active instance may reconnect after the database was unavailable; not less than
 LEASE_SECONDS."""
 
 NOT_ANSWERED = "the database does not answer"
@@ -55,9 +55,9 @@ class Lead:
         self._stood_by = False
         self.lease = Lease()
         self.active_url = ""
-        """While another one is active: where it is, as far as it has said so."""
+        """The URL of the active instance, while it is another one and known."""
         self.problem = ""
-        """Why the database cannot be asked; empty when it can."""
+        """Why the database does not respond; empty if it does."""
 
     async def take(self, stop: asyncio.Event) -> bool:
         """Wait until this program has the lead; False: it is to stop before.

@@ -28,10 +28,10 @@ STORE_ID = "storeId"
 """Kind of the document that names the store."""
 
 LOCK_CLASS = 5_050_022
-"""Of advisory locks: the first of their two numbers; the second one stands for the schema."""
+"""First of the two numbers of advisory locks; the second one identifies the schema."""
 
 HANG_SECONDS = 3
-"""A holder that says nothing for so long, because it or its network hangs, loses the lock."""
+"""A holder that is silent for so many seconds, because it or its network hangs, loses the lock."""
 
 LEASE_SECONDS = 2.0
 """How long the active one may act after the database last confirmed its lock; less than HANG_SECONDS, so that
@@ -171,7 +171,7 @@ class LeaderLock:
         """Release the lock and close its connection."""
         connection, self._connection = self._connection, None
         if connection is not None:
-            connection.invalidate()  # closes it whatever state it is in
+            connection.invalidate()  # closes it in any state
             connection.close()
 
     def hang_up(self) -> None:

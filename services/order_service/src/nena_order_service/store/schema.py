@@ -216,7 +216,7 @@ PASSING = (OperationalError, InterfaceError, InternalError)
 """Errors of a database that is away, busy or full; anything else is a fault of the statement."""
 
 SIGNS_OF_NO_ROOM = ("disk is full", "disk I/O error", "No space left on device")
-"""What SQLite and PostgreSQL say of a disk that takes nothing."""
+"""Messages of SQLite and PostgreSQL about a full disk."""
 ROOM = "Check the disk and its free space"
 PLACE = (
     "Name a file that can be written, sqlite:///orders.db, or a database of PostgreSQL, "
@@ -252,7 +252,7 @@ def parse_url(url: str) -> URL:
     try:
         parsed = make_url(url)
     except (ArgumentError, ValueError):
-        # The URL may hold a password, so neither it nor what is said of its parts is repeated.
+        # The URL may contain a password, so neither it nor messages about its parts are repeated.
         raise unusable("not a database URL") from None
     if "@" in (parsed.host or ""):  # the end of a password, which would be reported as an unknown host
         raise unusable(UNMASKED)

@@ -28,7 +28,7 @@ log = get_logger(__name__)
 T = TypeVar("T")
 
 RETRY_PAUSE = 0.5
-"""Seconds between tries to write while the database takes nothing."""
+"""Seconds between attempts to write while the database is unavailable."""
 
 WAITING_LIMIT = 10_000
 """Steps that may wait for the writer; above that the store is not ready and new orders are refused."""

@@ -46,7 +46,7 @@ class _Course:
     drive: Drive
     held: deque[ResourceSet]
     reached: int = 0
-    """How many of the sets ahead it has come to."""
+    """How many of the sets ahead it has reached."""
     arrivals: list[float] = field(default_factory=list)
 
 
@@ -123,7 +123,7 @@ class Forecast:
 
 
 UNKNOWN_SPEED_MM_S: Final = 1000
-"""Speed of vehicles that do not say one."""
+"""Speed of vehicles that define none."""
 
 
 class Pace:

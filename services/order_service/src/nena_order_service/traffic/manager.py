@@ -41,14 +41,15 @@ class TrafficManager:
         self._footings = OccupancyFinder(plant, self.resources)
         self._journeys = self._control.journeys
         self._broken_off: dict[str, tuple[ResourceSet, ...]] = {}
-        """What vehicles that broke off may be on, to the next point of their ways; or that move by hand."""
+        """Where vehicles that broke off, or that are moved by hand, may be, to the next point of their
+        routes."""
         self._told: dict[str, tuple[tuple[WaitReason, tuple[str, ...], str], int]] = {}
         """Why vehicles wait, and how far the others would have had to turn back (mm) when that began."""
         self._left_at: dict[str, tuple[ResourceSet, ...]] = {}
         """The same of those that were seen standing since, beside a point: until they are on one or drive on.
-        By their pose alone they could be taken for clear of a path that is not straight."""
+        By their pose alone they might seem clear of a path that is not straight."""
         self._to_extend: dict[str, None] = {}
-        """Vehicles of whose ways not all may be allocated; see :meth:`extending`."""
+        """Vehicles whose routes may not be completely allocated; see :meth:`extending`."""
 
     @property
     def _scheduler(self) -> Scheduler:

@@ -18,7 +18,7 @@ BLOCK_ENTRY_DIRECTION: Final = "tcs:blockEntryDirection"
 """Path property: the direction in which a vehicle enters a block by this path; without it the path's own."""
 
 Uses = Mapping[str, str | None]
-"""Resources by name, each with the direction that others may use it in meanwhile; None: nobody else."""
+"""Resources by name, each with the direction in which others may use it meanwhile; None: no others."""
 
 
 def conflict(one: str | None, other: str | None) -> bool:
@@ -137,7 +137,7 @@ CROSSING = 3
 """Neighbours that a point has at least at which paths cross."""
 
 WAY_ROUND = 8
-"""Paths that a way round a crossing has at most."""
+"""Maximum number of paths of a detour around a crossing."""
 
 
 class Crossings:
@@ -244,7 +244,7 @@ class Occupant:
     reached: int = 0
     claimed: deque[ResourceSet] = field(default_factory=deque)
     entry: ResourceSet | None = None
-    """What it needs to come to the point where its ways begin; None: it is there."""
+    """What it needs to reach the point where its routes begin; None: it is there."""
 
     @property
     def resting(self) -> bool:
@@ -302,7 +302,7 @@ class Found:
     on_point: bool
     place_mm: tuple[float, float] | None = None
     map_id: str = ""
-    """The map that the place is on; points of other maps are not looked at."""
+    """The map of the place; points of other maps are ignored."""
 
 
 @dataclass(frozen=True, slots=True)

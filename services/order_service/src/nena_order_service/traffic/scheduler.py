@@ -78,7 +78,7 @@ class Scheduler:
         self._versions: Counter[str] = Counter()
         """How often what a vehicle holds, claims or will rest on has changed."""
         self._later: defaultdict[str, Counter[str]] = defaultdict(Counter)
-        """For each vehicle those that cannot come to their ends before it, by how many resources that is."""
+        """For each vehicle those that cannot arrive before it, by the number of resources that cause this."""
 
     def occupant(self, name: str) -> Occupant:
         """Return a vehicle's occupancy, for reading only; raises UnknownOccupantError."""
@@ -144,7 +144,7 @@ class Scheduler:
             message = f"vehicle {name!r} claims nothing"
             raise LookupError(message)
         wanted = occupant.claimed[0]
-        # Somebody may have come to rest on the way since it was claimed, and must be able to get out of it.
+        # Another vehicle may have come to rest on the route since it was claimed, and must be able to leave.
         if refusal := self._resting_on(name, occupant.claimed) or self._held(name, wanted):
             return refusal
         if refusal := self._precedence(name, wanted):

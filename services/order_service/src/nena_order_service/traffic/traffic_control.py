@@ -355,7 +355,7 @@ class TrafficControl:
             return _Refused(refusal, way) if refusal else None
         return self._claim_section(vehicle, way, right_of_way)
 
-    # Sections: how much of a way is claimed at once
+    # Sections: how much of a route is claimed at once
 
     def _extend_claim(self, vehicle: str, right_of_way: _RightOfWay | None) -> _Refused | None:
         """Claim more of a way under way; return why not if the vehicle is left with no claim at all.
@@ -439,7 +439,7 @@ class TrafficControl:
         """Return the numbers of sets after which a vehicle can wait without blocking others."""
         return [index + 1 for index in range(len(way)) if self.resources.may_wait(way, index)]
 
-    # Making room: sending away the vehicles that rest in the way
+    # Making room: sending away vehicles that rest in the way
 
     def _make_room(
         self, requester: str, refused: _Refused, right_of_way: _RightOfWay, movable: VehicleTest

@@ -19,7 +19,7 @@ from nena_shared.plant.property_keys import (
 from nena_shared.plant.track import PointType
 
 WAYS_TRIED = 8
-"""Positions whose ways are looked at for one vehicle; what is farther away is hardly better."""
+"""Positions whose routes are computed for one vehicle; farther ones are hardly better."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,13 +27,13 @@ class Prospect:
     """What a vehicle would find at points where it could park, and on its ways there."""
 
     cost: Callable[[str], float]
-    """Of the way to a point; infinity where there is none."""
+    """Cost of the route to a point; infinity if there is none."""
     taken: Callable[[str], bool]
-    """Whether another vehicle is at a point or is to come there."""
+    """Whether another vehicle is at a point or is going there."""
     displaces: Callable[[str], bool]
     """Whether others that rest have to make room for the drive to a point."""
     may_displace: bool = True
-    """Whether they are asked to, where there is no other route."""
+    """Whether others are asked to make room if there is no other route."""
 
     def why_not(self, point: str) -> str:
         """Return what keeps the vehicle from parking at a point; empty: nothing."""
@@ -118,7 +118,7 @@ class ParkingPositions:
 
 
 _Ranked = tuple[float, float, str]
-"""A position's rank, the cost of the way there, and its name."""
+"""A position's rank, the cost of its route, and its name."""
 
 
 def _best(free: Sequence[_Ranked], prospect: Prospect) -> _Ranked | None:

@@ -37,9 +37,9 @@ class OrderServiceWatch:
         self.skew = ClockSkew()
         self._last: ServiceStatus | None = None
         self._heard = 0.0
-        """When that came, in monotonic seconds."""
+        """Time of its arrival, in monotonic seconds."""
         self.last_sign: datetime | None = None
-        """When the last sign of life came; None: none received."""
+        """Time of the last sign of life; None: none received."""
 
     def hear(self, status: ServiceStatus, at: Timestamp, *, retained: bool) -> None:
         """Take a status; a retained one, or a last will, has an old timestamp."""

@@ -148,7 +148,7 @@ def distinct_ids(wanted: Mapping[str, str | None]) -> dict[str, str]:
     Copied objects keep their properties, so ids may be empty or occur twice: none of these is used.
     """
     ids = {name: own or name for name, own in wanted.items()}
-    # Each round takes a wanted id away, and names are distinct.
+    # Each round uses up a wanted ID, and names are distinct.
     while duplicates := {each for each, times in Counter(ids.values()).items() if times > 1}:
         ids = {name: name if own in duplicates else own for name, own in ids.items()}
     return ids

@@ -197,7 +197,7 @@ class XmlObject:
     def __init__(self, element: Element, kind: ObjectKind, name: str, findings: Findings) -> None:
         self._element = element
         self._read: set[str] = set()
-        # By tag; what has been read is taken out. Most elements have none.
+        # By tag; elements are removed when read. Most elements have none.
         self._children: dict[str, list[Element]] = {}
         for child in element:
             self._children.setdefault(child.tag, []).append(child)

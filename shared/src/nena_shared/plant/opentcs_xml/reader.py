@@ -62,7 +62,7 @@ def read(data: bytes, *, limits: Limits = DEFAULT_LIMITS) -> ImportReport:
 
 def _read(element: Element) -> ImportReport:
     name = element.get("name", "")
-    # Taken out, because all that is left unread is reported.
+    # Removed, because everything left unread is reported.
     findings = Findings(FormatVersion.parse(element.attrib.pop("version", ""), name))
     root = XmlObject(element, ObjectKind.MODEL, name, findings)
     model = _read_model(root)

@@ -38,4 +38,4 @@ def _turned(value: bool | None) -> bool | None:  # noqa: FBT001 - the serializer
 Negated = Annotated[
     bool | None, BeforeValidator(_turned_when_read), PlainSerializer(_turned, when_used="json")
 ]
-"""For a truth value that 2.x states the other way round."""
+"""For a boolean that 2.x states the other way round."""

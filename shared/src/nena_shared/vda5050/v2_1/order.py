@@ -54,7 +54,7 @@ INSTANT_ACTIONS_OF_1_1: Final = "instantActions"
 """What 1.1 calls the array of instant actions."""
 
 TRIGGER: Final = ("waitForTrigger", "triggerType")
-"""3.0 gives a list of triggers, 2.x a single one."""
+"""3.0 has a list of triggers, 2.x a single one."""
 
 CANCELLED_ORDER: Final = ("cancelOrder", "orderId")
 """In 2.x it is always the order that the robot has."""

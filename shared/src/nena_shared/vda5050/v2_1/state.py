@@ -77,7 +77,7 @@ REJECTIONS: frozenset[str] = frozenset(
         ErrorType.INVALID_INSTANT_ACTION,
     }
 )
-"""Errors that refuse a message and leave the robot as it was: in 2.x always of level WARNING."""
+"""Errors that refuse a message and do not affect the robot: in 2.x always of level WARNING."""
 
 
 PARAMETER: Final = "parameter"

@@ -94,7 +94,7 @@ class BoundedHttp:
 
 
 HEADERS = {"accept": "application/json", "accept-encoding": "identity"}
-"""Uncompressed, so that the limit is one of what comes and of what is kept."""
+"""Uncompressed, so that the limit applies to what arrives and to what is kept."""
 
 
 async def _body(answer: httpx.Response) -> bytes:
@@ -148,7 +148,8 @@ def metadata_of(document: dict[str, Any], issuer: str) -> Metadata:
 KEYS_LIMIT = 100
 
 KINDS = {"RS": "RSA", "PS": "RSA", "ES": "EC", "Ed": "OKP"}
-"""The kind of key (kty) that a signature takes, by the first letters of its name. Shared secrets are none."""
+"""The kind of key (kty) that a signature requires, by the first letters of its name. Shared secrets are none.
+"""
 
 
 class KeySet:
@@ -212,7 +213,7 @@ KEPT = 24 * 3600.0
 """Seconds for which cached keys stay valid while the issuer cannot be reached."""
 LOOKS_PER_SECOND = 0.1
 LOOKS_AT_ONCE = 3
-"""How often it is asked at most, whatever keys tokens name."""
+"""Maximum rate of requests to it, whatever keys tokens name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,7 +225,7 @@ class _KnownKeys:
 
 
 _Serves = Callable[[_KnownKeys], bool]
-"""Tells whether what is known is enough for a request."""
+"""Returns whether what is known is sufficient for a request."""
 
 
 class Issuer:

@@ -18,7 +18,7 @@ LENGTH_LIMIT = 16_384
 """Characters."""
 
 TYPES = frozenset({"", "jwt", "at+jwt", "application/at+jwt"})
-"""What may stand in a token's header as its type; others are no proof of who comes."""
+"""Accepted types in a token's header; others do not prove an identity."""
 
 REQUIRED = ["exp", "iss", "aud", "sub"]
 
