@@ -23,7 +23,7 @@ from support.fleet_examples import (
     vehicle_status,
     way,
 )
-from support.order_service_fleet import Fleet, listening
+from support.order_service_fleet import Fleet, listening, order_in, vehicle_idle
 from support.panel import (
     COLOUR_NEAR,
     LABELS,
@@ -39,6 +39,7 @@ from support.panel import (
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 
 STOP = {"safety_state": {"active_emergency_stop": "MANUAL", "field_violation": False}}
+ROBOTS = 50
 JAM = ("--jam.robots", "3", "--jam.seconds", "0.1")
 
 
@@ -172,17 +173,23 @@ async def test_an_idle_robot_shows_no_old_goals_and_no_internal_orders(hall: Hal
             await expect(shown.get_by_role("heading", name="Navigation goals")).to_be_visible()
 
 
-async def test_labels_of_a_crowd_do_not_overlap(hall: Hall, browser: Browser) -> None:
+@pytest.mark.parametrize(("width", "height"), [(1280, 800), (390, 844)])
+async def test_an_emergency_stop_among_many_robots_is_seen_at_once(
+    hall: Hall, browser: Browser, width: int, height: int
+) -> None:
     with hall.aggregator() as aggregator:
         await aggregator.logged("broker connected")
         hall.publish_plant()
-        for number in range(40):
-            robot(hall, number, 9 + number % 8, 6 + number // 8 / 2)
-        async with opened(browser, hall.url) as page:
-            await expect(page.locator("tr[data-robot]")).to_have_count(40)
-            await becomes(page, LABELS, None, lambda labels: any(each.startswith("AMR") for each in labels))
+        for number in range(1, ROBOTS + 1):
+            stop = STOP if number == ROBOTS else {}
+            robot(hall, number, 9 + number % 8, 6 + number // 8 / 2, **stop)
+        async with opened(browser, hall.url, width=width, height=height) as page:
+            await expect(page.locator("tr[data-robot]")).to_have_count(ROBOTS)
+            named = page.get_by_role("link", name=f"AMR-{ROBOTS}: Emergency stop")
+            await expect(named).to_be_in_viewport()
+            await expect(page.locator("tr[data-robot]").first).to_contain_text(f"AMR-{ROBOTS}")
+            await becomes(page, LABELS, None, lambda labels: f"AMR-{ROBOTS}" in labels)
             labels = await page.evaluate(LABELS)
-            assert "North 1" in labels
             assert await page.evaluate(OVERLAPPING) == []
             await page.locator("nena-fleet-map canvas").focus()
             for _ in range(6):
@@ -216,6 +223,37 @@ async def test_a_dead_order_service_is_told_by_a_red_banner(
             fleet.order_service(name="second")
             await expect(banner).to_be_hidden()
             await expect(page.locator("body")).not_to_have_class("orders-old")
+
+
+async def test_a_robot_that_waits_for_a_paused_one_is_not_idle(
+    broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
+) -> None:
+    """The robots and the order service are real: Robot-01 is assigned to an order and has none yet."""
+    fleet, port = Fleet(broker, interface_name, tmp_path), free_port()
+    options = ("--interface_name", interface_name, "--topic_prefix", fleet.prefix)
+    addresses = ("--http.port", str(port), "--mqtt.port", str(broker.port))
+    with fleet.stack, AggregatorProcess(*addresses, *options) as aggregator:
+        await aggregator.logged("broker connected")
+        fleet.agent()
+        fleet.agent("robot-02", x=15.0, y=2.0)
+        service = fleet.order_service()
+        async with await service.client() as orders, opened(browser, f"http://127.0.0.1:{port}/") as page:
+            for name in ("Robot-01", "Robot-02"):
+                await vehicle_idle(orders, name)
+            await orders.post("/v1/vehicles/Robot-02/instantActions", json={"actionType": "pause"})
+            to = {"destinations": [{"locationName": "South 3"}], "intendedVehicle": "Robot-01", "name": "T-1"}
+            await orders.post("/v1/transportOrders", json=to)
+            waiting = page.locator("tr[data-robot='NeNa/robot-01']")
+            await expect(waiting).to_have_attribute("data-condition", "WAITING")
+            await expect(waiting).to_contain_text("Blocked at South 3 by Robot-02.")
+            await expect(
+                waiting.get_by_role("link", name="Head of queue: Robot-02 (Blocked)")
+            ).to_be_visible()
+            await expect(waiting.locator(".order")).to_have_text("T-1")
+            await orders.post("/v1/vehicles/Robot-02/instantActions", json={"actionType": "resume"})
+            await order_in(orders, "T-1", "FINISHED")
+            await expect(waiting).to_have_attribute("data-condition", "IDLE")
+            await expect(waiting).not_to_contain_text("Head of queue")
 
 
 async def test_reasons_of_a_dead_order_service_are_shown_as_old(hall: Hall, browser: Browser) -> None:

@@ -8,6 +8,7 @@ const ABSENT = ["SILENT", "BROKEN", "OFFLINE"];
 const ROBOT = { length: 0.9, width: 0.6 };
 const LEAST_ROBOT = 16;
 const RING = 7;
+const HALO = 5;
 const BODY = 0.75; // a footprint fills about so much of the box around its circle
 
 /** Place the names of robots, `[{robot, at}]`: off all robots, and off the boxes of other labels if possible. Urgent ones come first. */
@@ -17,7 +18,8 @@ export function labelRobots(context, view, places, { layers, selected, jams }, o
   if (!layers.robots || !layers.robotNames) return labels;
   const rank = ({ robot }) => [robot.id === selected, robot.urgent, jams.has(robot.vehicle?.name), true].indexOf(true);
   for (const { robot, at } of [...places].sort((a, b) => rank(a) - rank(b))) {
-    labels.put(nameOf(robot, jams), at, reachOf(view, robot, jams) + 10, { important: true, avoid: others, beside: true });
+    const distance = reachOf(view, robot, jams) + (robot.id === selected ? HALO : 0) + 10;
+    labels.put(nameOf(robot, jams), at, distance, { important: true, avoid: others, beside: true });
   }
   return labels;
 }
@@ -132,7 +134,7 @@ function paintRobot(context, view, robot, [x, y], { selected, colours, jams }) {
   context.save();
   context.translate(x, y);
   if (isMarked(robot, jams)) paintRing(context, reachOf(view, robot, jams), colourOf(robot, colours), robot.urgent);
-  if (robot.id === selected) paintHalo(context, radiusOf(view, robot) + 5, colours.accent);
+  if (robot.id === selected) paintHalo(context, radiusOf(view, robot) + HALO, colours.accent);
   context.rotate(-robot.position.theta);
   context.globalAlpha = ABSENT.includes(robot.condition) || !robot.position.localized ? 0.55 : 1;
   const outline = Math.max(length, width) > LEAST_ROBOT && robot.body?.outline; // too small to be visible otherwise
