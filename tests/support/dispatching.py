@@ -21,6 +21,9 @@ class Told:
     misfits: Mapping[tuple[str, str], str] = field(default_factory=dict)
     """Why vehicles must not do orders of a type, by type and vehicle."""
 
+    crowds: Mapping[str, int] = field(default_factory=dict)
+    """How many vehicles are to come to the destinations of orders, by name."""
+
     def misfit(self, order: TransportOrder, vehicle: str) -> str:
         return self.misfits.get((order.status.type, vehicle), "")
 
@@ -33,6 +36,9 @@ class Told:
     def cost(self, order: TransportOrder, vehicle: str) -> RouteCost:
         cost = self.costs.get((order.name, vehicle), self.costs.get(vehicle, inf))
         return RouteCost(cost, cost)
+
+    def crowd(self, order: TransportOrder) -> int:
+        return self.crowds.get(order.name, 0)
 
     def why_no_way(self, order: TransportOrder, vehicle: str) -> str:
         return f"No route for {order.name} and {vehicle}."

@@ -307,7 +307,9 @@ async def make_engine(
     locks: Mapping[str, bool] | None = None,
 ) -> Engine:
     """Start an engine, as after a restart, over ``store`` and ``fleet``."""
-    settings = settings or EngineSettings(release_ahead=release_ahead, default_map_id="map")
+    settings = settings or EngineSettings(
+        release_ahead=release_ahead, release_seconds=0.0, default_map_id="map"
+    )
     context = make_context(plant, clock=clock, settings=settings, on_failure=on_failure, locks=locks)
     engine = Engine(context, store)
     fleet.engine = engine

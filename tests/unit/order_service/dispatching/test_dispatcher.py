@@ -78,6 +78,16 @@ NEAR_EACH = Told(
 """T-1 is near both vehicles, and nearest to the one that unloads."""
 
 
+@pytest.mark.parametrize(("crowding", "chosen"), [(0.0, "T-1"), (0.1, "T-1"), (0.2, "T-2")])
+def test_an_order_to_a_crowded_station_is_dearer(crowding: float, chosen: str) -> None:
+    """The vehicle has 100 to the first order and 125 to the other; two others are to come to the first."""
+    known = Told({("T-1", "v"): 100, ("T-2", "v"): 125}, crowds={"T-1": 2})
+    orders = [dispatchable_order(number=1), dispatchable_order(number=2)]
+    decisions = decide(orders, vehicles(v=""), known, crowding=crowding)
+
+    assert pairs(decisions) == {chosen: "v"}
+
+
 def test_an_order_is_left_to_a_vehicle_that_is_about_to_be_free_nearer_to_it() -> None:
     orders = [dispatchable_order(number=1), dispatchable_order(number=2)]
     fleet = [*vehicles(here=""), unloading("unloads")]

@@ -19,13 +19,14 @@ PLANT = plant(
 )
 
 
-def knowledge() -> tuple[OrderKnowledge, KnownCosts, OrderFit, VehicleRegistry]:
+def knowledge(*assigned: TransportOrder) -> tuple[OrderKnowledge, KnownCosts, OrderFit, VehicleRegistry]:
     context = make_context(PLANT)
     costs = KnownCosts(context.planner, context.registry)
     fit = OrderFit(context.state.vehicles, Sequences(context))
     starts = {"V1": "A", "V2": "C"}
     places = {each.name: (each, starts[each.name]) for each in context.registry}
-    return OrderKnowledge(costs, places, context.planner, fit), costs, fit, context.registry
+    known = OrderKnowledge(costs, places, context.planner, fit, lambda: assigned)
+    return known, costs, fit, context.registry
 
 
 def test_costs_are_those_of_the_destinations_that_are_left() -> None:
@@ -36,6 +37,15 @@ def test_costs_are_those_of_the_destinations_that_are_left() -> None:
     begun: TransportOrder = assigned_order("B", "C", number=2).drive_order_finished(0, NOW)
     assert known.cost(begun, "V1").complete == 4000
     assert known.cost(begun, "V2").complete == 0
+
+
+def test_vehicles_that_are_still_to_come_to_the_destinations_are_counted() -> None:
+    fetched = assigned_order("B", "C", number=2).drive_order_finished(0, NOW)
+    known, *_ = knowledge(fetched, assigned_order("B", "C", number=3))
+
+    assert known.crowd(dispatchable_order("B")) == 1
+    assert known.crowd(dispatchable_order("B", "C")) == 3
+    assert known.crowd(dispatchable_order("A")) == 0
 
 
 def test_resources_to_avoid_and_a_missing_way_are_told() -> None:

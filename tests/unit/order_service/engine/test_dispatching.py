@@ -210,7 +210,7 @@ async def test_an_order_that_avoids_what_the_plant_has_lost_waits_and_says_so() 
 
 async def two_wait_while_one_unloads(*, unloads: bool) -> tuple[Engine, ScriptedFleet]:
     """Make V1 drop at C, or drive there, and V2 become free at B while orders to C and A wait."""
-    engine, fleet = await make(energy={"respected": False})
+    engine, fleet = await make(energy={"respected": False}, crowding=0.0)
     fleet.appear("V1", "C")
     fleet.appear("V2", "B")
     engine.create(request("C:Unload", intendedVehicle="V1"), "T1")

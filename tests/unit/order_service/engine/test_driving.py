@@ -34,7 +34,7 @@ async def under_way(store: MemoryStore, fleet: ScriptedFleet, ahead: int) -> Eng
     return engine
 
 
-async def test_without_a_policy_the_whole_way_is_the_base() -> None:
+async def test_without_limits_the_whole_way_is_the_base() -> None:
     store, fleet = MemoryStore(), ScriptedFleet({})
     await under_way(store, fleet, 0)
     fleet.pass_node("V1", 0)
@@ -42,6 +42,34 @@ async def test_without_a_policy_the_whole_way_is_the_base() -> None:
 
     assert [base(vda_order) for _, vda_order in fleet.sent] == [["A", "B", "C", "D", "E"]]
     assert fleet.extended == []
+
+
+@pytest.mark.parametrize(
+    ("speed_mm_s", "released"),
+    [(1000, ["A", "B", "C"]), (1500, ["A", "B", "C", "D"])],  # 1 m and 1.5 m behind the next node
+)
+async def test_the_base_is_as_long_as_a_robot_drives_in_a_second(
+    speed_mm_s: int, released: list[str]
+) -> None:
+    vehicles = (Vehicle(name="V1", max_velocity_mm_s=speed_mm_s),)
+    fleet, settings = ScriptedFleet({}), EngineSettings(default_map_id="map")
+    plant = PLANT.model_copy(update={"vehicles": vehicles})
+    engine = await make_engine(plant, MemoryStore(), fleet, settings=settings)
+    fleet.appear("V1", "A")
+    engine.create(request("E", name="T-1"), "T-1")
+
+    assert [base(vda_order) for _, vda_order in fleet.sent] == [released]
+    assert len(fleet.sent[0][1].nodes) == 5
+
+
+async def test_a_robot_that_wants_more_base_gets_one_node_more() -> None:
+    fleet, settings = ScriptedFleet({}), EngineSettings(default_map_id="map")
+    engine = await make_engine(PLANT, MemoryStore(), fleet, settings=settings)
+    fleet.appear("V1", "A")
+    engine.create(request("E", name="T-1"), "T-1")
+    fleet.want_base("V1")
+
+    assert [base(vda_order) for _, vda_order in fleet.extended] == [["A", "B", "C", "D"]]
 
 
 async def test_so_many_nodes_are_released_ahead_of_the_robot() -> None:

@@ -322,3 +322,44 @@ async def test_base_never_changes_and_nothing_is_freed_before_the_robot(
 
 def _in_a_row(wanted: str, there: Iterable[str]) -> bool:
     return wanted in "".join(there)
+
+
+async def behind_a_queue(fleet: ScriptedFleet) -> Engine:
+    """Let V1 wait at B for V2 at C, which waits for V3 at D."""
+    vehicles = tuple(Vehicle(name=f"V{number}") for number in (1, 2, 3))
+    plant = PLANT.model_copy(update={"vehicles": vehicles})
+    engine = await make_engine(plant, MemoryStore(), fleet, release_ahead=1)
+    for name, at, goal in (("V3", "D", "F"), ("V2", "C", "E"), ("V1", "A", "F")):
+        fleet.appear(name, at)
+        engine.create(request(goal, intendedVehicle=name), name.replace("V", "T-"))
+    fleet.pass_node("V1", 0)
+    fleet.pass_node("V1", 1)
+    return engine
+
+
+async def test_a_vehicle_that_waits_in_a_queue_is_led_around_it() -> None:
+    fleet = ScriptedFleet({})
+    engine = await behind_a_queue(fleet)
+    assert whole(fleet.missions[key("V1")]) == "ABCDEF"
+
+    engine.look()
+    assert whole(fleet.missions[key("V1")]) == "ABCDEF", "it may go on soon"
+    engine.look()
+
+    assert whole(fleet.missions[key("V1")]) == "ABXYDEF"
+    assert base(fleet.missions[key("V1")]) == "ABX"
+    assert "less traffic" in order(engine).status.history[-1].supplements[0]
+
+
+async def test_a_vehicle_whose_queue_moves_keeps_its_way() -> None:
+    fleet = ScriptedFleet({})
+    engine = await behind_a_queue(fleet)
+    engine.look()
+    fleet.pass_node("V3", 0)
+    fleet.pass_node("V3", 1)
+    fleet.pass_node("V2", 0)
+    fleet.pass_node("V2", 1)
+    engine.look()
+    engine.look()
+
+    assert whole(fleet.missions[key("V1")]) == "ABCDEF"

@@ -316,6 +316,10 @@ class Knowledge(Protocol):
         """Return the cost of a vehicle's route through an order's destinations; infinity: no route."""
         ...
 
+    def crowd(self, order: TransportOrder) -> int:
+        """Return how many times vehicles are still to come to the order's destinations for other orders."""
+        ...
+
     def why_no_way(self, order: TransportOrder, vehicle: str) -> str:
         """Return why there is no way."""
         ...
@@ -390,15 +394,19 @@ class Dispatcher:
 class _Choices:
     """The vehicles that one order could have."""
 
-    def __init__(self, pairs: Sequence[Candidate], free: int, key: CandidateKey) -> None:
-        """``pairs`` are sorted best first; they may contain only the nearest of the ``free`` vehicles."""
+    def __init__(self, pairs: Sequence[Candidate], free: int, key: CandidateKey, dearer: float) -> None:
+        """Take up pairs, the best first, and by which share others at its destinations make it ``dearer``.
+
+        The pairs may contain only the nearest of the ``free`` vehicles.
+        """
         self.pairs = {each.vehicle.name: each for each in pairs}
         self.nearest, self.free = pairs[0], free
         complete = key is CandidateKey.BY_COMPLETE_ROUTING_COSTS
         own = min(each.cost.complete - each.cost.initial for each in pairs) if complete else 0.0
         values = (each.cost.complete if complete else each.cost.initial for each in pairs)
         self.costs = {
-            each.vehicle.name: round((value - own) * COST_STEPS) * RANKS + min(place, RANKS - 1)
+            each.vehicle.name: round((value - own + dearer * each.cost.complete) * COST_STEPS) * RANKS
+            + min(place, RANKS - 1)
             for place, (each, value) in enumerate(zip(pairs, values, strict=True))
         }
         """Each vehicle's cost beyond the order's own route, which is the same for all."""
@@ -517,7 +525,11 @@ class _Round:
                 later = (each for each in soon.values() if not self._why_not(order, each))
                 pairs += self._possible((order, each) for each in later)
             if nearest := pairs if len(pairs) <= 1 else nsmallest(len(orders), pairs, key=rank):
-                found[order.number] = _Choices(nearest, len(free), self._settings.vehicle_candidates[0])
+                crowding = self._settings.crowding if len(orders) > 1 else 0.0
+                dearer = crowding and crowding * self._knowledge.crowd(order)
+                found[order.number] = _Choices(
+                    nearest, len(free), self._settings.vehicle_candidates[0], dearer
+                )
             else:
                 self.decisions.reasons[order.name] = self._why_waiting(order, hindrances, free)
         return found

@@ -155,6 +155,14 @@ class DispatchSettings(SettingsGroup):
             "later. 0: strictly by age."
         ),
     )
+    crowding: float = Field(
+        0.1,
+        ge=0,
+        description=(
+            "With TOGETHER: by which share of its cost an order is dearer for each vehicle that is still "
+            "to come to one of its destinations. 0: crowded stations do not count."
+        ),
+    )
     orders: list[OrderKey] = Field(
         [OrderKey.BY_PRIORITY, OrderKey.BY_DEADLINE, OrderKey.BY_AGE],
         min_length=1,

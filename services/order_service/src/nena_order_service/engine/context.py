@@ -40,7 +40,16 @@ class EngineSettings(SettingsGroup):
         le=1000,
         description=(
             "Nodes released ahead of a robot (preventive: it stops after them without its link); "
-            "the rest is horizon. 0: everything that can be allocated (assertive)."
+            "the rest is horizon. 0: as far as `release_seconds` says."
+        ),
+    )
+    release_seconds: float = Field(
+        1.0,
+        ge=0,
+        description=(
+            "With `release_ahead` 0, a robot's base extends beyond its next node by what it drives in this "
+            "time at full speed, so that an update comes before it slows down. Must be longer than it "
+            "brakes. 0: everything that can be allocated (assertive)."
         ),
     )
     restart_patience: float = Field(

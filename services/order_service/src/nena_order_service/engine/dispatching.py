@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import asyncio
-from collections import OrderedDict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections import Counter, OrderedDict
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 from nena_order_service.dispatching.candidates import Candidates, LocatedCandidate
 from nena_order_service.dispatching.dispatcher import (
@@ -137,12 +137,17 @@ class OrderKnowledge:
         places: Mapping[str, tuple[FleetVehicle, str]],
         planner: OrderPlanner,
         fit: OrderFit,
+        assigned: Callable[[], Iterable[TransportOrder]],
     ) -> None:
-        """``places`` maps vehicles that may get orders to the points from which they would start."""
+        """``places`` maps vehicles that may get orders to the points from which they would start.
+
+        ``assigned`` gives the orders that vehicles work on.
+        """
         self._costs = costs
         self._places = places
         self._planner = planner
         self._fit = fit
+        self._assigned = assigned
         self._kinds = {name: costs.finder.router.kind(each.model) for name, (each, _) in places.items()}
 
     def misfit(self, order: TransportOrder, vehicle: str) -> str:
@@ -173,6 +178,16 @@ class OrderKnowledge:
         if any(each.coordinate for each in stops):
             return self._costs.ways.cost(start, stops, vehicle=who.model, avoid=order.resources_to_avoid)
         return self._costs.of(order, who, self._kinds[vehicle]).source(start)
+
+    def crowd(self, order: TransportOrder) -> int:
+        """Return how many times vehicles are still to come to the order's destinations for other orders."""
+        return sum(self._visits[each.location_name] for each in _stops(order))
+
+    @cached_property
+    def _visits(self) -> Counter[str | None]:
+        """How many times vehicles are still to come to each location or point."""
+        stops = (each.location_name for order in self._assigned() for each in _stops(order))
+        return Counter(name for name in stops if name is not None)
 
     def why_no_way(self, order: TransportOrder, vehicle: str) -> str:
         """Return why there is no way."""
@@ -576,7 +591,10 @@ class Dispatching:
             for name, each in candidates.items()
             if each.standing is not None
         }
-        return OrderKnowledge(self._costs, places, self._planner, self.fit)
+        return OrderKnowledge(self._costs, places, self._planner, self.fit, self._assigned)
+
+    def _assigned(self) -> Iterator[TransportOrder]:
+        return map(self._orders.get, self._state.sent_orders.assigned)
 
     def _keep(self, number: int, name: str | None) -> None:
         """Keep a vehicle for the order of a number, or none any more."""

@@ -18,6 +18,7 @@ from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.vda_orders import SentOrder
 from nena_order_service.routing.router import RoutePlan
 from nena_order_service.traffic.evasion import Evasion
+from nena_order_service.traffic.forecast import UNKNOWN_SPEED_MM_S
 from nena_order_service.traffic.scheduler import WaitReason
 from nena_order_service.traffic.traffic_control import (
     Displacement,
@@ -31,6 +32,7 @@ from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
 from nena_shared.log import get_logger
 from nena_shared.plant.track import MM_PER_M
 from nena_shared.vda5050.action import Action
+from nena_shared.vda5050.factsheet import Factsheet
 
 log = get_logger(__name__)
 
@@ -205,13 +207,23 @@ class Stuck:
     reason: str
 
 
+def _way_mm(vehicle: FleetVehicle, factsheet: Factsheet | None, seconds: float) -> float:
+    """Return how far a robot drives in this time, at the full speed of robot and vehicle."""
+    of_robot = factsheet.physical_parameters.maximum_speed * MM_PER_M if factsheet else 0.0
+    of_vehicle = vehicle.model.max_velocity_mm_s if vehicle.model else 0
+    known = [each for each in (of_robot, of_vehicle) if each > 0]
+    return seconds * min(known, default=UNKNOWN_SPEED_MM_S)
+
+
 class Driving:
     """Joins traffic and the fleet.
 
     An order's vehicle requests the route of its drive order. Once traffic grants it, a VDA 5050 order is sent
-    with a base of what is allocated, ``release_ahead`` nodes before it at the most (*preventive*; 0: all that
-    can be had, *assertive*), and the rest as horizon; order updates extend the base. An order whose first
-    step cannot be allocated yet is not sent yet. All changes are committed before anything is sent.
+    with a base of what is allocated, and the rest as horizon; order updates extend the base. It is as long as
+    the robot needs so that it does not slow down before its next node, unless ``release_ahead`` says how many
+    nodes it has (*preventive*); without either setting it is all that can be allocated (*assertive*). An
+    order whose first step cannot be allocated yet is not sent yet. All changes are committed before anything
+    is sent.
     """
 
     def __init__(self, context: Context, positions: Positions, pauses: Pauses, gate: RestartGate) -> None:
@@ -220,7 +232,6 @@ class Driving:
         self._state = context.state
         self._sent = context.state.sent_orders
         self._traffic = context.traffic
-        self._ahead = context.settings.release_ahead
         self.positions = positions
         self._pauses = pauses
         self._planner = context.planner
@@ -297,7 +308,7 @@ class Driving:
         """Extend the base of a robot at once as it comes near its end, if traffic control grants it."""
         record = self._sent.find(order_id)
         if record and self._gate.is_open and (vehicle := self._under_way(record)):
-            self._go_on(vehicle, self._ahead and self._traffic.ahead(vehicle.name) + self._ahead)
+            self._go_on(vehicle, more=self._context.settings.release_ahead or 1)
 
     def ahead_of(self, record: SentOrder) -> tuple[str, ...]:
         """Return the next path and point of a robot; empty at the end of its order."""
@@ -481,10 +492,10 @@ class Driving:
         )
         return SentOrder.of(vehicle.key, vda_order, wanted.order.index, granted.way)
 
-    def _go_on(self, vehicle: FleetVehicle, ahead: int | None = None) -> None:
-        """Allocate what can be had, and send what is new."""
+    def _go_on(self, vehicle: FleetVehicle, *, more: int = 0) -> None:
+        """Allocate what the robot needs, or this many nodes ``more`` than it has, and send what is new."""
         name = vehicle.name
-        more = self._traffic.allocate(name, self._ahead if ahead is None else ahead)
+        allocated = self._allocate(vehicle, more)
         journey = self._traffic.journey(name)
         assert journey, "requested by the caller"  # noqa: S101 - for the type
         unsent = self._unsent.get(name)
@@ -496,8 +507,17 @@ class Driving:
             self._sent.put(record)
             self._state.vehicle_changed(name)
             self._state.after_commit(partial(self._start, record))
-        elif more and (known := self._sent.of_robot(vehicle.key)):
+        elif allocated and (known := self._sent.of_robot(vehicle.key)):
             self.send_on(known.released(journey).updated())
+
+    def _allocate(self, vehicle: FleetVehicle, more: int) -> bool:
+        """Allocate so much that the robot does not have to slow down before its next update."""
+        name, settings = vehicle.name, self._context.settings
+        ahead = more and self._traffic.ahead(name) + more
+        if settings.release_ahead or not settings.release_seconds:
+            return self._traffic.allocate(name, settings.release_ahead and (ahead or settings.release_ahead))
+        way_mm = _way_mm(vehicle, self._context.view(vehicle).factsheet, settings.release_seconds)
+        return self._traffic.allocate(name, ahead, way_mm)
 
     def send_on(self, record: SentOrder) -> None:
         """Send a robot the update of its VDA order after the commit."""

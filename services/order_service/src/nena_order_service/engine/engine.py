@@ -359,6 +359,10 @@ class Engine:
                     self._positions.see(vehicle)
                 self._dispatching.look_at(part)
             yield
+        for name in self._rerouting.kept_waiting():
+            with self.change():
+                self._rerouting.lead_around(name)
+            yield
         with self.change():
             self.state.dispatch_due = self.state.drive_due = True
             self._life_cycle.check_times()

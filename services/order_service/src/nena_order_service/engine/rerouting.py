@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from nena_order_service.engine.context import Context
@@ -29,6 +29,8 @@ CHOSEN_LATER = "its route is chosen when it starts"
 NOTHING_AHEAD = (
     "its whole route is released and stays as it is; a forced rerouting starts at the robot's position"
 )
+LED_AROUND_AT_ONCE = 20
+"""Vehicles that wait for which other routes are searched at one look; a search takes milliseconds."""
 NO_OTHER_WAY = "it already has the best route"
 
 
@@ -72,6 +74,10 @@ class Rerouting:
         self._registry = context.registry
         self._clock = context.clock
         self._view = context.view
+        self._standing: Mapping[str, int] = {}
+        """Vehicles that stood and waited at the last look, and how far each had come."""
+        self._tried: frozenset[str] = frozenset()
+        """Those of them that were looked at since all had their turn."""
 
     def request(self, vehicle: FleetVehicle, kind: ReroutingType) -> Rerouted:
         """Replan the route of the order that a vehicle works on.
@@ -109,6 +115,40 @@ class Rerouting:
                 log.info("vehicle stops before a locked path", vehicle=vehicle.name, reason=done.reason)
                 self._driving.end_early(record, partial=True)
         self._driving.reconsider(lambda record: self._any_locked(record.vda_order.edges))
+
+    def kept_waiting(self) -> Sequence[str]:
+        """Return vehicles that have waited since the last call; of many only some, others each time."""
+        standing = self._traffic.standing()
+        before, self._standing = self._standing, standing
+        waiting = [name for name, reached in standing.items() if before.get(name) == reached]
+        self._tried = self._tried.intersection(waiting)
+        if self._tried.issuperset(waiting):
+            self._tried = frozenset()
+        chosen = [name for name in waiting if name not in self._tried][:LED_AROUND_AT_ONCE]
+        self._tried = self._tried.union(chosen)
+        return chosen
+
+    def lead_around(self, name: str) -> None:
+        """Give a vehicle that waits a route with less traffic, if there is one and traffic grants it."""
+        vehicle = self._registry.named(name)
+        record = self._sent.of_robot(vehicle.key) if vehicle else None
+        journey = self._traffic.journey(name)
+        if not vehicle or not record or record.cancelled or record.evasion or not journey:
+            return
+        order = self._orders.get(self._number(vehicle))
+        base_end = record.vda_order.nodes[journey.allocated].node_id
+        if (
+            order.state is not TransportOrderState.BEING_PROCESSED
+            or journey.all_allocated
+            or base_end not in self._plant.points_by_name
+        ):
+            return
+        route = self._traffic.route_around(name, order.resources_to_avoid)
+        if route is None or not route.steps:
+            return
+        under_way = _UnderWay(vehicle, record.released(journey), order, base_end)
+        if not self._claim_leg(under_way, Leg(route.cost, route)):
+            self._send(under_way, route, "it waited, and there is less traffic")
 
     def _order(self, vehicle: FleetVehicle) -> TransportOrder:
         number = self._sent.order_number(vehicle.key)

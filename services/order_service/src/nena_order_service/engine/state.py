@@ -427,6 +427,11 @@ class SentOrders:
         """Return the number of the transport order that a robot works on."""
         return self._order_of.get(robot)
 
+    @property
+    def assigned(self) -> Iterable[int]:
+        """The numbers of the transport orders that robots work on."""
+        return self._robot_of
+
     def _forget(self, sent: SentOrder) -> None:
         del self._sent[sent.robot]
         del self._by_id[sent.vda_order.order_id]

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from typing import TypeVar
 
-from nena_order_service.routing.graph import Step
+from nena_order_service.routing.graph import Route, Step
 from nena_order_service.routing.router import Routes
 from nena_order_service.traffic.evasion import Evasion, no_vehicle
 from nena_order_service.traffic.resources import Found, OccupancyFinder, Resources, ResourceSet
@@ -232,20 +232,35 @@ class TrafficManager:
             self._to_extend[vehicle] = None
         return refusal
 
+    def route_around(self, vehicle: str, avoid: Collection[str] = frozenset()) -> Route | None:
+        """Return a route with less traffic for a waiting vehicle; see :meth:`TrafficControl.route_around`."""
+        return self._control.route_around(vehicle, self.standing(), avoid)
+
+    def standing(self) -> dict[str, int]:
+        """Return the vehicles that wait at the end of what they hold, and how far each has come."""
+        return {
+            name: journey.reached
+            for name, journey in self.extending()
+            if journey.refusal and not self._scheduler.occupant(name).ahead
+        }
+
     def revoke(self, vehicle: str) -> None:
         """Withdraw a route of which nothing is allocated yet: the vehicle rests where it was."""
         self._journeys.pop(vehicle)
         self._scheduler.give_up_claim(vehicle)
 
-    def allocate(self, vehicle: str, ahead: int = 0) -> bool:
-        """Allocate sets until the vehicle has ``ahead`` in front of it, 0: as many as possible.
+    def allocate(self, vehicle: str, ahead: int = 0, length_mm: float = 0.0) -> bool:
+        """Allocate sets until the vehicle has enough in front of it; return whether any was allocated.
 
-        Return whether any was allocated.
+        Enough are ``ahead`` sets, and ``length_mm`` behind the next one; without either, as many as possible.
         """
         journey, occupant = self._journeys[vehicle], self._scheduler.occupant(vehicle)
         before = journey.allocated
         journey.refusal = None
-        while occupant.claimed and (not ahead or occupant.ahead < ahead):
+        least = max(ahead, 1 if length_mm else 0)
+        while occupant.claimed:
+            if least and occupant.ahead >= least and occupant.length_behind_next_mm >= length_mm:
+                break
             journey.refusal = self._scheduler.allocate(vehicle)
             if journey.refusal:
                 break

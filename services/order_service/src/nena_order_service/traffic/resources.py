@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict, deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 from math import hypot
 from typing import Final
 
@@ -260,6 +261,11 @@ class Occupant:
     def ahead(self) -> int:
         """Return how many sets it holds in front of it."""
         return len(self.held) - 1 - self.reached
+
+    @property
+    def length_behind_next_mm(self) -> int:
+        """How far it may drive beyond the next set that it comes to."""
+        return sum(each.length_mm for each in islice(self.held, self.reached + 2, None))
 
     def at_end(self, way: Sequence[ResourceSet]) -> list[ResourceSet]:
         """Return the sets that it covers at the end of ``way``, which follows what it holds."""

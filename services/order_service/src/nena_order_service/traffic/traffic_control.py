@@ -15,7 +15,8 @@ they guarantee that each request is granted in the end:
 5. **Letting out.** A vehicle that made room for one which it had enclosed does not return before that one
    has left. Without this rule the two would move to and fro for ever.
 6. **Detours.** A route avoids points and paths with much traffic, and leads around vehicles at rest if that
-   is not much longer.
+   is not much longer. A vehicle that waits in traffic gets another route where that is cheaper, unless it
+   has the right of way: then others make room on its present one.
 
 A *way* is a route as resource sets, in driving order: what the vehicle needs to reach each of its points.
 """
@@ -45,6 +46,12 @@ CONGESTION = 0.1
 
 ONCOMING = 0.3
 """The share that a step costs more for each other vehicle that will drive its path in the other direction."""
+
+STANDING = 6.0
+"""The same for each other vehicle that waits at the point, when a waiting vehicle looks for another route."""
+
+WORTH_IT = 0.9
+"""The share of its present route's cost that another one may cost, so that a waiting vehicle takes it."""
 
 VEHICLES_PER_SEARCH = 10
 """Traffic is counted again after one route search for each this many vehicles under way."""
@@ -169,6 +176,8 @@ class TrafficControl:
         self._known_refusals: dict[str, _KnownRefusal] = {}
         self._in_the_way: set[str] = set()
         """The vehicles on which the last attempt to claim a section depended."""
+        self._right_of_way: _RightOfWay | None = None
+        """Which vehicle had it in the last decision."""
         self._lets_out: dict[str, _LetOut] = {}
         """Vehicles that made room for one which they enclosed."""
 
@@ -242,8 +251,23 @@ class TrafficControl:
 
     def claim_other_way(self, vehicle: str, ahead: Sequence[ResourceSet]) -> Refusal | None:
         """Claim a section of another route from the end of what is held; return the refusal, if any."""
-        refused = self._claim_section(vehicle, ahead, None)
+        refused = self._claim_section(vehicle, ahead, self._right_of_way)
         return refused.refusal if refused else None
+
+    def route_around(
+        self, vehicle: str, standing: Iterable[str], avoid: Collection[str] = frozenset()
+    ) -> Route | None:
+        """Return a route with less traffic for a vehicle that waits at the end of what it holds.
+
+        ``standing`` are the vehicles that wait now. None: its present route is about as good, there is no
+        other one, or it has the right of way.
+        """
+        journey, occupant = self.journeys[vehicle], self.scheduler.occupant(vehicle)
+        present = journey.way[journey.allocated :]
+        if not present or (self._right_of_way and self._right_of_way.vehicle == vehicle):
+            return None
+        occupied = [self.scheduler.occupant(other).held for other in standing if other != vehicle]
+        return self._routes.around(vehicle, occupant.held[-1].point, occupied, avoid)
 
     def decide(
         self, movable: VehicleTest, lost: VehicleTest = no_vehicle, extending: Iterable[str] = ()
@@ -258,7 +282,7 @@ class TrafficControl:
             extending: the vehicles under way with a part of their route that is not allocated yet.
 
         """
-        right_of_way: _RightOfWay | None = None
+        self._right_of_way = right_of_way = None
         for vehicle in sorted({*self._requests, *extending}, key=self._turns.number):
             under_way = vehicle in self.journeys
             if under_way:
@@ -285,6 +309,7 @@ class TrafficControl:
             if under_way and not self.scheduler.occupant(vehicle).resting:
                 continue  # it still drives on what it holds
             right_of_way = right_of_way or _RightOfWay(vehicle, self._next_section(refused.way))
+            self._right_of_way = right_of_way
             if blocked_at_rest:
                 yield from self._make_room(vehicle, refused, right_of_way, movable)
 
@@ -574,6 +599,32 @@ class _RouteSearch:
         self._found[vehicle] = (start, route_request), route
         return route
 
+    def around(
+        self,
+        vehicle: str,
+        start: str,
+        occupied: Iterable[Iterable[ResourceSet]],
+        avoid: Collection[str],
+    ) -> Route | None:
+        """Return a route from ``start`` on for a vehicle under way; None if its present one is as good.
+
+        ``occupied`` is what waiting vehicles hold.
+        """
+        journey = self._journeys[vehicle]
+        present = [(each.point, each.length_mm) for each in journey.way[journey.allocated :]]
+        shares = defaultdict(float, self._burden_now())
+        self._count(shares, journey, -1)
+        for held in occupied:
+            for each in held:
+                shares[each.point] += STANDING
+        burden = {name: share for name, share in shares.items() if share > 0}
+        try:
+            route = self._routes.route(vehicle, start, present[-1][0], avoid=avoid, burden=burden)
+        except NoRouteError:
+            return None
+        other = [(each.destination, each.path.length_mm) for each in route.steps]
+        return route if _cost(other, burden) < WORTH_IT * _cost(present, burden) else None
+
     def forget(self, vehicle: str) -> None:
         """Forget the route of one vehicle."""
         self._found.pop(vehicle, None)
@@ -593,12 +644,21 @@ class _RouteSearch:
         """Return the share added to the cost of points ahead of vehicles, and of edges towards vehicles."""
         burden: defaultdict[str, float] = defaultdict(float)
         for journey in self._journeys.values():
-            for each in journey.way[journey.reached :]:
-                burden[each.point] += CONGESTION
-                for use in each.uses:
-                    for edge in self._opposite_edges.get((use, each.point), ()):
-                        burden[edge] += ONCOMING
+            self._count(burden, journey, 1)
         return burden
+
+    def _count(self, burden: defaultdict[str, float], journey: Journey, times: int) -> None:
+        """Add what one vehicle adds to costs; ``times`` -1: take it back."""
+        for each in journey.way[journey.reached :]:
+            burden[each.point] += times * CONGESTION
+            for use in each.uses:
+                for edge in self._opposite_edges.get((use, each.point), ()):
+                    burden[edge] += times * ONCOMING
+
+
+def _cost(points: Iterable[tuple[str, int]], burden: Mapping[str, float]) -> float:
+    """Return the length of a route, given as points and lengths, with what traffic at the points adds."""
+    return sum(length_mm * (1.0 + burden.get(point, 0.0)) for point, length_mm in points)
 
 
 def _opposite_edges(plant: PlantModel) -> dict[tuple[str, str], list[str]]:
