@@ -80,9 +80,10 @@ test-all: $(STAMP) action-types broker browser ## all tests, with long and quara
 conformance: $(STAMP) ## regenerate docs/vda5050.md: conformance clause by clause, with its tests
 	PYTHONPATH=tests $(BIN)/python -m conformance.table
 
-reference: $(STAMP) ## regenerate docs/configuration.md and docs/metrics.md: every setting and every metric of every program
+reference: $(STAMP) ## regenerate docs/configuration.md, docs/metrics.md and docs/compatibility.md: settings, metrics, deviating robots
 	PYTHONPATH=tests $(BIN)/python -m reference.configuration
 	PYTHONPATH=tests $(BIN)/python -m reference.metrics
+	PYTHONPATH=tests $(BIN)/python -m reference.compatibility
 
 soak: soak-site soak-pauses soak-nemesis soak-cores ## soak-site, soak-pauses, soak-nemesis, then soak-cores
 

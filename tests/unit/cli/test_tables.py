@@ -76,6 +76,10 @@ def test_vehicles_say_where_they_stand_and_why() -> None:
     for part in ("V-1", "ERROR", "1.25, 2.00", "42 %", "has an error; FATAL lost"):
         assert part in shown
     assert "maps" not in shown
+    assert "deviates" not in shown
+    sloppy = VEHICLE.model_copy(update={"deviations": ('state.headerId "1": text as number',)})
+    shown = text_of(tables.vehicles_table([sloppy]))
+    assert 'this robot deviates from VDA 5050: state.headerId "1": text as number' in shown
     maps = tuple(RobotMap(map_id="hall", map_version=each, enabled=each == "2") for each in ("1", "2"))
     shown = text_of(tables.vehicles_table([VEHICLE, VEHICLE.model_copy(update={"maps": maps})]))
     assert "hall 1, hall 2" in shown

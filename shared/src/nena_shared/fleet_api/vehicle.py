@@ -115,6 +115,8 @@ class VehicleStatus(Resource):
     order_sequence: str | None = None
     """The order sequence to which it is bound: it does nothing else until that is finished."""
     errors: tuple[str, ...] = ()
+    deviations: tuple[str, ...] = ()
+    """How its robot's messages deviate from VDA 5050, and how they were read, in words."""
     last_state: Moment | None = None
 
 

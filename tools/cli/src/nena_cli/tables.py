@@ -131,7 +131,7 @@ def vehicles_table(vehicles: Iterable[VehicleStatus], fleet: Iterable[VehicleSta
             Text(_position(vehicle)),
             Text(energy),
             Text(vehicle.transport_order or ""),
-            Text("; ".join((vehicle.reason, *vehicle.errors))),
+            Text("; ".join((vehicle.reason, *vehicle.errors, *_deviations(vehicle)))),
             *([_chain(vehicle.name, chains, known)] if chains else []),
             *([_maps(vehicle)] if vehicle.maps else []),
         )
@@ -154,6 +154,11 @@ def _chain(name: str, chains: Mapping[str, WaitChain], fleet: Mapping[str, Vehic
         return Text(f"{way} (circle: {', '.join(chain.circle)})", style="red")
     head = fleet.get(chain.head)
     return Text(f"{way} ({head.state if head else 'unknown'})")
+
+
+def _deviations(vehicle: VehicleStatus) -> tuple[str, ...]:
+    listed = ", ".join(vehicle.deviations)
+    return (f"this robot deviates from VDA 5050: {listed}",) if listed else ()
 
 
 def traffic_table(plan: TrafficPlan) -> Table:

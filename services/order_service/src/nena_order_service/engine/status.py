@@ -94,6 +94,7 @@ def vehicle_status(
         precise_position=_precise_position(vehicle, state) if state else None,
         energy_level=state.power_supply.state_of_charge if state else None,
         last_state=last_state,
+        deviations=tuple(map(str, view.deviations)),
         **essentials._asdict(),
     )
 

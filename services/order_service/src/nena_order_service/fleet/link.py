@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import partial
 from typing import Any, Final, TypeVar
@@ -383,7 +383,9 @@ class FleetLink:
 
     def view(self, robot: RobotKey) -> RobotView:
         """See :meth:`FleetController.view`."""
-        return self._controller.view(robot, self._now())
+        view = self._controller.view(robot, self._now())
+        found = self.deviations.of(robot)
+        return replace(view, deviations=found) if found else view
 
     def robots(self) -> tuple[RobotKey, ...]:
         """See :meth:`FleetController.robots`."""

@@ -20,6 +20,7 @@ from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.factsheet import ActionParameterDescription, Factsheet, MobileRobotAction, Support
 from nena_shared.vda5050.malformed import QUOTE
 from nena_shared.vda5050.own_actions import transforms_itself
+from nena_shared.vda5050.repair import Repair
 from nena_shared.vda5050.rules import Rules
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
@@ -167,6 +168,8 @@ class RobotView:
     """What the VDA order waits for, in words; empty where it waits for nothing but the robot's driving."""
     stale: bool = False
     """Whether that state is from before it connected."""
+    deviations: tuple[Repair, ...] = ()
+    """What had to be repaired in its messages."""
 
 
 ORDER_PREFIX: Final = "order."

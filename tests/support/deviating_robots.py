@@ -1,0 +1,303 @@
+"""How robots deviate from VDA 5050, and what becomes of each under the order service: one table.
+
+``tests/integration/order_service/test_deviations.py`` tries each row; docs/compatibility.md shows them.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from math import nan
+from typing import Any, Final
+
+from nena_shared.vda5050.topics import Topic
+
+MISSING: Final[Any] = object()
+"""Instead of a value: the field is not there."""
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """One way to deviate, on every message of a topic."""
+
+    words: str
+    """What the robot sends."""
+    fields: Mapping[str, Any] = field(default_factory=dict)
+    """Value by path of names; ``*`` stands for all elements of a list."""
+    report: str = ""
+    """Begins what the order service says of the field; empty: it says nothing."""
+    refusal: str = ""
+    """Why the robot is given no order; empty: it finishes its order."""
+    topic: Topic = Topic.STATE
+    version: str = "2.1.0"
+    raw: bytes = b""
+    """Stands before the message."""
+
+    def applied(self, payload: bytes) -> bytes:
+        """Return a message as the robot sends it."""
+        content = json.loads(payload)
+        for path, value in self.fields.items():
+            _put(content, path.split("."), value)
+        return self.raw + json.dumps(content).encode()
+
+
+def _put(place: Any, path: list[str], value: Any) -> None:
+    first, *rest = path
+    if first == "*":
+        for each in place:
+            _put(each, rest, value)
+    elif rest:
+        if first in place:
+            _put(place[first], rest, value)
+    elif value is MISSING:
+        place.pop(first, None)
+    else:
+        place[first] = value(place.get(first)) if callable(value) else value
+
+
+def _error(**fields: Any) -> list[dict[str, Any]]:
+    """Return a list with a warning."""
+    made = {"errorType": "lamp", "errorLevel": "WARNING", "errorReferences": []} | fields
+    return [{name: value for name, value in made.items() if value is not MISSING}]
+
+
+def _references(value: Any) -> list[dict[str, Any]]:
+    return _error(errorReferences=[{"referenceKey": "lamp", "referenceValue": value}])
+
+
+def _of_position() -> Iterator[Deviation]:
+    at, wrapped = "state.agvPosition.theta", "angle wrapped"
+    yield Deviation("heading 3.1416", {"agvPosition.theta": 3.1416}, f"{at} 3.1416: {wrapped}")
+    yield Deviation("heading 4.7", {"agvPosition.theta": 4.7}, f"{at} 4.7: {wrapped}")
+    yield Deviation("heading 3.1416 in 2.0", {"agvPosition.theta": 3.1416}, f"{at} 3.1416", version="2.0.0")
+    yield Deviation(
+        "heading 3.1416 in 3.0",
+        {"mobileRobotPosition.theta": 3.1416},
+        f"state.mobileRobotPosition.theta 3.1416: {wrapped}",
+        version="3.0.0",
+    )
+    yield Deviation("heading as text", {"agvPosition.theta": "0.5"}, f'{at} "0.5": text as number')
+    yield Deviation(
+        "localizationScore 95",
+        {"agvPosition.localizationScore": 95},
+        "state.agvPosition.localizationScore 95: scaled",
+    )
+    yield Deviation(
+        "localizationScore -5",
+        {"agvPosition.localizationScore": -5},
+        "state.agvPosition.localizationScore -5: left out",
+    )
+    yield Deviation(
+        "deviationRange -1",
+        {"agvPosition.deviationRange": -1},
+        "state.agvPosition.deviationRange -1: left out",
+    )
+    yield Deviation(
+        "positionInitialized as text",
+        {"agvPosition.positionInitialized": "true"},
+        'state.agvPosition.positionInitialized "true": text as boolean',
+    )
+    yield Deviation(
+        "positionInitialized 1",
+        {"agvPosition.positionInitialized": 1},
+        "state.agvPosition.positionInitialized 1: text as boolean",
+    )
+
+
+def _of_battery() -> Iterator[Deviation]:
+    at = "state.batteryState.batteryCharge"
+    yield Deviation("battery 101.3 %", {"batteryState.batteryCharge": 101.3}, f"{at} 101.3: clamped")
+    yield Deviation("battery as text", {"batteryState.batteryCharge": "80"}, f'{at} "80": text as number')
+    yield Deviation(
+        "batteryHealth 120",
+        {"batteryState.batteryHealth": 120},
+        "state.batteryState.batteryHealth 120: clamped",
+    )
+    yield Deviation(
+        "batteryVoltage NaN",
+        {"batteryState.batteryVoltage": nan},
+        "state.batteryState.batteryVoltage nan: left out",
+    )
+    yield Deviation(
+        "charging as text",
+        {"batteryState.charging": "FALSE"},
+        'state.batteryState.charging "FALSE": text as boolean',
+    )
+    yield Deviation(
+        "battery -1 %",
+        {"batteryState.batteryCharge": -1},
+        f"{at} -1: clamped",
+        "must recharge first: critical energy",
+    )
+
+
+def _of_motion() -> Iterator[Deviation]:
+    yield Deviation("velocity NaN", {"velocity": {"vx": nan}}, "state.velocity.vx nan: left out")
+    yield Deviation("velocity as a list", {"velocity": []}, "state.velocity []: left out")
+    yield Deviation("velocity null", {"velocity": None})
+    yield Deviation("driving 0 or 1", {"driving": int}, "state.driving 0: text as boolean")
+    yield Deviation("driving as text", {"driving": str}, 'state.driving "False": text as boolean')
+    yield Deviation("paused 'yes'", {"paused": "yes"}, 'state.paused "yes": left out')
+    yield Deviation(
+        "distanceSinceLastNode -0.01",
+        {"distanceSinceLastNode": -0.01},
+        "state.distanceSinceLastNode -0.01: left out",
+    )
+
+
+def _of_errors() -> Iterator[Deviation]:
+    level = "state.errors.errorLevel"
+    fatal = "has a fatal error: "
+    yield Deviation(
+        "unknown errorLevel", {"errors": _error(errorLevel="ERROR")}, f'{level} "ERROR": replaced', fatal
+    )
+    yield Deviation(
+        "no errorLevel", {"errors": _error(errorLevel=MISSING)}, f"{level} missing: replaced", fatal
+    )
+    yield Deviation(
+        "errorLevel in small letters",
+        {"errors": _error(errorLevel="warning")},
+        f'{level} "warning": letter case',
+    )
+    yield Deviation(
+        "no errorType", {"errors": _error(errorType=MISSING)}, "state.errors.errorType missing: replaced"
+    )
+    yield Deviation(
+        "errorReferences null",
+        {"errors": _error(errorReferences=None)},
+        "state.errors.errorReferences null: empty list",
+    )
+    yield Deviation(
+        "referenceValue as number",
+        {"errors": _references(7)},
+        "state.errors.errorReferences.referenceValue 7: number as text",
+    )
+    yield Deviation("referenceValue as a list", {"errors": _references([])}, "state.errors.errorReferences ")
+    yield Deviation(
+        "infoLevel WARN",
+        {"information": [{"infoType": "i", "infoLevel": "WARN"}]},
+        "state.information ",
+    )
+
+
+def _of_lists() -> Iterator[Deviation]:
+    for name in ("errors", "edgeStates", "actionStates"):
+        yield Deviation(f"{name} null", {name: None}, f"state.{name} null: empty list")
+        yield Deviation(f"no {name}", {name: MISSING}, f"state.{name} missing: empty list")
+    yield Deviation(
+        "nodeStates null where empty", {"nodeStates": lambda value: value or None}, "state.nodeStates null"
+    )
+    yield Deviation("loads and information null", {"loads": None, "information": None})
+    yield Deviation("load with weight -3", {"loads": [{"weight": -3}]}, "state.loads.weight -3: left out")
+    yield Deviation("fields of its own", {"vendor": {"a": [1]}, "agvPosition.vendor": 1})
+    yield Deviation(
+        "no instantActionStates in 3.0",
+        {"instantActionStates": MISSING},
+        "state.instantActionStates missing: empty list",
+        version="3.0.0",
+    )
+
+
+def _of_numbers() -> Iterator[Deviation]:
+    at = "state.nodeStates.sequenceId"
+    yield Deviation("sequenceId 2.0", {"nodeStates.*.sequenceId": float}, f"{at} 2.0: whole number")
+    yield Deviation("sequenceId as text", {"nodeStates.*.sequenceId": str}, f'{at} "2": text as number')
+    yield Deviation(
+        "lastNodeSequenceId 0.0",
+        {"lastNodeSequenceId": float},
+        "state.lastNodeSequenceId 0.0: whole number",
+    )
+    yield Deviation(
+        "orderUpdateId as text", {"orderUpdateId": str}, 'state.orderUpdateId "0": text as number'
+    )
+    yield Deviation("headerId as text", {"headerId": str}, "state.headerId ")
+    yield Deviation("headerId with decimals", {"headerId": float}, "state.headerId ")
+    yield Deviation("no headerId", {"headerId": MISSING}, "state.headerId missing: replaced")
+
+
+def _of_headers() -> Iterator[Deviation]:
+    arrival = "time of arrival"
+    yield Deviation(
+        "timestamp in seconds", {"timestamp": 1_700_000_000}, f"state.timestamp 1700000000: {arrival}"
+    )
+    yield Deviation("timestamp empty", {"timestamp": ""}, f'state.timestamp "": {arrival}')
+    yield Deviation("timestamp null", {"timestamp": None}, f"state.timestamp null: {arrival}")
+    yield Deviation(
+        "timestamp a date", {"timestamp": "2026-01-01"}, f'state.timestamp "2026-01-01": {arrival}'
+    )
+    number = "version number"
+    yield Deviation("version 2.1", {"version": "2.1"}, f'state.version "2.1": {number}')
+    yield Deviation("version v2.1.0", {"version": "v2.1.0"}, f'state.version "v2.1.0": {number}')
+    yield Deviation("version as number", {"version": 2.1}, f"state.version 2.1: {number}")
+    yield Deviation("version null", {"version": None}, f"state.version null: {number}")
+    yield Deviation(
+        "version 2.7.0", {"version": "2.7.0"}, "state.version 2.7.0, read as 2.1.0: unknown version"
+    )
+    yield Deviation("byte order mark", report="state.message EF BB BF: byte order mark", raw=b"\xef\xbb\xbf")
+
+
+def _of_words() -> Iterator[Deviation]:
+    yield Deviation(
+        "operatingMode in small letters",
+        {"operatingMode": "automatic"},
+        'state.operatingMode "automatic": letter case',
+    )
+    yield Deviation(
+        "unknown operatingMode",
+        {"operatingMode": "FLYING"},
+        'state.operatingMode "FLYING": replaced',
+        "is in operating mode MANUAL, which takes no orders",
+    )
+    yield Deviation(
+        "eStop in small letters", {"safetyState.eStop": "none"}, 'state.safetyState.eStop "none": letter case'
+    )
+    yield Deviation(
+        "unknown eStop",
+        {"safetyState.eStop": "PRESSED"},
+        'state.safetyState.eStop "PRESSED": replaced',
+        "has an active emergency stop",
+    )
+    yield Deviation(
+        "fieldViolation as text",
+        {"safetyState.fieldViolation": "false"},
+        'state.safetyState.fieldViolation "false": text as boolean',
+    )
+    yield Deviation(
+        "connectionState in small letters",
+        {"connectionState": "online"},
+        'connection.connectionState "online": letter case',
+        topic=Topic.CONNECTION,
+    )
+    yield Deviation(
+        "factsheet with lists null",
+        {"protocolFeatures.optionalParameters": None},
+        "factsheet.protocolFeatures.optionalParameters null: empty list",
+        topic=Topic.FACTSHEET,
+    )
+
+
+def _unreadable() -> Iterator[Deviation]:
+    sends = "sends states that are unreadable: "
+    yield Deviation("no orderId", {"orderId": MISSING}, refusal=f"{sends}orderId: is missing")
+    yield Deviation("no nodeStates", {"nodeStates": MISSING}, refusal=f"{sends}nodeStates: is missing")
+    yield Deviation("no batteryState", {"batteryState": MISSING}, refusal=f"{sends}batteryState: is missing")
+    yield Deviation("safetyState null", {"safetyState": None}, refusal=f"{sends}safetyState: ")
+    yield Deviation("what is no JSON", refusal=f"{sends}message: Invalid JSON", raw=b"<state>")
+
+
+DEVIATIONS: Final = tuple(
+    each
+    for part in (
+        _of_position,
+        _of_battery,
+        _of_motion,
+        _of_errors,
+        _of_lists,
+        _of_numbers,
+        _of_headers,
+        _of_words,
+        _unreadable,
+    )
+    for each in part()
+)
