@@ -290,6 +290,18 @@ def test_a_limit_of_speed_is_listed_where_nav2_takes_it() -> None:
     assert "order.edges.maximumSpeed" in listed
 
 
+@pytest.mark.clause("7.10/message", "6.1.5")
+@pytest.mark.parametrize("follows", [True, False])
+def test_trajectories_and_corridors_are_listed_where_they_are_driven(*, follows: bool) -> None:
+    settings = EdgeAgentSettings()
+    known = make_capabilities(settings, ActionRegistry([Wait()]), Nav2Offers(follows_paths=follows))
+    sheet = make_factsheet(HEADER, settings, known)
+    listed = {each.parameter for each in sheet.protocol_features.optional_parameters}
+    paths = {"order.edges.trajectory", "order.edges.corridor", "order.edges.corridor.corridorReferencePoint"}
+    assert (paths <= listed, bool(paths & listed)) == (follows, follows)
+    assert ("VIRTUAL_LINE_GUIDED" in sheet.type_specification.navigation_types) is follows
+
+
 def test_it_has_its_own_actions_beside_those_of_the_standard() -> None:
     types = set(capabilities().actions)
     assert {"wait", "cancelOrder", "startPause"} <= types

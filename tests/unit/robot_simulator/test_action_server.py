@@ -12,7 +12,11 @@ from support.action_types import needs_action_types
 @pytest.mark.ros
 @needs_action_types
 def test_each_action_has_its_type() -> None:
-    assert [kind.__name__ for kind in action_types().values()] == ["NavigateToPose", "NavigateThroughPoses"]
+    assert [kind.__name__ for kind in action_types().values()] == [
+        "NavigateToPose",
+        "NavigateThroughPoses",
+        "FollowPath",
+    ]
     assert list(action_types()) == list(Action)
 
 

@@ -62,6 +62,7 @@ def make_capabilities(
         maximum_speed=settings.description.maximum_speed,
         limits_speed=offers.limits_speed if by_nav2 else True,
         keeps_out=offers.keeps_out,
+        follows_paths=offers.follows_paths,
         default_deviation_xy=drive.deviation_xy,
         default_deviation_theta=drive.deviation_theta,
         strategy=drive.strategy,
@@ -112,7 +113,10 @@ def _type(settings: EdgeAgentSettings, capabilities: Capabilities) -> TypeSpecif
         mobile_robot_class=description.robot_class,
         maximum_load_mass=description.maximum_load_mass,
         localization_types=description.localization_types,
-        navigation_types=("FREELY_NAVIGATING",),
+        navigation_types=(
+            "FREELY_NAVIGATING",
+            *(("VIRTUAL_LINE_GUIDED",) if capabilities.follows_paths else ()),
+        ),
         supported_zones=tuple(sorted(capabilities.zones)),
     )
 

@@ -22,7 +22,11 @@ from nena_robot_simulator.navigator import Goal
 from nena_robot_simulator.robot import Feedback
 from nena_robot_simulator.session import RosSession
 
-_NAMES = {Action.TO_POSE: "NavigateToPose", Action.THROUGH_POSES: "NavigateThroughPoses"}
+_NAMES = {
+    Action.TO_POSE: "NavigateToPose",
+    Action.THROUGH_POSES: "NavigateThroughPoses",
+    Action.FOLLOW_PATH: "FollowPath",
+}
 
 
 def action_types() -> dict[Action, Any]:
@@ -167,7 +171,8 @@ class NavigatorEndpoints:
         self._on_goal_pose = on_goal_pose
         self._actions = {
             action: ActionEndpoints(session, action, types.get(action), server)
-            for action in (Action.TO_POSE, *types)
+            for action in (Action.TO_POSE, Action.THROUGH_POSES)
+            if action is Action.TO_POSE or action in types
         }
         self._goal_pose: Any = None
 

@@ -11,10 +11,12 @@ from nena_shared.ros import GoalStatus
 
 
 class Action(StrEnum):
-    """The actions of bt_navigator, each with its own server; the value is the name in the ROS graph."""
+    """The actions of bt_navigator and of the controller; the value is the name in the ROS graph."""
 
     TO_POSE = "navigate_to_pose"
     THROUGH_POSES = "navigate_through_poses"
+    FOLLOW_PATH = "follow_path"
+    """Of controller_server; the others are of bt_navigator."""
 
 
 THROUGH_POSES = 100

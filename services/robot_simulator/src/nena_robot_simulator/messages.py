@@ -168,6 +168,10 @@ NOWHERE = Pose(math.nan, math.nan, 0.0)
 
 def goal_of(request: Any, action: Action) -> Goal:  # noqa: ANN401 - rclpy carries no types
     """Read a request of an action's ``send_goal`` service."""
+    if action is Action.FOLLOW_PATH:
+        path = request.goal.path
+        way = [goal_pose_of(each.pose) for each in path.poses] or [NOWHERE]
+        return Goal(goal_id_of(request), way[-1], path.header.frame_id, tuple(way[:-1]))
     stamped = request.goal.poses if action is Action.THROUGH_POSES else [request.goal.pose]
     places = [goal_pose_of(each.pose) for each in stamped] or [NOWHERE]
     frame_id = stamped[-1].header.frame_id if stamped else ""
@@ -187,6 +191,9 @@ def feedback_message(types: Any, feedback: Feedback, frame_id: str, nanoseconds:
     message = types.Impl.FeedbackMessage()
     message.goal_id.uuid = list(feedback.goal_id.bytes)
     status = message.feedback
+    if hasattr(status, "distance_to_goal"):
+        status.distance_to_goal, status.speed = float(feedback.left), float(feedback.speed)
+        return message
     status.current_pose.header.frame_id = frame_id
     status.current_pose.header.stamp = stamp_of(nanoseconds)
     status.current_pose.pose = pose_message(feedback.pose)

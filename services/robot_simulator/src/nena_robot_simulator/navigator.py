@@ -118,6 +118,10 @@ class Navigator:
         self.goals.forget_all()
         self._current = self._pending = self._path = self._halted_at = None
 
+    def abort(self, now: float) -> None:
+        """End all goals at once: another action drives from now on."""
+        self._terminate_all(now)
+
     def take(self, goal: Goal, accepted_ns: int, now: float) -> bool:
         """Accept a goal; return False if the server is inactive."""
         if not self._active:
@@ -204,6 +208,8 @@ YAW_TOLERANCE = 0.25
 """Radians from the goal's heading within which a goal counts as reached (``yaw_goal_tolerance``)."""
 PASSED_WITHIN = 0.7
 """Distance from a place on the path at which the tree counts it as passed (``RemovePassedGoals``), m."""
+FOLLOWED_WITHIN = 0.2
+"""Distance from a place of a path at which a controller that follows it heads for the next one, m."""
 PLAN_SPACING = 0.25
 """Metres between the poses of the published plan, as long as it has no more than ``PLAN_PARTS``."""
 PLAN_PARTS = 10_000
@@ -269,8 +275,10 @@ class Drive:
         *,
         failure: DriveFailure = NO_FAILURE,
         tolerances: tuple[float, float] = (XY_TOLERANCE, YAW_TOLERANCE),
+        passed_within: float = PASSED_WITHIN,
     ) -> None:
         self.target = target
+        self._passed_within = passed_within
         self.end = end
         self.error_code = failure.error_code
         self.recovery = failure.recovery
@@ -314,7 +322,7 @@ class Drive:
         """Update the robot's pose; the goal's position counts once it has been reached."""
         if self.end is None:
             return
-        while self._via and pose.distance(self._via[0]) <= PASSED_WITHIN:
+        while self._via and pose.distance(self._via[0]) <= self._passed_within:
             del self._via[0]
         xy, yaw = self._tolerances
         self._at_place = self._at_place or (not self._via and pose.distance(self.end) <= xy)

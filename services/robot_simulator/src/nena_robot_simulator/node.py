@@ -26,6 +26,7 @@ from std_srvs.srv import Empty
 from nena_robot_simulator import faults, messages
 from nena_robot_simulator.action_server import LATCHED, NavigatorEndpoints, action_types
 from nena_robot_simulator.behaviours import BEHAVIOURS, DOCKING, RECOVERIES, Behaviours
+from nena_robot_simulator.controller_server import ControllerServer
 from nena_robot_simulator.faults import disturbed
 from nena_robot_simulator.goals import Action, GoalEntry, Snapshot
 from nena_robot_simulator.motion import GridMap, Pose
@@ -84,12 +85,11 @@ class RobotNode:
             namespace=settings.namespace,
             domain_id=settings.domain_id,
         )
-        self._navigator = NavigatorEndpoints(
-            self._session,
-            self,
-            action_types() if simulator.actions else {},
-            on_goal_pose=self._on_goal_pose,
+        types = action_types() if simulator.actions else {}
+        self._controller = ControllerServer(
+            self._session, self._robot, types.get(Action.FOLLOW_PATH), clock, take=self._take
         )
+        self._navigator = NavigatorEndpoints(self._session, self, types, on_goal_pose=self._on_goal_pose)
         self._amcl_pose: Publisher | None = None
         self._map: Publisher | None = None
         self._plan: Publisher | None = None
@@ -133,7 +133,6 @@ class RobotNode:
             approach=drive.approach,
         )
         work = {
-            Server.CONTROLLER: lambda: self._cancelled_by(Server.CONTROLLER, ("follow_path",)),
             Server.BEHAVIOURS: self._open_behaviours,
             Server.PLANNER: self._open_planner,
             Server.LOCALISATION: self._open_localisation,
@@ -144,11 +143,9 @@ class RobotNode:
         )
 
     def _cancelled_by(self, server: Server, actions: Iterable[str]) -> list[Any]:
-        cancel = self._robot.cancel_controller if server is Server.CONTROLLER else self._cancel_behaviour
-
         def on_cancel(_request: CancelGoal.Request, response: CancelGoal.Response) -> None:
             """Cancel the server's goal, whichever is named: it has one at most."""
-            had_one = cancel()
+            had_one = self._cancel_behaviour()
             response.goals_canceling = [GoalInfo()] if had_one else []
             self._log.info("goal cancelled", server=server.value, had_one=had_one)
 
@@ -305,6 +302,7 @@ class RobotNode:
         self._servers.show()
         gone = self._robot.faults.on(faults.Unconfigured) or not self._robot.servers.there(Server.NAVIGATOR)
         self._navigator.show(there=not gone)
+        self._controller.show()
 
     @property
     def _silent(self) -> bool:
@@ -320,6 +318,7 @@ class RobotNode:
             self._navigator.publish_progress(
                 lambda action: self._robot.feedback(action, now), frame, self._stamp
             )
+            self._controller.publish_progress(frame, self._stamp())
         if self._robot.drive is not None and self._robot.drive is not self._planned_for:
             self._publish_plan()
             self._replanning.reset()
@@ -376,6 +375,8 @@ class RobotNode:
         snapshots = self._robot.take_unpublished(action)
         if snapshots:
             self._navigator.answer(action)
+            if action is Action.FOLLOW_PATH:
+                self._controller.answer()
         if self._silent:
             if snapshots:
                 self._held_back[action] = snapshots[-1]
@@ -386,6 +387,8 @@ class RobotNode:
         for snapshot in snapshots:
             for shown in disturbed(snapshot, self._last_array.get(action, ()), self._robot.faults):
                 self._navigator.publish(action, shown)
+                if action is Action.FOLLOW_PATH:
+                    self._controller.publish(shown)
             self._last_array[action] = snapshot
 
     def _publish(self, publisher: Publisher | None, message: object) -> None:

@@ -19,7 +19,16 @@ from nena_robot_simulator.goals import (
     of_several,
 )
 from nena_robot_simulator.motion import GridMap, Limits, Motion, Pose, obey, step
-from nena_robot_simulator.navigator import Drive, DriveFailure, Goal, Navigator, Progress, Recovery, Target
+from nena_robot_simulator.navigator import (
+    FOLLOWED_WITHIN,
+    Drive,
+    DriveFailure,
+    Goal,
+    Navigator,
+    Progress,
+    Recovery,
+    Target,
+)
 from nena_robot_simulator.sensors import Battery, Estimate, Localisation
 from nena_robot_simulator.servers import LifecycleState, Server, Servers
 from nena_robot_simulator.settings import RobotSettings, SimulatorSettings
@@ -89,6 +98,8 @@ class Robot:
         self._odom_origin = start
         self._mask: GridMap | None = None
         self._drive: Drive | None = None
+        self._driven_for = Action.TO_POSE
+        self._followed: UUID | None = None
         self.behaviour: tuple[float, float] | None = None
         """Velocity that a behaviour or the docking server commands, m/s and rad/s; None: neither does."""
         self.docked = False
@@ -141,7 +152,12 @@ class Robot:
         if self.faults.on(faults.RejectGoals):
             self.faults.spend(faults.RejectGoals)
             return False
-        return self._navigators[action].take(goal, accepted_ns, now)
+        if not self._navigators[action].take(goal, accepted_ns, now):
+            return False
+        for other, navigator in self._navigators.items():  # the controller has one goal
+            if (other is Action.FOLLOW_PATH) is not (action is Action.FOLLOW_PATH) and navigator.busy:
+                navigator.abort(now)
+        return True
 
     def cancel(
         self, goal_id: UUID, stamp_ns: int, now: float, action: Action = Action.TO_POSE
@@ -155,7 +171,8 @@ class Robot:
 
     def cancel_controller(self) -> bool:
         """Cancel the goal of the controller, which the navigator did not do; return whether it had one."""
-        if self._drive is None or self._drive.recovery is not None:
+        of_path = self._driven_for is Action.FOLLOW_PATH
+        if self._drive is None or self._drive.recovery is not None or of_path:
             return False
         self._drive.cancelled = not self.faults.on(faults.ControllerDeaf)
         return True
@@ -170,7 +187,7 @@ class Robot:
     def feedback(self, action: Action, now: float) -> Feedback | None:
         """Return the progress of an action's drive; None without a drive."""
         navigator, drive = self._navigators[action], self._drive
-        if navigator.target is None or drive is None or not self.servers.runs(Server.NAVIGATOR):
+        if navigator.target is None or drive is None or not self.servers.runs(_server_of(action)):
             return None
         stuck = self.faults.get(faults.Stuck)
         recoveries = int(self._stuck_for / stuck.recovery_after) if stuck else 0
@@ -266,10 +283,12 @@ class Robot:
             self._localisation.forget()
 
     def set_navigators(self) -> None:
-        """Make the action servers accept goals according to the lifecycle of bt_navigator."""
-        gone = self.faults.on(faults.Unconfigured) or not self.servers.there(Server.NAVIGATOR)
-        active = self.servers.state(Server.NAVIGATOR) is LifecycleState.ACTIVE
-        for navigator in self._navigators.values():
+        """Make the action servers accept goals according to the lifecycle of their process."""
+        for action, navigator in self._navigators.items():
+            server = _server_of(action)
+            unconfigured = server is Server.NAVIGATOR and self.faults.on(faults.Unconfigured)
+            gone = unconfigured or not self.servers.there(server)
+            active = self.servers.state(server) is LifecycleState.ACTIVE
             if gone:
                 navigator.restart()
             navigator.set_active(active=active and not gone)
@@ -280,18 +299,18 @@ class Robot:
         self._advanced_at = now
         if self.servers.advance(now):
             self.set_navigators()
-        alone = not self.servers.runs(Server.NAVIGATOR)
-        if not alone:
-            self._follow(now)
+        self._follow(now)
         self._look_for_transform(seconds)
         self._move(seconds * self._time_factor, now)
-        if alone:
+        if not self.servers.runs(Server.NAVIGATOR) and self._driven_for is not Action.FOLLOW_PATH:
             self._end_alone(now)
-            return
         if self._drive is not None and self.faults.on(faults.Stuck):
             self._stuck_for += seconds
-        for navigator in self._navigators.values():
-            drive = self._drive if navigator.driving else None
+        for action, navigator in self._navigators.items():
+            if not self.servers.runs(_server_of(action)):
+                continue
+            own = (action is Action.FOLLOW_PATH) is (self._driven_for is Action.FOLLOW_PATH)
+            drive = self._drive if navigator.driving and own else None
             if drive is None:
                 navigator.tick(now, Progress.UNDERWAY)
             else:
@@ -308,7 +327,9 @@ class Robot:
             resolve=self._resolve,
             halting=lambda: self._noise.uniform(*HALTING),
             barred=lambda: any(
-                other.driving for name, other in self._navigators.items() if name is not action
+                other.driving
+                for name, other in self._navigators.items()
+                if name is not action and Action.FOLLOW_PATH not in (name, action)
             ),
         )
 
@@ -336,6 +357,14 @@ class Robot:
 
     def _follow(self, now: float) -> None:
         """Plan a new drive where the target has changed, at the next turn of the tree's replanning clock."""
+        path = self._navigators[Action.FOLLOW_PATH].target
+        if path is not None:
+            self._follow_path(path)
+            return
+        if self._driven_for is Action.FOLLOW_PATH:
+            self._drive, self._driven_for, self._followed = None, Action.TO_POSE, None
+        if not self.servers.runs(Server.NAVIGATOR):
+            return
         targets = (
             (action, navigator.target)
             for action, navigator in self._navigators.items()
@@ -356,6 +385,27 @@ class Robot:
             drive = self._drive = self._planned(target, several=several, now=now)
             self._stuck_for = 0.0
         self._places_told = drive.places_left
+
+    def _follow_path(self, target: Target) -> None:
+        """Drive along a path that the controller was given, from its nearest place on; it needs no plan."""
+        if self._driven_for is Action.FOLLOW_PATH and self._followed == target.goal_id:
+            return
+        self._followed = target.goal_id
+        nearest = min(range(len(target.via)), key=lambda i: self.pose.distance(target.via[i]), default=0)
+        target = target._replace(via=target.via[nearest:])
+        abort = self.faults.get(faults.AbortHalfway)
+        self.faults.spend(faults.AbortHalfway)
+        failure = DriveFailure(abort.error_code, abort.fraction) if abort is not None else DriveFailure()
+        tolerances = (self._settings.tolerance.xy, self._settings.tolerance.yaw)
+        self._drive = Drive(
+            target,
+            self.pose,
+            target.pose,
+            failure=failure,
+            tolerances=tolerances,
+            passed_within=FOLLOWED_WITHIN,
+        )
+        self._driven_for, self._stuck_for = Action.FOLLOW_PATH, 0.0
 
     def _planned(self, target: Target, *, several: bool, now: float) -> Drive:
         end, code = self._end_of(target)
@@ -424,3 +474,8 @@ class Robot:
         motion = step(motion, drive.next_place, limits, seconds, behind=drive.behind)
         drive.move_to(motion.pose)
         return motion
+
+
+def _server_of(action: Action) -> Server:
+    """Return the process that serves an action."""
+    return Server.CONTROLLER if action is Action.FOLLOW_PATH else Server.NAVIGATOR

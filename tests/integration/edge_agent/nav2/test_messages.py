@@ -11,7 +11,8 @@ from nav_msgs.msg import Path
 
 from nena_edge_agent.driver.map_port import MapPose
 from nena_edge_agent.nav2 import messages
-from nena_edge_agent.nav2.messages import PLAN_POINTS, UnusablePoseError, plan_points, pose_reading
+from nena_edge_agent.nav2.messages import UnusablePoseError, plan_points, pose_reading
+from nena_edge_agent.nav2.poses import PLAN_POINTS
 from support.ros import RosPeer
 
 pytestmark = pytest.mark.ros

@@ -75,6 +75,7 @@ class PlantFrame:
             maximum_speed=goal.maximum_speed,
             ahead=tuple(map(self.to_map, goal.ahead)),
             behavior_tree=goal.behavior_tree,
+            path=tuple(map(self.to_map, goal.path)),
         )
 
     def area(self, area: Area) -> MapArea:

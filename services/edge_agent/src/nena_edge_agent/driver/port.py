@@ -64,7 +64,7 @@ class GoalAt(Generic[P]):
     when the robot has arrived. ``maximum_speed`` is in m/s, None: the robot's own. ``ahead`` are the
     following places up to the next stop: a driver that supports it drives on over them, and continues without
     a stop when it gets the next of them as its goal. ``behavior_tree`` names the behaviour tree for
-    navigation; "": the default.
+    navigation; "": the default. ``path`` is the path to follow, up to ``pose``; empty: navigation plans one.
     """
 
     generation: int
@@ -74,6 +74,7 @@ class GoalAt(Generic[P]):
     maximum_speed: float | None = None
     ahead: tuple[P, ...] = ()
     behavior_tree: str = ""
+    path: tuple[P, ...] = ()
 
 
 class DriveGoal(GoalAt[Pose]):

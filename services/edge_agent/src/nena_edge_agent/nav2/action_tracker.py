@@ -125,9 +125,13 @@ class FeedbackFilter:
         """Return the seconds since the last feedback of a goal; 0 before the first."""
         return now - self._heard_at if goal_id is not None and goal_id == self._heard_of else 0.0
 
+    def heard(self, goal_id: str, now: float) -> None:
+        """Note feedback that tells no place."""
+        self._heard_at, self._heard_of = now, goal_id
+
     def moved(self, reading: FeedbackReading, now: float) -> bool:
         """Return whether the position is to be reported."""
-        self._heard_at, self._heard_of = now, reading.goal_id
+        self.heard(reading.goal_id, now)
         here = (reading.x, reading.y)
         turned = abs(math.remainder(reading.yaw - self._yaw, math.tau))
         if math.dist(here, self._place) < POSE_STEP and turned < YAW_STEP:

@@ -37,6 +37,13 @@ class CancelGoal:
 
 
 @dataclass(frozen=True, slots=True)
+class OnPath:
+    """Do the same at the controller's action, for a path of our own."""
+
+    command: SendGoal | AskResult | CancelGoal
+
+
+@dataclass(frozen=True, slots=True)
 class StopMotion:
     """Cancel all goals of the controller, the behaviours and the docking server, from any client."""
 
@@ -53,4 +60,4 @@ class Report:
     event: MapDriverEvent
 
 
-Command = PublishGoal | SendGoal | AskResult | CancelGoal | StopMotion | RequestPose | Report
+Command = PublishGoal | SendGoal | AskResult | CancelGoal | OnPath | StopMotion | RequestPose | Report

@@ -36,11 +36,12 @@ from nena_edge_agent.driver.port import (
     SessionState,
 )
 from nena_edge_agent.nav2 import presence
-from nena_edge_agent.nav2.action_tracker import ActionSide, ActionTracker, FeedbackFilter, FeedbackReading
+from nena_edge_agent.nav2.action_tracker import ActionSide, FeedbackFilter, FeedbackReading
 from nena_edge_agent.nav2.commands import (
     AskResult,
     CancelGoal,
     Command,
+    OnPath,
     PublishGoal,
     Report,
     RequestPose,
@@ -59,7 +60,8 @@ from nena_edge_agent.nav2.localisation import (
 )
 from nena_edge_agent.nav2.map_server import MapServer
 from nena_edge_agent.nav2.offers import COLLISION_MONITOR, interface, nav2_offers
-from nena_edge_agent.nav2.poses import PoseReading, impossible
+from nena_edge_agent.nav2.path_following import PathSide, Trackers
+from nena_edge_agent.nav2.poses import PoseReading, impossible, thinned
 from nena_edge_agent.nav2.robot_base import (
     Battery,
     BatteryReading,
@@ -142,11 +144,12 @@ class Nav2Driver:
             clock=clock,
             retry=settings.session_retry,
         )
-        self._tracker = ActionTracker(settings.goals, GoalIdPrefix(settings.node_name))
+        self._tracker = Trackers(settings.goals, GoalIdPrefix(settings.node_name))
         self._action = ActionSide(
-            self._tracker, apply=self._apply, on_feedback=self._on_feedback, clock=clock
+            self._tracker.navigator, apply=self._apply, on_feedback=self._on_feedback, clock=clock
         )
-        self._feedback = FeedbackFilter()
+        self._paths = self._path_side() if nav2_offers(settings).follows_paths else None
+        self._feedback, self._path_feedback = FeedbackFilter(), FeedbackFilter()
         self._initial_position = InitialPosition(settings.localisation)
         self._battery = Battery(settings.battery_scale)
         self._looking_since = -inf
@@ -160,8 +163,12 @@ class Nav2Driver:
         self._tasks, self._stack = Supervisor(), AsyncExitStack()
         self._ticking: asyncio.TimerHandle | None = None
         self._listening: asyncio.TimerHandle | None = None
-        self._halted = asyncio.Event()
-        self._stopped = False
+        self._halted, self._stopped = asyncio.Event(), False
+
+    def _path_side(self) -> PathSide:
+        return PathSide(
+            self._tracker, apply=self._apply, on_feedback=self._on_path_feedback, clock=self._clock
+        )
 
     async def start(self) -> None:
         """Join the ROS graph, if the settings say so, and start to search for Nav2; it may appear later.
@@ -222,6 +229,9 @@ class Nav2Driver:
             problem = f"the behaviour tree '{goal.behavior_tree}' needs {needed}, which is not available"
         if problem is None:
             self._apply(self._tracker.go_to(goal, now))
+            if len(goal.path) > 1:
+                places = tuple((each.x, each.y) for each in goal.path)
+                self._tell(MapPlanReport(thinned(places), self._map_id))
         else:
             self._apply(self._tracker.drop(now))
             self._tell(DriveFailed(goal.generation, DriveFailure.NOT_TAKEN_UP, problem))
@@ -318,6 +328,8 @@ class Nav2Driver:
         if interface(COLLISION_MONITOR) is not None:
             own.append(CollisionMonitor(self._settings.names.collision_monitor, self._tell))
         extensions = (*self._extensions, *own, *self._action.new_client(self._settings))
+        if self._paths is not None:
+            extensions = (*extensions, self._paths.new_path_client(self._settings))
         node = Nav2Node(self._settings, listeners, extensions)
         await node.start(self._on_failure)
         self._node, self._looking_since = node, self._clock.monotonic()
@@ -380,7 +392,7 @@ class Nav2Driver:
                     pose_known=self._localisation.known,
                     seconds=self._clock.monotonic() - self._looking_since,
                 )
-                report = self._with_map(self._with_limits(report))
+                report = self._with_map(self._with_limits(self._with_paths(report)))
                 await self._read_limits(report)
                 self._on_navigation(seen.servers, self._while_map_stays(report))
                 self._watch_localiser(seen)
@@ -412,6 +424,15 @@ class Nav2Driver:
             self._tasks.start("load the map", self._map_server.load_again(), vital=False)
         return self._while_map_stays(report)
 
+    def _with_paths(self, report: NavigationReport) -> NavigationReport:
+        """Wait for a controller that takes paths where the next goal has one."""
+        wanted = self._tracker.wanted
+        if not report.available or wanted is None or not wanted.path or self._tracker.controller_takes_paths:
+            return report
+        action = self._settings.names.follow_path
+        reason = f"no node serves the action {action}: is controller_server running?"
+        return NavigationReport(available=False, reason=reason)
+
     def _while_map_stays(self, report: NavigationReport) -> NavigationReport:
         """Return a report that counts now: another map may have been enabled since it was made."""
         problem = self._map_server.problem if self._map_server is not None else ""
@@ -432,7 +453,8 @@ class Nav2Driver:
         told = await self._parameters.read()
         self._readings = self._readings - 1 if told.speed is None else 0
         tolerance = self._settings.goals.goal_tolerance or told.xy_tolerance or GOAL_TOLERANCE
-        known_each = 0.0 if self._action.look() else STALE_XY  # by topics the robot's place is known seldom
+        # by topics, and on a path of our own, the robot's place is known seldom
+        known_each = 0.0 if self._action.look() and self._paths is None else STALE_XY
         hand_over = max(tolerance, told.approach or 0.0) + known_each
         self._log.info("Nav2's parameters", tolerance=tolerance, hand_over=hand_over)
         if self._limiter is not None and told.speed is not None:
@@ -441,7 +463,10 @@ class Nav2Driver:
 
     def _on_navigation(self, servers: frozenset[str], report: NavigationReport) -> None:
         now = self._clock.monotonic()
-        self._apply(self._tracker.on_servers(servers, now))
+        controllers: frozenset[str] = frozenset()
+        if self._paths is not None and self._node is not None:
+            controllers = self._paths.servers()
+        self._apply(self._tracker.on_servers(servers, controllers, now))
         self._apply(self._tracker.on_navigation(report, now))
         if report.available:
             self._looking_since = -inf
@@ -526,6 +551,19 @@ class Nav2Driver:
         if progress := self._feedback.progress(reading, self._map_id, now):
             self._tell(progress)
 
+    def _on_path_feedback(self, reading: FeedbackReading) -> None:
+        """Take the way that is left of a path of our own."""
+        now = self._clock.monotonic()
+        if reading.goal_id != self._tracker.goal_id:
+            return
+        if self._limiter is not None:
+            self._limiter.drives(now)
+        if self._listening is None:
+            self._listen(FEEDBACK_TIMEOUT)
+        self._path_feedback.heard(reading.goal_id, now)
+        if progress := self._path_feedback.progress(reading, self._map_id, now):
+            self._tell(progress)
+
     def _listen(self, seconds: float) -> None:
         """Check after ``seconds`` whether feedback still arrives."""
         due = self._loop.time() + seconds
@@ -537,7 +575,8 @@ class Nav2Driver:
         now = self._clock.monotonic()
         if not self._tracker.driving or self._stopped:
             return
-        silent = self._feedback.silent_for(self._tracker.goal_id, now)
+        filters = (self._feedback, self._path_feedback)
+        silent = max(each.silent_for(self._tracker.goal_id, now) for each in filters)
         if self._loop.time() - due > HELD_UP:
             self._listen(HELD_UP)
         elif silent >= FEEDBACK_TIMEOUT:
@@ -579,7 +618,10 @@ class Nav2Driver:
 
     def _apply(self, commands: Iterable[Command | PublishInitialPose]) -> None:
         for command in commands:
-            self._do(command)
+            if isinstance(command, OnPath) and self._paths is not None and self._node is not None:
+                self._tasks.start("follow a path", self._paths.do(command.command), vital=False)
+            else:
+                self._do(command)
         if (
             not self._stopped
             and self._ticking is None

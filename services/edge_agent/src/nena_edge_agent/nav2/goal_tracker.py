@@ -128,6 +128,9 @@ class _Halt:
 class GoalTracker:
     """The rules of driving by topics; every method returns what is to be done now."""
 
+    server = "bt_navigator"
+    """The node that drives, for people."""
+
     def __init__(self, settings: GoalSettings) -> None:
         self._settings = settings
         self._registry = GoalRegistry(
@@ -177,6 +180,15 @@ class GoalTracker:
         drive = self._drive
         given = drive is not None and drive.reached_at is None and drive.tries > 0
         return given or bool(self._registry.live)
+
+    @property
+    def others_run(self) -> bool:
+        """Whether Nav2 drives for another client."""
+        return self._registry.others_run
+
+    def awaits_goal(self, now: float) -> bool:
+        """Return whether a goal that was given may yet be taken up."""
+        return self._registry.awaiting(now)
 
     def wants(self, place: tuple[float, float]) -> bool:
         """Return whether a plan that ends at ``place`` (m) is for the goal that is wanted."""
@@ -244,7 +256,7 @@ class GoalTracker:
         drive = self._drive
         if drive is not None:
             self._run_away(now)
-            text = f"bt_navigator has sent no feedback for {seconds:g} s; stopping its controller"
+            text = f"{self.server} has sent no feedback for {seconds:g} s; stopping its controller"
             self._fail(drive, DriveFailure.NAVIGATION_GONE, text)
         return self._advance(now)
 

@@ -15,7 +15,7 @@ from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 
 from nena_edge_agent.driver.map_port import MapPose
 from nena_edge_agent.nav2.goals import GoalEntry
-from nena_edge_agent.nav2.poses import PoseReading, quaternion_of
+from nena_edge_agent.nav2.poses import PoseReading, quaternion_of, thinned
 from nena_edge_agent.nav2.robot_base import BatteryReading
 from nena_shared.ros import GoalStatus, yaw_of
 
@@ -87,8 +87,6 @@ def _number(value: SupportsFloat) -> float:
 
 
 NANOSECONDS = 1_000_000_000
-PLAN_POINTS = 100
-"""Maximum number of reported points of a plan, beside its end."""
 
 
 class UnusablePoseError(ValueError):
@@ -135,10 +133,7 @@ def plan_points(message: Any) -> tuple[str, tuple[tuple[float, float], ...]]:  #
         UnusablePoseError: a point is not finite.
 
     """
-    poses = message.poses
-    step = max(1, -(-len(poses) // PLAN_POINTS))
-    chosen = [*poses[:-1:step], *poses[-1:]]
-    points = tuple((each.pose.position.x, each.pose.position.y) for each in chosen)
+    points = thinned([(each.pose.position.x, each.pose.position.y) for each in message.poses])
     if not all(math.isfinite(x) and math.isfinite(y) for x, y in points):
         text = "a plan with an invalid point"
         raise UnusablePoseError(text)

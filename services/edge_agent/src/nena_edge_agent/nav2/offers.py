@@ -16,6 +16,7 @@ CLEAR_COSTMAP = "nav2_msgs/srv/ClearEntireCostmap"
 COLLISION_MONITOR = "nav2_msgs/msg/CollisionMonitorState"
 FILTER_INFO = "nav2_msgs/msg/CostmapFilterInfo"
 NAVIGATE = "nav2_msgs/action/NavigateToPose"
+FOLLOW_PATH = "nav2_msgs/action/FollowPath"
 LOAD_MAP = "nav2_msgs/srv/LoadMap"
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 SPEED_LIMIT = "nav2_msgs/msg/SpeedLimit"
@@ -31,12 +32,13 @@ def interface(name: str) -> Any | None:  # noqa: ANN401 - rclpy carries no types
 class Nav2Offers:
     """The robot's features by Nav2.
 
-    ``limits_speed``: it obeys speed limits; ``keeps_out``: it plans around closed areas; ``behavior_trees``:
-    names that orders may request.
+    ``limits_speed``: it obeys speed limits; ``keeps_out``: it plans around closed areas; ``follows_paths``:
+    its controller follows paths of the agent; ``behavior_trees``: names that orders may request.
     """
 
     limits_speed: bool = False
     keeps_out: bool = False
+    follows_paths: bool = False
     behavior_trees: tuple[str, ...] = ()
 
 
@@ -49,5 +51,6 @@ def nav2_offers(settings: RosSettings) -> Nav2Offers:
     return Nav2Offers(
         limits_speed=settings.nav2.speed_limit and interface(SPEED_LIMIT) is not None,
         keeps_out=settings.nav2.keep_out and interface(FILTER_INFO) is not None,
+        follows_paths=settings.nav2.follow_path and interface(FOLLOW_PATH) is not None,
         behavior_trees=tuple(sorted(settings.behavior_trees)) if by_action else (),
     )

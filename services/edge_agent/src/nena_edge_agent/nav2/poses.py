@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from nena_edge_agent.driver.map_port import MapGoal, MapPose
 from nena_edge_agent.nav2.settings import LocalisationSettings
 from nena_shared.ros import wrap
+
+PLAN_POINTS = 100
+"""Maximum number of reported points of a plan, beside its end."""
+
+
+def thinned(points: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
+    """Return not more points of a plan than are of use, the last one always."""
+    step = max(1, -(-len(points) // PLAN_POINTS))
+    return (*points[:-1:step], *points[-1:])
 
 
 @dataclass(frozen=True, slots=True)

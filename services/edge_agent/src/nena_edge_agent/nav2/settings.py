@@ -119,6 +119,7 @@ class RosNames(SettingsGroup):
         "amcl/get_state", description="Service with the localisation's lifecycle state; optional."
     )
     through_poses: RosName = Field("navigate_through_poses", description="Nav2's action for several poses.")
+    follow_path: RosName = Field("follow_path", description="Action of Nav2's controller, for paths.")
     speed_limit: RosName = Field("speed_limit", description="Topic of the controller's speed limit.")
     collision_monitor: RosName = Field(
         "collision_monitor_state", description="Topic of the collision monitor's state."
@@ -252,6 +253,11 @@ class OfferSettings(SettingsGroup):
         default=True,
         description="Publish BLOCKED zones, if there are any, as a mask for the keep-out filter of Nav2's "
         "costmaps.",
+    )
+    follow_path: bool = Field(
+        default=False,
+        description="Drive edges with a trajectory or a corridor along it, by the controller's action: "
+        "without Nav2's planner, which would avoid obstacles, and without its recoveries.",
     )
     mask_resolution: float = Field(0.05, ge=0.01, le=1.0, description="Cells of that mask, metres.")
 

@@ -50,7 +50,7 @@ class Capabilities:
     """A robot's set-up; distances in m, angles in rad, speeds in m/s.
 
     ``maximum_speed`` is the robot's own; ``limits_speed``: its driver can limit it further. ``keeps_out``: it
-    plans around closed areas.
+    plans around closed areas. ``follows_paths``: it follows trajectories.
 
     ``drives_ahead``: its driver drives over several poses of one goal without a stop.
 
@@ -77,6 +77,7 @@ class Capabilities:
     maximum_speed: float = 1.0
     limits_speed: bool = True
     keeps_out: bool = False
+    follows_paths: bool = False
     strategy: DriveStrategy = DriveStrategy.STOP_AT_NODES
     pass_radius: float = 0.5
     hand_over_distance: float = 0.0
@@ -107,6 +108,9 @@ class Capabilities:
 
 SPEED = "edges.maximumSpeed"
 """Optional field that only a driver which can limit the speed acts on."""
+TRAJECTORY = "edges.trajectory"
+CORRIDOR = "edges.corridor"
+"""Optional fields that only a driver which follows paths of our own acts on."""
 ZONE_SET = "zoneSetId"
 """Optional field of a 2.x order, which no robot here acts on: 2.x has no zone sets."""
 
@@ -146,8 +150,8 @@ DEMANDS: dict[str, Callable[[Edge, Capabilities], bool]] = {
     "edges.direction": lambda edge, _: bool(edge.direction),
     "edges.reachOrientationBeforeEntering": lambda edge, _: bool(edge.reach_orientation_before_entering),
     "edges.maximumRotationSpeed": lambda edge, _: edge.maximum_rotation_speed is not None,
-    "edges.trajectory": lambda edge, _: edge.trajectory is not None,
-    "edges.corridor": lambda edge, _: edge.corridor is not None,
+    TRAJECTORY: lambda edge, robot: edge.trajectory is not None and not robot.follows_paths,
+    CORRIDOR: lambda edge, robot: edge.corridor is not None and not robot.follows_paths,
 }
 """Whether an edge requires something that the robot cannot do, for each field that may require it. What the
 robot does anyway (drive forwards, turn freely, keep to its own speed) is no requirement."""
@@ -171,6 +175,8 @@ def supported(capabilities: Capabilities, tolerance: float | None = None) -> tup
     more: list[str] = []
     if capabilities.limits_speed:
         more.append(SPEED)
+    if capabilities.follows_paths:
+        more += [TRAJECTORY, CORRIDOR, f"{CORRIDOR}.corridorReferencePoint", f"{CORRIDOR}.releaseRequired"]
     if ActionStatus.RETRIABLE in capabilities.rules.action_statuses:
         more += ["nodes.actions.retriable", "edges.actions.retriable"]
     listed = (OptionalParameter(parameter=f"order.{each}", support=Support.SUPPORTED) for each in more)

@@ -13,9 +13,10 @@ from nena_edge_agent.driver.port import (
     NavigationReport,
     Pose,
 )
-from nena_edge_agent.protocol import actions, zones
+from nena_edge_agent.protocol import actions, following, zones
 from nena_edge_agent.protocol.action_states import lets_drive
 from nena_edge_agent.protocol.capabilities import Capabilities, DriveStrategy, ExternalGoals
+from nena_edge_agent.protocol.courses import follows
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.events import Drive, Halt, LimitSpeed
 from nena_edge_agent.protocol.geometry import distance, heading_fits, in_place, radius, same_place, turn
@@ -125,7 +126,7 @@ def failed(robot: RobotState, event: DriveFailed) -> None:
 def halted(robot: RobotState) -> None:
     """Note that the robot has stopped and has no goal."""
     robot.goal.halting_since, robot.goal.halt_problem = None, ""
-    robot.goal.target = None
+    robot.goal.target, robot.goal.path = None, ()
     robot.goal.settle()
 
 
@@ -160,7 +161,7 @@ def _must_stop(robot: RobotState) -> bool:
         or robot.clearing
         or robot.link.must_stop(robot.now)
         or robot.reports.localized_pose is None
-        or ((robot.goal.target is not None or robot.goal.left_over) and zones.must_stop(robot))
+        or ((robot.goal.target is not None or robot.goal.left_over) and _is_barred(robot))
     )
 
 
@@ -176,24 +177,31 @@ def _may_drive(robot: RobotState) -> bool:
         and robot.goal.failed_at != node.sequence_id
         and robot.goal.target is None
         and robot.queue.driving_allowed
-        and not zones.must_stop(robot)
+        and not _is_barred(robot)
     )
+
+
+def _is_barred(robot: RobotState) -> bool:
+    """Return whether a zone keeps the robot from driving on, or it has left the path that it is to follow."""
+    return zones.must_stop(robot) or following.has_left(robot)
 
 
 def _may_pass(robot: RobotState, node: Node) -> bool:
     """Return whether the robot is within the deviation of ``node`` and can drive on without a stop."""
     pose, position = robot.reports.localized_pose, node.node_position
-    following = next(islice(robot.progress.edges, 1, None), None)
-    if pose is None or position is None or following is None or not following.released:
+    edge, beyond = robot.progress.edges[0], next(islice(robot.progress.edges, 1, None), None)
+    if pose is None or position is None or beyond is None or not beyond.released:
         return False
     capabilities = robot.capabilities
+    on_path = follows(edge, capabilities)
     return (
         robot.queue.driving_allowed
         and not robot.link.out_of_reach(robot.now)
         and lets_drive(node.actions)
-        and lets_drive(following.actions)
-        and _behavior_tree(following) == _behavior_tree(robot.progress.edges[0])
-        and (capabilities.drives_ahead or distance(pose, position) <= _pass_radius(robot))
+        and lets_drive(beyond.actions)
+        and on_path == follows(beyond, capabilities)
+        and _behavior_tree(beyond) == _behavior_tree(edge)
+        and ((capabilities.drives_ahead and not on_path) or distance(pose, position) <= _pass_radius(robot))
         and in_place(pose, position, capabilities.default_deviation_xy)
         and heading_fits(pose, position, capabilities.default_deviation_theta)
         and not _barred_behind(robot, position)
@@ -211,9 +219,9 @@ def _pass_radius(robot: RobotState) -> float:
 
 def _barred_behind(robot: RobotState, position: NodePosition) -> bool:
     """Return whether a zone keeps the robot from driving on behind the next node, at ``position``."""
-    following = next(islice(robot.progress.nodes, 1, None), None)
-    end = following.node_position if following else None
-    return end is not None and zones.first_barred(robot, position, end) is not None
+    beyond = next(islice(robot.progress.nodes, 1, None), None)
+    end = beyond.node_position if beyond else None
+    return end is not None and zones.first_barred(robot, position, end, edge=1) is not None
 
 
 def _stands_at(robot: RobotState, position: NodePosition, pose: Pose) -> bool:
@@ -281,7 +289,9 @@ def _make_goal(robot: RobotState, position: NodePosition, pose: Pose) -> DriveGo
     """Make the goal for ``position``; without a theta the robot arrives with its heading of travel."""
     capabilities = robot.capabilities
     allowed = position.allowed_deviation_theta or capabilities.default_deviation_theta
-    theta = position.theta if position.theta is not None else _heading(pose, position)
+    path = following.poses_from(robot, pose, position)
+    along = path[-1].theta if path else _heading(pose, position)
+    theta = position.theta if position.theta is not None else along
     return DriveGoal(
         generation=robot.goal.generation,
         pose=Pose(position.x, position.y, theta, position.map_id),
@@ -289,7 +299,8 @@ def _make_goal(robot: RobotState, position: NodePosition, pose: Pose) -> DriveGo
         deviation_theta=allowed if position.theta is not None else None,
         maximum_speed=robot.progress.edges[0].maximum_speed,
         ahead=robot.goal.ahead,
-        behavior_tree=_behavior_tree(robot.progress.edges[0]),
+        behavior_tree="" if path else _behavior_tree(robot.progress.edges[0]),
+        path=path,
     )
 
 
@@ -356,12 +367,14 @@ def _poses_ahead(robot: RobotState) -> tuple[Pose, ...]:
     if not passes or pose is None or robot.link.out_of_reach(robot.now):
         return ()
     progress = robot.progress
+    if progress.edges and follows(progress.edges[0], capabilities):
+        return ()
     before: Pose | NodePosition = (progress.last_node and progress.last_node.node_position) or pose
     poses: list[Pose] = []
     edges = islice(progress.edges, 1, POSES_AHEAD + 1)
     tree = _behavior_tree(progress.edges[0]) if progress.edges else ""
-    for node, edge, following in zip(progress.nodes, edges, islice(progress.nodes, 1, None), strict=False):
-        here, there = node.node_position, following.node_position
+    for node, edge, beyond in zip(progress.nodes, edges, islice(progress.nodes, 1, None), strict=False):
+        here, there = node.node_position, beyond.node_position
         if here is None or there is None or not _drives_over(node, edge, before, there, capabilities):
             break
         if zones.first_barred(robot, here, there) is not None or _behavior_tree(edge) != tree:
@@ -377,7 +390,7 @@ def _drives_over(
 ) -> bool:
     """Return whether nothing at ``node`` or on ``edge`` behind it needs a stop, and the bend is allowed."""
     here = node.node_position
-    if here is None or here.theta is not None or not edge.released:
+    if here is None or here.theta is not None or not edge.released or follows(edge, capabilities):
         return False
     if not lets_drive(node.actions) or not lets_drive(edge.actions):
         return False

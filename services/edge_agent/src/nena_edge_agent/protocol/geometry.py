@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, pairwise
 from math import atan2, cos, hypot, pi, sin
 
 from nena_edge_agent.driver.port import Pose
@@ -13,6 +13,8 @@ from nena_shared.vda5050.order import NodePosition
 Point = tuple[float, float]
 Polygon = tuple[Point, ...]
 """Corners of a simple polygon in their order, the first one not repeated."""
+TURNS_ON_SPOT = 0.5
+"""Radians of a bend at which a robot may turn on the spot."""
 Box = tuple[float, float, float, float]
 """Least x and y, greatest x and y."""
 
@@ -176,4 +178,17 @@ class Footprint:
         return (
             rectangle(begin, place, length=self.length, width=self.width, theta=start.theta or 0.0),
             turning_circle(place, length=self.length, width=self.width),
+        )
+
+    def along_corners(self, corners: Sequence[Point]) -> tuple[Polygon, ...]:
+        """Return the area that the robot covers on the path over ``corners``, and when it turns there."""
+        size = {"length": self.length, "width": self.width}
+        sharp = [
+            b
+            for a, b, c in zip(corners, corners[1:], corners[2:], strict=False)
+            if abs(turn(atan2(b[1] - a[1], b[0] - a[0]), atan2(c[1] - b[1], c[0] - b[0]))) > TURNS_ON_SPOT
+        ]
+        return (
+            *(rectangle(start, end, **size, theta=0.0) for start, end in pairwise(corners)),
+            *(turning_circle(each, **size) for each in (*sharp, *corners[-1:])),
         )

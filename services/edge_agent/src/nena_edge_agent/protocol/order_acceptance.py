@@ -7,21 +7,22 @@ for a new order, B for an update.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import chain, pairwise
 
 from nena_edge_agent.driver.port import Circle, Pose
+from nena_edge_agent.protocol import courses
 from nena_edge_agent.protocol.action_states import first_load_problem
 from nena_edge_agent.protocol.capabilities import Capabilities, unsupported
 from nena_edge_agent.protocol.declaration import ENABLE_MAP
-from nena_edge_agent.protocol.geometry import Footprint, distance, in_place, radius
+from nena_edge_agent.protocol.geometry import Polygon, distance, in_place, radius
 from nena_edge_agent.protocol.order_progress import HeldContent, OrderHistory, fingerprint
 from nena_edge_agent.protocol.zone_sets import EnabledZone, first_closed, zones_in
 from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.error import ErrorEntry, ErrorType, error
 from nena_shared.vda5050.factsheet import ActionScope
-from nena_shared.vda5050.order import Node, NodePosition, Order
+from nena_shared.vda5050.order import Edge, Node, NodePosition, Order
 from nena_shared.vda5050.own_actions import START_ROS_SESSION
 from nena_shared.vda5050.state import OperatingMode
 
@@ -73,6 +74,7 @@ def general_fault(order: Order, situation: Situation, capabilities: Capabilities
         _mode_fault(order, situation)
         or _size_fault(order, capabilities)
         or _parameter_fault(order, capabilities)
+        or _path_fault(order, capabilities)
         or _action_fault(order, capabilities)
     )
 
@@ -142,6 +144,18 @@ def _parameter_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | N
     )
 
 
+def _path_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | None:
+    """Check that each path which the robot is to follow is one, and leads from node to node."""
+    for edge, (before, node) in zip(order.edges, pairwise(order.nodes), strict=False):
+        if not courses.follows(edge, capabilities):
+            continue
+        fault = courses.fault(edge, before.node_position, node.node_position, capabilities.footprint)
+        if fault is not None:
+            text = f"edge '{edge.edge_id}': {fault.text}"
+            return refusal(fault.kind, order, text, hint=fault.hint, edge_id=edge.edge_id)
+    return None
+
+
 def _action_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | None:
     """Check 5, for the horizon as well."""
     for scope, action in _scoped_actions(order):
@@ -197,11 +211,11 @@ def map_fault(order: Order, situation: Situation) -> ErrorEntry | None:
 
 def route_fault(order: Order, situation: Situation, capabilities: Capabilities) -> ErrorEntry | None:
     """Check A5: a route leads to each node. The first one is where the robot is (section 6.1.4.8)."""
-    for before, node in pairwise(order.nodes):
+    for edge, (before, node) in zip(order.edges, pairwise(order.nodes), strict=False):
         start = before.node_position
         if start and node.node_position and _changes_map(before, node.node_position.map_id, capabilities):
             start = node.node_position
-        fault = _way_fault(start, node, situation, capabilities.footprint)
+        fault = _way_fault(start, node, situation, _covered(edge, start, node, capabilities))
         if fault is not None:
             problem, hint = fault
             return refusal(ErrorType.NO_ROUTE_TO_TARGET, order, problem, hint=hint, node_id=node.node_id)
@@ -220,8 +234,27 @@ def _changes_map(node: Node, map_id: str, capabilities: Capabilities) -> bool:
     )
 
 
+def _covered(
+    edge: Edge, start: NodePosition | None, node: Node, capabilities: Capabilities
+) -> Callable[[], tuple[Polygon, ...]]:
+    """Return what computes the area that the robot covers on the path of ``edge``."""
+    footprint, place = capabilities.footprint, node.node_position
+
+    def compute() -> tuple[Polygon, ...]:
+        if place is None:
+            return ()
+        if not courses.follows(edge, capabilities):
+            return footprint.along_path(start or place, place)
+        return footprint.along_corners(courses.corners(courses.course(edge, start, place)))
+
+    return compute
+
+
 def _way_fault(
-    start: NodePosition | None, node: Node, situation: Situation, footprint: Footprint
+    start: NodePosition | None,
+    node: Node,
+    situation: Situation,
+    covered: Callable[[], tuple[Polygon, ...]],
 ) -> tuple[str, str] | None:
     """Return why no route leads to ``node``, and what to do about it."""
     place = node.node_position
@@ -240,7 +273,7 @@ def _way_fault(
         return text, hint + "action enableMap with x, y and theta, else set its position on the other map"
     if not situation.closed:
         return None
-    zone = first_closed(zones_in(footprint.along_path(begin, place), place.map_id, situation.closed))
+    zone = first_closed(zones_in(covered(), place.map_id, situation.closed))
     if zone is None:
         return None
     text = f"the path to node '{node.node_id}' leads through zone '{zone.zone.zone_id}'"

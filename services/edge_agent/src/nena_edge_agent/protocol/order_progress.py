@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from datetime import datetime, timedelta
 from functools import cached_property, lru_cache
 from hashlib import sha256
+from itertools import chain, pairwise, starmap
 from math import dist
 from typing import Final, NamedTuple, Protocol
 
@@ -16,13 +17,17 @@ from nena_shared.vda5050.state import EdgeState, NodeState, PlannedPath
 
 
 class BasePath:
-    """The straight path over the nodes of the base, measured once for each order message.
+    """The path over the nodes of the base, measured once for each order message.
 
-    Navigation plans its own path between the nodes; only the nodes are certain.
+    Navigation plans its own path between the nodes, and only the nodes are certain; ``paths`` are those of
+    our own that lead to some of them, by their sequenceIds.
     """
 
-    def __init__(self, nodes: Iterable[Node] = ()) -> None:
+    def __init__(
+        self, nodes: Iterable[Node] = (), paths: Mapping[int, tuple[Point, ...]] | None = None
+    ) -> None:
         self._base = [node for node in nodes if node.released]
+        self._paths = paths or {}
 
     def length_from(self, sequence_id: int) -> float:
         """Return the length in m from a node of the base to its end; 0 if it is not known."""
@@ -39,7 +44,11 @@ class BasePath:
             return None
         place = last.node_position if last else None
         first = (_corner(place.x, place.y),) if place else ()
-        points = (*first, *self._corners[index:])
+        ways = (
+            self._paths.get(node.sequence_id, ((corner.x, corner.y),))
+            for node, corner in zip(self._base[index:], self._corners[index:], strict=True)
+        )
+        points = (*first, *starmap(_corner, chain.from_iterable(ways)))
         if len(points) <= 1:
             return None
         trajectory = Trajectory(degree=1, knot_vector=_knots(len(points)), control_points=points)
@@ -61,16 +70,13 @@ class BasePath:
 
     @cached_property
     def _left(self) -> list[float]:
-        return _lengths(self._corners)
-
-
-def _lengths(corners: tuple[ControlPoint, ...]) -> list[float]:
-    """Return for each corner the length from it to the last one."""
-    left = [0.0] * len(corners)
-    for index in range(len(corners) - 2, -1, -1):
-        here, there = corners[index], corners[index + 1]
-        left[index] = left[index + 1] + dist((here.x, here.y), (there.x, there.y))
-    return left
+        """For each corner the length from it to the last one."""
+        corners, left = self._corners, [0.0] * len(self._corners)
+        for index in range(len(corners) - 2, -1, -1):
+            here, there = corners[index], corners[index + 1]
+            path = self._paths.get(self._base[index + 1].sequence_id, ((there.x, there.y),))
+            left[index] = left[index + 1] + sum(starmap(dist, pairwise(((here.x, here.y), *path))))
+        return left
 
 
 @lru_cache(maxsize=1024)
@@ -85,6 +91,9 @@ def _knots(points: int) -> tuple[float, ...]:
     return (0.0, *(index / steps for index in range(steps + 1)), 1.0)
 
 
+Point = tuple[float, float]
+PathOf = Callable[[Edge, Node | None, Node], tuple[Point, ...]]
+"""Returns the path that the robot follows along an edge between two nodes; empty: navigation plans one."""
 _HEADER = frozenset(CommandHeader.model_fields)
 
 
@@ -272,10 +281,26 @@ class OrderProgress:
         self.nodes: deque[Node] = deque()
         self.edges: deque[Edge] = deque()
         self.base_path = BasePath()
+        self._path_of: PathOf | None = None
         self.revision = 0
         self._ahead: Ahead | None = None
         self._node_states: dict[int, NodeState] = {}
         self._edge_states: dict[int, EdgeState] = {}
+
+    def follow_paths(self, path_of: PathOf) -> None:
+        """Show the paths of our own that the robot follows along some edges, from now on."""
+        self._path_of = path_of
+        self._measure()
+
+    def _measure(self) -> None:
+        """Measure the path over the base; the first edge leads from the last node."""
+        paths: dict[int, tuple[Point, ...]] = {}
+        before = self.last_node
+        for edge, node in zip(self.edges, self.nodes, strict=False):
+            if self._path_of is not None and node.released and (path := self._path_of(edge, before, node)):
+                paths[node.sequence_id] = path
+            before = node
+        self.base_path = BasePath(self.nodes, paths)
 
     def begin(self, order: Order) -> None:
         """Begin a new order (section 6.6.2); its first node counts as reached."""
@@ -285,6 +310,7 @@ class OrderProgress:
         self.edges.clear()
         self._append(order)
         self._reach(order.nodes[0])
+        self._measure()
 
     def extend(self, order: Order) -> None:
         """Append an update that begins at the decision point, in place of the old horizon (section 6.1.2)."""
@@ -297,6 +323,7 @@ class OrderProgress:
         while self.edges and not self.edges[-1].released:
             self.edges.pop()
         self._append(order)
+        self._measure()
         self._changed()
 
     @property
@@ -366,7 +393,8 @@ class OrderProgress:
         return shown
 
     def _show_edge(self, edge: Edge) -> EdgeState:
-        self._edge_states[edge.sequence_id] = shown = _edge_state(edge)
+        trajectory = edge.trajectory if self._path_of is not None else None
+        self._edge_states[edge.sequence_id] = shown = _edge_state(edge, trajectory)
         return shown
 
     def _planned_path(self) -> PlannedPath | None:
@@ -377,7 +405,6 @@ class OrderProgress:
         self._edge_states.clear()
         self.nodes.extend(order.nodes[1:])
         self.edges.extend(order.edges)
-        self.base_path = BasePath(self.nodes)
         self.decision_point = _decision_point(order.nodes)
         self.content = OrderContent(order)
 
@@ -406,10 +433,11 @@ def _node_state(node: Node) -> NodeState:
     )
 
 
-def _edge_state(edge: Edge) -> EdgeState:
+def _edge_state(edge: Edge, trajectory: Trajectory | None) -> EdgeState:
     return EdgeState(
         edge_id=edge.edge_id,
         sequence_id=edge.sequence_id,
         edge_descriptor=edge.edge_descriptor,
         released=edge.released,
+        trajectory=trajectory,
     )

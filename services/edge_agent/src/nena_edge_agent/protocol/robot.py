@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from math import isfinite
 from typing import Any
 
@@ -27,7 +28,15 @@ from nena_edge_agent.driver.port import (
     SessionReport,
     VelocityReport,
 )
-from nena_edge_agent.protocol import actions, driving, instant_actions, orders, route_progress, zones
+from nena_edge_agent.protocol import (
+    actions,
+    courses,
+    driving,
+    instant_actions,
+    orders,
+    route_progress,
+    zones,
+)
 from nena_edge_agent.protocol.action_states import sensed
 from nena_edge_agent.protocol.capabilities import Capabilities
 from nena_edge_agent.protocol.conditions import check_conditions
@@ -82,6 +91,8 @@ class RobotCore:
 
     def __init__(self, capabilities: Capabilities, memory: Memory | None = None) -> None:
         self._robot = restored(memory, capabilities) if memory else RobotState(capabilities)
+        if capabilities.follows_paths:
+            self._robot.progress.follow_paths(partial(courses.shown, capabilities=capabilities))
         self._shown = self._visible()
 
     def handle(self, event: Event, now: float) -> tuple[Effect, ...]:

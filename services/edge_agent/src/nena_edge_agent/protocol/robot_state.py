@@ -89,9 +89,9 @@ class CurrentGoal:
     confirmed, if the driver has reported that. ``failed_at`` is the sequenceId of a node that was not
     reached; it is not retried until the order changes. ``failures`` are the failed drives to the next node,
     to be retried at ``retry_at`` in s; ``problem`` is the reason of the last failure. ``pose`` is that of the
-    last goal, ``ahead`` are the following poses that the driver has. ``own`` are our goals that navigation
-    has or may have, ``listed_ids`` those that it listed last. ``unsettled``: the result of ``own`` has not
-    been reported yet.
+    last goal, ``ahead`` are the following poses that the driver has, ``path`` is the path that it follows
+    (empty: navigation plans one). ``own`` are our goals that navigation has or may have, ``listed_ids`` those
+    that it listed last. ``unsettled``: the result of ``own`` has not been reported yet.
     """
 
     generation: int = 0
@@ -104,6 +104,7 @@ class CurrentGoal:
     problem: str = ""
     pose: Pose | None = None
     ahead: tuple[Pose, ...] = ()
+    path: tuple[tuple[float, float], ...] = ()
     own: OwnGoals | None = None
     listed_ids: tuple[str, ...] = ()
     unsettled: bool = False

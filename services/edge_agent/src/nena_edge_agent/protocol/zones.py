@@ -7,6 +7,7 @@ from datetime import datetime
 from itertools import islice
 
 from nena_edge_agent.driver.port import Area, Pose
+from nena_edge_agent.protocol import courses, following
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.events import KeepOut
 from nena_edge_agent.protocol.geometry import distance
@@ -130,10 +131,10 @@ def _release_zones_ahead(robot: RobotState) -> list[EnabledZone]:
     """Return the RELEASE zones on the next edges of the base."""
     start: Pose | NodePosition | None = robot.reports.localized_pose
     found: list[EnabledZone] = []
-    for node in islice(robot.progress.nodes, EDGES_AHEAD):
+    for index, node in enumerate(islice(robot.progress.nodes, EDGES_AHEAD)):
         if not node.released or start is None or node.node_position is None:
             break
-        found += _of_type(_on_path(robot, start, node.node_position), ZoneType.RELEASE)
+        found += _of_type(_on_path(robot, start, node.node_position, index), ZoneType.RELEASE)
         start = node.node_position
     return found
 
@@ -141,9 +142,14 @@ def _release_zones_ahead(robot: RobotState) -> list[EnabledZone]:
 # What zones mean for driving (section 6.4)
 
 
-def first_barred(robot: RobotState, start: Pose | NodePosition, end: NodePosition) -> EnabledZone | None:
-    """Return the first zone on the straight path to ``end`` that the robot must not drive in now."""
-    zones = _on_path(robot, start, end)
+def first_barred(
+    robot: RobotState, start: Pose | NodePosition, end: NodePosition, edge: int | None = None
+) -> EnabledZone | None:
+    """Return the first zone on the path to ``end`` that the robot must not drive in now.
+
+    The path is straight, unless the robot follows one along the edge of the order with the index ``edge``.
+    """
+    zones = _on_path(robot, start, end, edge)
     return first_closed(zones) or next((each for each in zones if not _is_open(robot, each)), None)
 
 
@@ -154,7 +160,7 @@ def must_stop(robot: RobotState) -> bool:
         return False
     if any(each.zone.zone_type is ZoneType.BLOCKED for each in _inside(robot)):
         return True
-    return bool(node and node.node_position and first_barred(robot, pose, node.node_position))
+    return bool(node and node.node_position and first_barred(robot, pose, node.node_position, edge=0))
 
 
 def keep_out(robot: RobotState) -> None:
@@ -178,8 +184,18 @@ def speed_limits(robot: RobotState) -> list[float]:
     if pose is None or not robot.zone_sets.enabled:
         return []
     end = node.node_position if node else None
-    zones = _on_path(robot, pose, _braking_point(robot, pose, end)) if end else _inside(robot)
+    zones = _on_path_while_braking(robot, pose, end) if end else _inside(robot)
     return [each.zone.maximum_speed or 0.0 for each in _of_type(zones, ZoneType.SPEED_LIMIT)]
+
+
+def _on_path_while_braking(robot: RobotState, pose: Pose, end: NodePosition) -> list[EnabledZone]:
+    """Return the zones on the path up to where the robot has slowed down at the earliest."""
+    path = following.path_of(robot)
+    if not path:
+        return _on_path(robot, pose, _braking_point(robot, pose, end))
+    path = courses.beginning(courses.rest(path, (pose.x, pose.y)), robot.capabilities.braking_distance)
+    area = robot.capabilities.footprint.along_corners(courses.corners(path))
+    return zones_in(area, end.map_id, robot.zone_sets.enabled)
 
 
 def _braking_point(robot: RobotState, pose: Pose, end: NodePosition) -> NodePosition:
@@ -191,10 +207,17 @@ def _braking_point(robot: RobotState, pose: Pose, end: NodePosition) -> NodePosi
     )
 
 
-def _on_path(robot: RobotState, start: Pose | NodePosition, end: NodePosition) -> list[EnabledZone]:
+def _on_path(
+    robot: RobotState, start: Pose | NodePosition, end: NodePosition, edge: int | None = None
+) -> list[EnabledZone]:
     if not robot.zone_sets.enabled:
         return []
-    area = robot.capabilities.footprint.along_path(start, end)
+    path = following.path_of(robot, edge) if edge is not None else ()
+    if path:
+        path = courses.corners(courses.rest(path, (start.x, start.y)))
+        area = robot.capabilities.footprint.along_corners(path)
+    else:
+        area = robot.capabilities.footprint.along_path(start, end)
     return zones_in(area, end.map_id, robot.zone_sets.enabled)
 
 
@@ -260,7 +283,7 @@ def _closed_path(robot: RobotState) -> ErrorEntry | None:
     """Report a zone on the path that was closed after the order was accepted."""
     pose, node = robot.reports.localized_pose, robot.progress.next_node
     end = node.node_position if node else None
-    zone = first_closed(_on_path(robot, pose, end)) if pose and end else None
+    zone = first_closed(_on_path(robot, pose, end, edge=0)) if pose and end else None
     if zone is None or node is None:
         return None
     return error(

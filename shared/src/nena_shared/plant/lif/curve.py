@@ -9,6 +9,8 @@ from nena_shared.plant.track import PathTrajectory
 
 Place = tuple[float, float]
 _SAMPLES: Final = 64
+_PARTS: Final = 4
+"""Parts for each degree that a piece of a curve is cut into at least, so that a loop in it is not missed."""
 
 CUBIC_BEZIER_KNOTS: Final = (0.0,) * 4 + (1.0,) * 4
 
@@ -28,11 +30,43 @@ def fault(trajectory: PathTrajectory) -> str:
     return ""
 
 
+def has_gap(trajectory: PathTrajectory) -> bool:
+    """Return whether a curve without fault may jump: a knot inside is repeated more often than the degree."""
+    knots, degree = trajectory.knot_vector, trajectory.degree
+    inner = [knot for knot in knots if knots[degree] < knot < knots[-degree - 1]]
+    return any(inner.count(knot) > degree for knot in set(inner))
+
+
 def places(trajectory: PathTrajectory, samples: int = _SAMPLES) -> tuple[Place, ...]:
     """Return this many places and one more along a curve without fault, with both ends."""
     knots, degree = trajectory.knot_vector, trajectory.degree
     first, last = knots[degree], knots[-degree - 1]
     return tuple(_place(trajectory, first + (last - first) * i / samples) for i in range(samples + 1))
+
+
+def steps(trajectory: PathTrajectory, longest: float) -> tuple[Place, ...]:
+    """Return places along a curve without fault, with both ends, each at most ``longest`` m from the last."""
+    knots, degree = trajectory.knot_vector, trajectory.degree
+    found = [_place(trajectory, knots[degree])]
+    for low, high in pairwise(sorted(set(knots[degree : len(knots) - degree]))):
+        cuts = [low + (high - low) * i / (_PARTS * degree) for i in range(1, _PARTS * degree)]
+        for before, after in pairwise((low, *cuts, high)):
+            _add_steps(trajectory, (before, after), longest, found)
+    return tuple(found)
+
+
+def _add_steps(
+    trajectory: PathTrajectory, part: tuple[float, float], longest: float, found: list[Place]
+) -> None:
+    """Add the places of a part of the curve behind its beginning, which is the last one of ``found``."""
+    waiting = [part]
+    while waiting:
+        low, high = waiting.pop()
+        middle, end = (low + high) / 2, _place(trajectory, high)
+        if hypot(end[0] - found[-1][0], end[1] - found[-1][1]) <= longest or not low < middle < high:
+            found.append(end)
+        else:
+            waiting += [(middle, high), (low, middle)]
 
 
 def length(trajectory: PathTrajectory) -> float:

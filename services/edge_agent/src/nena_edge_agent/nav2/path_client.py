@@ -1,0 +1,100 @@
+"""The action of Nav2's controller in the ROS graph (nav2_msgs/FollowPath): paths, results and feedback."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from action_msgs.msg import GoalStatusArray
+from action_msgs.srv import CancelGoal
+
+from nena_edge_agent.driver.map_port import MapPose
+from nena_edge_agent.nav2 import messages
+from nena_edge_agent.nav2.action_client import FEEDBACK, ActionClient, ActionListeners
+from nena_edge_agent.nav2.action_tracker import FeedbackReading
+from nena_edge_agent.nav2.goals import GoalEntry
+from nena_edge_agent.nav2.messages import UnusablePoseError
+from nena_edge_agent.nav2.node import LATCHED, STATUS_ARRAYS
+from nena_edge_agent.nav2.offers import FOLLOW_PATH, interface
+from nena_edge_agent.nav2.session import RosSession
+from nena_edge_agent.nav2.settings import RosSettings, status_of
+
+
+@dataclass(frozen=True, slots=True)
+class PathListeners(ActionListeners):
+    """Who is told what comes of the action, in the event loop."""
+
+    statuses: Callable[[list[GoalEntry]], None]
+
+
+class PathClient(ActionClient):
+    """Speaks to the controller's server."""
+
+    def __init__(self, settings: RosSettings, listeners: PathListeners) -> None:
+        super().__init__(settings, interface(FOLLOW_PATH), listeners)
+        self._statuses = listeners.statuses
+
+    def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401 - rclpy carries no types
+        """Build the clients and the subscriptions."""
+        self._session, self._node = session, node
+        services, name = self._types.Impl, self._settings.names.follow_path
+        hidden, self._status = f"{name}/_action", status_of(name)
+        self._goals = node.create_client(services.SendGoalService, f"{hidden}/send_goal")
+        self._results = node.create_client(services.GetResultService, f"{hidden}/get_result")
+        self._cancel = node.create_client(CancelGoal, f"{hidden}/cancel_goal")
+        session.subscribe(
+            node,
+            services.FeedbackMessage,
+            f"{hidden}/feedback",
+            FEEDBACK,
+            read=path_feedback,
+            handle=self._listeners.feedback,
+            due=self._feedback_due,
+        )
+        session.subscribe(
+            node,
+            GoalStatusArray,
+            self._status,
+            LATCHED,
+            read=messages.status_entries,
+            handle=self._statuses,
+            limit=STATUS_ARRAYS,
+        )
+
+    def servers(self) -> frozenset[str]:
+        """Return the endpoint ids of those who publish the status array."""
+        found = self._node.get_publishers_info_by_topic(self._status)
+        return frozenset(bytes(publisher.endpoint_gid).hex() for publisher in found)
+
+    async def send_path(self, goal_id: str, path: Sequence[MapPose]) -> bool | None:
+        """Send a path; tells whether the server has accepted it, None: it did not answer in time."""
+        request = self._types.Impl.SendGoalService.Request()
+        request.goal_id.uuid = list(bytes.fromhex(goal_id))
+        request.goal.path.header.frame_id = self._settings.frame
+        request.goal.path.poses = [messages.goal_message(pose, self._settings.frame) for pose in path]
+        answer = await self._session.call(self._goals, request, seconds=self._settings.call_timeout)
+        return None if answer is None else bool(answer.accepted)
+
+    async def cancel(self, goal_id: str) -> int | None:
+        """Cancel one path and give the code of the answer; None where there was none."""
+        request = messages.cancel_request(goal_id)
+        answer = await self._session.call(self._cancel, request, seconds=self._settings.call_timeout)
+        return None if answer is None else int(answer.return_code)
+
+
+def path_feedback(message: Any) -> FeedbackReading:  # noqa: ANN401
+    """Read the feedback of a path, which tells no place.
+
+    Raises:
+        UnusablePoseError: the distance is not finite.
+
+    """
+    left = message.feedback.distance_to_goal
+    if not math.isfinite(left):
+        text = f"distance {left}"
+        raise UnusablePoseError(text)
+    return FeedbackReading(
+        bytes(message.goal_id.uuid).hex(), x=0.0, y=0.0, yaw=0.0, frame="", left=left, recoveries=0
+    )

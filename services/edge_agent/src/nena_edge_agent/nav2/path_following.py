@@ -1,0 +1,264 @@
+"""Paths of our own that Nav2's controller follows, without planner and behaviour tree.
+
+A goal with a path goes to the controller's action, any other one to the navigator. Each has a tracker of its
+own, and one of them drives: the other one begins once the goals before have ended.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from nena_edge_agent.driver.map_port import MapGoal, MapOwnGoals, MapPose
+from nena_edge_agent.driver.port import DriveFailed, DriveFailure, GoalTable, NavigationReport
+from nena_edge_agent.nav2.action_tracker import ActionSide, ActionTracker, FeedbackReading
+from nena_edge_agent.nav2.commands import AskResult, CancelGoal, Command, OnPath, Report, SendGoal
+from nena_edge_agent.nav2.goal_tracker import GoalDrive
+from nena_edge_agent.nav2.goals import GoalEntry, GoalIdPrefix
+from nena_edge_agent.nav2.settings import GoalSettings, RosSettings
+from nena_shared.clock import Clock
+from nena_shared.log import get_logger
+
+if TYPE_CHECKING:
+    from nena_edge_agent.nav2.path_client import PathClient
+
+log = get_logger(__name__)
+
+
+class PathTracker(ActionTracker):
+    """Gives paths to the controller's action and follows them."""
+
+    server = "controller_server"
+
+    def __init__(self, settings: GoalSettings, prefix: GoalIdPrefix) -> None:
+        super().__init__(settings, prefix)
+        self.by_action = True
+
+    def _refusal(self, drive: GoalDrive) -> str:
+        return (
+            f"Nav2's controller has not accepted the path, sent {drive.times_given} times: "
+            "is controller_server active?"
+        )
+
+
+class Trackers:
+    """The tracker of the navigator's goals and that of the controller's, as one."""
+
+    def __init__(self, settings: GoalSettings, prefix: GoalIdPrefix) -> None:
+        self.navigator = ActionTracker(settings, prefix)
+        self.controller = PathTracker(settings, prefix)
+        self.controller_takes_paths = False
+        """Whether the controller's action is there; the driver sees it."""
+        self._current: ActionTracker = self.navigator
+        self._next: MapGoal | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether something is waited for, so that :meth:`tick` is needed."""
+        return self._next is not None or self.navigator.busy or self.controller.busy
+
+    @property
+    def driving(self) -> bool:
+        """Whether Nav2 drives for the goal that is wanted."""
+        return self._current.driving
+
+    @property
+    def goal_id(self) -> str | None:
+        """The goal that Nav2 drives to for us, once it has taken it."""
+        return self._current.goal_id
+
+    @property
+    def wanted(self) -> MapGoal | None:
+        """The goal that is driven or waits to be."""
+        return self._next or self._current.wanted
+
+    @property
+    def may_drive(self) -> bool:
+        """Whether Nav2 drives for us, or may yet take up a goal that was given."""
+        return self.navigator.may_drive or self.controller.may_drive
+
+    @property
+    def by_action(self) -> bool:
+        """Whether the navigator is given goals by its action."""
+        return self.navigator.by_action
+
+    def wants(self, place: tuple[float, float]) -> bool:
+        """Return whether a plan that ends at ``place`` (m) is for the goal that the navigator drives to."""
+        return self.navigator.wants(place)
+
+    def reclaim(self, goals: MapOwnGoals) -> None:
+        """Take the goals of an earlier run for ours; a path of that run is ended, and given again."""
+        self.navigator.reclaim(goals)
+
+    def go_to(self, goal: MapGoal, now: float) -> list[Command]:
+        """Drive to ``goal``; one that is driven in the same way is replaced, and not stopped for it."""
+        wanted = self.controller if goal.path else self.navigator
+        if wanted is self._current:
+            self._next = None
+            return self._of(wanted, wanted.go_to(goal, now))
+        self._next = goal
+        return [*self._of(self._current, self._current.drop(now)), *self._begin_next(now)]
+
+    def drop(self, now: float) -> list[Command]:
+        """Cancel what is driven, without an answer."""
+        self._next = None
+        return self._of(self._current, self._current.drop(now))
+
+    def halt(self, now: float) -> list[Command]:
+        """Drop the goal and stop; answered by ``Halted`` or ``HaltFailed``."""
+        self._next = None
+        return self._of(self._current, self._current.halt(now))
+
+    def on_statuses(self, entries: Sequence[GoalEntry], now: float) -> list[Command]:
+        """Take the navigator's status array."""
+        return [*self.navigator.on_statuses(entries, now), *self._begin_next(now)]
+
+    def on_path_statuses(self, entries: Sequence[GoalEntry], now: float) -> list[Command]:
+        """Take the controller's status array, which has the navigator's paths too."""
+        commands = self._of(self.controller, self.controller.on_statuses(entries, now))
+        return [*commands, *self._begin_next(now)]
+
+    def on_servers(
+        self, navigators: frozenset[str], controllers: frozenset[str], now: float
+    ) -> list[Command]:
+        """Take the endpoint ids of those who publish the status arrays."""
+        return [
+            *self.navigator.on_servers(navigators, now),
+            *self._of(self.controller, self.controller.on_servers(controllers, now)),
+        ]
+
+    def on_navigation(self, report: NavigationReport, now: float) -> list[Command]:
+        """Note whether goals can be given; the controller follows its path also without a navigator."""
+        own = report
+        if not self.controller_takes_paths:
+            own = NavigationReport(available=False, reason="no controller takes paths")
+        elif self.controller.may_drive:
+            own = NavigationReport(available=True, reason="")
+        return [
+            *self.navigator.on_navigation(report, now),
+            *self._of(self.controller, self.controller.on_navigation(own, now)),
+        ]
+
+    def on_cancel_answer(self, goal_id: str, code: int | None, now: float) -> list[Command]:
+        """Take the code of the navigator's answer to a cancel call, None where none came."""
+        return self.navigator.on_cancel_answer(goal_id, code, now)
+
+    def on_stop_answer(self, now: float, *, answered: bool) -> list[Command]:
+        """Note whether the controller has answered that its goals are cancelled."""
+        return self._both(lambda tracker: tracker.on_stop_answer(now, answered=answered), now)
+
+    def on_silence(self, seconds: float, now: float) -> list[Command]:
+        """Note that the server which drives for us has sent no feedback for ``seconds``."""
+        return self._of(self._current, self._current.on_silence(seconds, now))
+
+    def on_pose(self, pose: MapPose, now: float) -> list[Command]:
+        """Take a pose that the localisation has sent."""
+        return self._both(lambda tracker: tracker.on_pose(pose, now), now)
+
+    def forget_pose(self) -> None:
+        """Forget where the robot is: the localisation does not know it any more."""
+        self.navigator.forget_pose()
+        self.controller.forget_pose()
+
+    def on_velocity(self, speed: float, omega: float, now: float) -> None:
+        """Take a velocity of the odometry: m/s and rad/s."""
+        self.navigator.on_velocity(speed, omega, now)
+        self.controller.on_velocity(speed, omega, now)
+
+    def tick(self, now: float) -> list[Command]:
+        """Advance the time."""
+        return self._both(lambda tracker: tracker.tick(now), now)
+
+    def of_controller(self, commands: Iterable[Command]) -> list[Command]:
+        """Return what the controller's tracker wants done, for the driver."""
+        return self._of(self.controller, commands)
+
+    def _both(self, call: Callable[[ActionTracker], list[Command]], now: float) -> list[Command]:
+        commands = [*call(self.navigator), *self._of(self.controller, call(self.controller))]
+        return [*commands, *self._begin_next(now)]
+
+    def _begin_next(self, now: float) -> list[Command]:
+        """Give the goal that waits for the end of those before."""
+        if self._next is None or self._current.may_drive or self._current.awaits_goal(now):
+            return []
+        goal, self._next = self._next, None
+        self._current = self.controller if goal.path else self.navigator
+        return self._of(self._current, self._current.go_to(goal, now))
+
+    def _of(self, tracker: ActionTracker, commands: Iterable[Command]) -> list[Command]:
+        """Return commands of a tracker; those of the controller's are for its own action.
+
+        The goals that are reported are the navigator's: they tell which other clients drive.
+        """
+        if tracker is self.navigator:
+            return list(commands)
+        found: list[Command] = []
+        for command in commands:
+            match command:
+                case SendGoal() | AskResult() | CancelGoal():
+                    found.append(OnPath(command))
+                case Report(GoalTable()):
+                    pass
+                case Report(DriveFailed(failure=DriveFailure.ABORTED) as event) if self.navigator.others_run:
+                    text = "the path was replaced by the goal of another client"
+                    taken = replace(event, failure=DriveFailure.TAKEN_OVER, description=text)
+                    found.append(Report(taken))
+                case _:
+                    found.append(command)
+        return found
+
+
+class PathSide(ActionSide):
+    """Carries out what the tracker wants of the controller's action, and hands it the answers."""
+
+    def __init__(
+        self,
+        trackers: Trackers,
+        *,
+        apply: Callable[[Iterable[Command]], None],
+        on_feedback: Callable[[FeedbackReading], None],
+        clock: Clock,
+    ) -> None:
+        super().__init__(
+            trackers.controller,
+            apply=lambda commands: apply(trackers.of_controller(commands)),
+            on_feedback=on_feedback,
+            clock=clock,
+        )
+        self._trackers = trackers
+        self._path_client: PathClient | None = None
+
+    def new_path_client(self, settings: RosSettings) -> PathClient:
+        """Return what is to enter a new node."""
+        from nena_edge_agent.nav2.path_client import PathClient, PathListeners  # noqa: PLC0415 - loads rclpy
+
+        listeners = PathListeners(self._on_result, self._take_feedback, self._on_statuses)
+        self._client = self._path_client = PathClient(settings, listeners)
+        return self._path_client
+
+    def servers(self) -> frozenset[str]:
+        """Check whether the controller is there; return the endpoint ids of its statuses' publishers."""
+        client = self._path_client
+        self._trackers.controller_takes_paths = client is not None and client.ready
+        return client.servers() if client is not None else frozenset()
+
+    async def do(self, command: SendGoal | AskResult | CancelGoal) -> None:
+        """Carry out a command of the tracker."""
+        match command:
+            case SendGoal(goal, goal_id):
+                await self._send_path(goal, goal_id)
+            case AskResult(goal_id):
+                self.ask_result(goal_id)
+            case CancelGoal(goal_id):
+                log.info("path cancelled", goal=goal_id)
+                code = await self._path_client.cancel(goal_id) if self._path_client else None
+                self._apply(self._tracker.on_cancel_answer(goal_id, code, self._clock.monotonic()))
+
+    async def _send_path(self, goal: MapGoal, goal_id: str) -> None:
+        log.info("path sent", generation=goal.generation, goal=goal_id, poses=len(goal.path))
+        accepted = await self._path_client.send_path(goal_id, goal.path) if self._path_client else None
+        self._apply(self._tracker.on_goal_answer(goal_id, self._clock.monotonic(), accepted=accepted))
+
+    def _on_statuses(self, entries: list[GoalEntry]) -> None:
+        self._apply(self._tracker.on_statuses(entries, self._clock.monotonic()))

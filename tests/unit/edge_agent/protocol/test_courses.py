@@ -1,0 +1,224 @@
+"""Paths of trajectories and corridors, without a robot."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from math import dist, hypot
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nena_edge_agent.driver.port import Pose
+from nena_edge_agent.protocol import courses
+from nena_edge_agent.protocol.geometry import Footprint
+from nena_shared.vda5050.error import ErrorType
+from nena_shared.vda5050.order import (
+    ControlPoint,
+    Corridor,
+    CorridorReferencePoint,
+    Edge,
+    NodePosition,
+    Trajectory,
+)
+
+ROBOT = Footprint(length=0.8, width=0.6)
+QUARTER = (ControlPoint(x=0, y=0), ControlPoint(x=10, y=0), ControlPoint(x=10, y=10))
+
+
+def at(x: float, y: float) -> NodePosition:
+    return NodePosition(x=x, y=y, map_id="hall")
+
+
+def edge(trajectory: Trajectory | None = None, corridor: Corridor | None = None) -> Edge:
+    return Edge(
+        edge_id="e", sequence_id=1, released=True, actions=(), trajectory=trajectory, corridor=corridor
+    )
+
+
+def arc(**fields: object) -> Trajectory:
+    values = {"degree": 2, "knot_vector": (0, 0, 0, 1, 1, 1), "control_points": QUARTER, **fields}
+    return Trajectory.model_validate(values)
+
+
+def narrow(
+    left: float, right: float, point: CorridorReferencePoint | None = None, *, asks: bool | None = None
+) -> Corridor:
+    return Corridor(left_width=left, right_width=right, corridor_reference_point=point, release_required=asks)
+
+
+@st.composite
+def rising(draw: st.DrawFn) -> Trajectory:
+    """Draw a clamped NURBS whose control points go on along x, with weights and inner knots."""
+    degree = draw(st.integers(1, 4))
+    inner = sorted(draw(st.sets(st.sampled_from([0.2, 0.4, 0.5, 0.7]), max_size=4)))
+    count = degree + 1 + len(inner)
+    xs = sorted(draw(st.lists(st.floats(0, 40), min_size=count, max_size=count)))
+    points = tuple(
+        ControlPoint(x=x, y=draw(st.floats(-20, 20)), weight=draw(st.floats(0.2, 5.0))) for x in xs
+    )
+    knots = (*[0.0] * (degree + 1), *inner, *[1.0] * (degree + 1))
+    return Trajectory(degree=degree, knot_vector=knots, control_points=points)
+
+
+@pytest.mark.clause("7.3/trajectory")
+@given(rising())
+def test_a_path_has_both_ends_goes_on_and_has_short_steps(drawn: Trajectory) -> None:
+    first, last = drawn.control_points[0], drawn.control_points[-1]
+    path = courses.course(edge(drawn), at(first.x, first.y), at(last.x, last.y))
+    assert path[0] == pytest.approx((first.x, first.y))
+    assert path[-1] == (last.x, last.y)
+    for before, after in pairwise(path):
+        assert dist(before, after) <= courses.STEP + 1e-9
+        assert after[0] >= before[0] - 1e-9, "the curve goes on along x, and so does the path"
+
+
+def test_a_circle_of_weights_is_driven_as_a_circle() -> None:
+    points = (*QUARTER[:1], QUARTER[1].model_copy(update={"weight": 0.5**0.5}), *QUARTER[2:])
+    path = courses.course(edge(arc(control_points=points)), at(0, 0), at(10, 10))
+    assert [hypot(x - 0, y - 10) for x, y in path] == pytest.approx([10.0] * len(path))
+
+
+def test_a_trajectory_without_degree_and_knots_is_a_line_over_its_points() -> None:
+    bare = Trajectory(control_points=QUARTER)
+    path = courses.course(edge(bare), at(0, 0), at(10, 10))
+    assert list(courses.corners(path)) == [(0, 0), (10, 0), (10, 10)]
+
+
+def test_a_corridor_alone_is_driven_in_the_middle_line() -> None:
+    path = courses.course(edge(corridor=narrow(1, 1)), at(0, 0), at(3, 4))
+    assert (path[0], path[-1]) == ((0, 0), (3, 4))
+    assert max(abs(courses.offset(((0, 0), (3, 4)), each)) for each in path) < 1e-9
+    assert all(dist(*pair) <= courses.STEP + 1e-9 for pair in pairwise(path))
+
+
+@pytest.mark.clause("7.3/trajectory", "6.1.4.2")
+@pytest.mark.parametrize(
+    ("fields", "kind", "said"),
+    [
+        ({"knot_vector": (0, 0, 1, 1)}, ErrorType.VALIDATION_FAILURE, "has 4 knots and needs 6"),
+        ({"knot_vector": (0, 0, 0.5, 0.4, 1, 1)}, ErrorType.VALIDATION_FAILURE, "decrease"),
+        ({"knot_vector": (0,) * 6}, ErrorType.VALIDATION_FAILURE, "no knots between"),
+        ({"degree": 3, "knot_vector": None}, ErrorType.VALIDATION_FAILURE, "3 control points for degree 3"),
+        ({"degree": 40}, ErrorType.VALIDATION_FAILURE, "invalid degree"),
+        (
+            {
+                "degree": 1,
+                "knot_vector": (0, 0, 0.5, 0.5, 1, 1),
+                "control_points": (*QUARTER, ControlPoint(x=10, y=10)),
+            },
+            ErrorType.VALIDATION_FAILURE,
+            "has a gap",
+        ),
+        (
+            {"control_points": (ControlPoint(x=0, y=0), ControlPoint(x=1, y=0, weight=0), QUARTER[2])},
+            ErrorType.VALIDATION_FAILURE,
+            "invalid weight",
+        ),
+        (
+            {"control_points": (ControlPoint(x=0.2, y=0), *QUARTER[1:])},
+            ErrorType.VALIDATION_FAILURE,
+            "0.20 m from the start node",
+        ),
+        (
+            {"control_points": (*QUARTER[:2], ControlPoint(x=10, y=9))},
+            ErrorType.VALIDATION_FAILURE,
+            "1.00 m from the end node",
+        ),
+        (
+            {"control_points": (QUARTER[0], ControlPoint(x=900, y=0), QUARTER[2])},
+            ErrorType.INSUFFICIENT_MEMORY,
+            "1000 m at most",
+        ),
+    ],
+)
+def test_what_is_no_path_from_node_to_node_is_refused(
+    fields: dict[str, object], kind: ErrorType, said: str
+) -> None:
+    found = courses.fault(edge(arc(**fields)), at(0, 0), at(10, 10), ROBOT)
+    assert found is not None
+    assert found.kind is kind
+    assert said in found.text
+
+
+def test_a_trajectory_that_costs_too_much_is_refused_at_once() -> None:
+    many = Trajectory(control_points=tuple(ControlPoint(x=i / 5000, y=0) for i in range(10_002)))
+    found = courses.fault(edge(many), at(0, 0), at(2, 0), ROBOT)
+    assert found is not None
+    assert found.kind is ErrorType.INSUFFICIENT_MEMORY
+
+
+def test_a_corridor_without_trajectory_needs_the_place_of_its_start() -> None:
+    found = courses.fault(edge(corridor=narrow(1, 1)), None, at(1, 0), ROBOT)
+    assert found is not None
+    assert found.kind is ErrorType.VALIDATION_FAILURE
+    assert courses.course(edge(corridor=narrow(1, 1)), None, at(1, 0)) == ()
+
+
+CONTOUR = CorridorReferencePoint.CONTOUR
+
+
+@pytest.mark.clause("6.1.5")
+@pytest.mark.parametrize(
+    ("corridor", "fits"),
+    [
+        (narrow(0.0, 0.0), True),
+        (narrow(0.0, 0.0, CorridorReferencePoint.KINEMATIC_CENTER), True),
+        (narrow(0.35, 0.35, CONTOUR), True),
+        (narrow(0.25, 0.35, CONTOUR), False),
+        (narrow(0.35, 0.25, CONTOUR), False),
+        (narrow(0.25, 0.25, CONTOUR, asks=True), True),
+    ],
+)
+def test_a_path_stays_inside_of_its_corridor_or_is_refused(corridor: Corridor, *, fits: bool) -> None:
+    found = courses.fault(edge(arc(), corridor), at(0, 0), at(10, 10), ROBOT)
+    assert (found is None) is fits
+    if found is not None:
+        assert found.kind is ErrorType.NO_ROUTE_TO_TARGET
+
+
+@pytest.mark.clause("6.1.5")
+@pytest.mark.parametrize(
+    ("corridor", "y", "outside"),
+    [
+        (narrow(0.4, 0.2), 0.3, 0.0),
+        (narrow(0.4, 0.2), 0.5, 0.1),
+        (narrow(0.4, 0.2), -0.3, 0.1),
+        (narrow(0.4, 0.4, CONTOUR), 0.0, 0.0),
+        (narrow(0.4, 0.4, CONTOUR), 0.3, 0.2),
+        (narrow(9.0, 9.0, asks=True), 0.6, 0.1),
+        (None, 0.4, 0.0),
+        (None, -0.6, 0.1),
+    ],
+)
+def test_how_far_a_robot_is_outside(corridor: Corridor | None, y: float, outside: float) -> None:
+    pose = Pose(5.0, y, 0.0, "hall")
+    assert courses.leaves(((0, 0), (10, 0)), corridor, pose, ROBOT) == pytest.approx(outside)
+
+
+def test_what_is_left_of_a_path_begins_at_the_robot() -> None:
+    path = courses.course(edge(arc()), at(0, 0), at(10, 10))
+    middle = path[len(path) // 2]
+    left = courses.rest(path, (middle[0] + 0.2, middle[1] - 0.2))
+    assert dist(left[0], middle) <= 2 * courses.STEP
+    assert left == path[-len(left) :]
+    assert len(courses.rest(path, (10, 10))) >= 2
+
+
+def test_a_path_that_crosses_itself_is_not_cut_short() -> None:
+    loop = tuple(ControlPoint(x=x, y=y) for x, y in ((0, 0), (10, 0), (10, 10), (5, 10), (5, -5)))
+    path = courses.course(edge(Trajectory(control_points=loop)), at(0, 0), at(5, -5))
+    assert len(courses.rest(path, (5, 0))) > 200
+
+
+def test_poses_look_ahead_and_the_last_one_as_its_node_says() -> None:
+    path = courses.course(edge(arc()), at(0, 0), at(10, 10))
+    found = courses.poses(path, "hall")
+    assert found[0].theta == pytest.approx(0.0, abs=0.05)
+    assert found[-1].theta == pytest.approx(1.57, abs=0.05)
+    assert courses.poses(path, "hall", 3.0)[-1].theta == 3.0
+
+
+def test_the_first_metres_of_a_path() -> None:
+    path = courses.course(edge(corridor=narrow(1, 1)), at(0, 0), at(5, 0))
+    assert courses.beginning(path, 2.0)[-1][0] == pytest.approx(2.0, abs=courses.STEP)
