@@ -396,6 +396,17 @@ def test_a_trajectory_is_sent_in_the_frame_of_the_map() -> None:
     assert moved.trajectory.control_points[0].x == 1.0
 
 
+@pytest.mark.parametrize("knots", [(), (1.0, 0.0, 0.0, 1.0), (0.0, 0.0, 2.0, 2.0)])
+def test_a_trajectory_of_own_json_that_is_no_curve_is_not_sent(knots: tuple[float, ...]) -> None:
+    """NeNa's JSON is read as it is; LIF is repaired when it is read."""
+    curve = {"knotVector": [0, 0, 1, 1], "controlPoints": [{"x": 0, "y": 0}, {"x": 3, "y": 0}]}
+    content = json.loads(row(along={"trajectory": curve, "mobileRobotOrientations": [0.0]}).to_json())
+    content["paths"][0]["vehicleTypes"][0]["trajectory"]["knotVector"] = knots
+    sent_curve = first_edge(PlantModel.from_json(json.dumps(content))).trajectory
+    usable = len(knots) == 4 and knots == tuple(sorted(knots))
+    assert (sent_curve.knot_vector if sent_curve else None) == ((0.0, 0.0, 1.0, 1.0) if usable else None)
+
+
 def test_what_else_an_edge_says_is_sent() -> None:
     rules = {
         "reachOrientationBeforeEntering": False,

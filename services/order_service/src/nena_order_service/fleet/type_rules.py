@@ -111,8 +111,9 @@ Tangents = tuple[float | None, float | None]
 
 def _tangents(edge: DirectedEdge, rule: VehicleTypeOnPath, plant: PlantModel) -> Tangents:
     a, b = plant.point(edge.source), plant.point(edge.destination)
-    straight = ((a.x_m, a.y_m), (b.x_m, b.y_m))
-    places = curve.places(rule.trajectory) if rule.trajectory else straight
+    places = [(a.x_m, a.y_m), (b.x_m, b.y_m)]
+    if rule.trajectory:  # its control points show the directions at its ends
+        places = [(each.x, each.y) for each in rule.trajectory.control_points]
     parts = [(one, other) for one, other in pairwise(places) if one != other]
     if not parts:
         return None, None
@@ -166,7 +167,7 @@ def _fields(
         "direction": guidance.direction if guidance else None,
         "length": transform.length_to_map(guidance.length) if guidance and guidance.length else None,
         "corridor": _corridor(rule.corridor, transform, corridor_width),
-        "trajectory": _trajectory(rule.trajectory, transform) if rule.trajectory else None,
+        "trajectory": _trajectory(rule.trajectory, transform),
     }
     if orientation is not None:
         absolute = rule.orientation_type is PathOrientationType.GLOBAL
@@ -194,7 +195,11 @@ def _corridor(corridor: PathCorridor | None, transform: MapTransform, width: flo
     )
 
 
-def _trajectory(trajectory: PathTrajectory, transform: MapTransform) -> Trajectory:
+def _trajectory(trajectory: PathTrajectory | None, transform: MapTransform) -> Trajectory | None:
+    """Return the curve in the frame of the map; None also for one that cannot be followed."""
+    if trajectory is None or curve.fault(trajectory):
+        return None
+    trajectory = curve.scaled(trajectory)
     places = (
         (transform.to_map(PlantPlace(each.x, each.y)), each.weight) for each in trajectory.control_points
     )

@@ -1,6 +1,5 @@
 """Write plant models as LIF 1.0.0 or 2.0.0."""
 
-import json
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -9,6 +8,7 @@ from math import pi
 from typing import Annotated, Any, Final
 
 from pydantic import Field, TypeAdapter, ValidationError
+from pydantic_core import to_json
 
 from nena_shared.plant import property_keys as keys
 from nena_shared.plant.exchange import ExportReport
@@ -81,11 +81,11 @@ def write(
     file = from_plant(model, options)
     if version is LifVersion.V2_0:
         origins = mobile_robots.from_layouts(file)
-        text = origins.model_dump_json(by_alias=True, exclude_none=True, exclude_unset=True, indent=2)
+        content = origins.model_dump(mode="json", by_alias=True, exclude_none=True, exclude_unset=True)
     else:
         content = file.model_dump(mode="json", by_alias=True, exclude_none=True, exclude_defaults=True)
-        text = json.dumps(_as_1_0(content), indent=2, ensure_ascii=False)
-    return ExportReport(text.encode() + b"\n", tuple(export_warnings(model, version)))
+        content = _as_1_0(content)
+    return ExportReport(to_json(content, indent=2) + b"\n", tuple(export_warnings(model, version)))
 
 
 def _as_1_0(part: Any) -> Any:  # noqa: ANN401 - a value of JSON

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from contextlib import suppress
+from copy import deepcopy
 from datetime import UTC, datetime
 from typing import Any
 
@@ -106,7 +107,7 @@ def test_any_value_at_any_place(
         with suppress(KeyError, IndexError, TypeError):
             for key in way:
                 place = place[key]
-            place[last] = value
+            place[last] = deepcopy(value)
     with suppress(PlantModelError):
         model = read(json.dumps(content).encode(), strict=strict).model
         again = opentcs_xml.read(opentcs_xml.write(model).data).model
@@ -134,7 +135,7 @@ def test_any_value_in_own_json(spot: tuple[Any, ...], value: Any) -> None:
     place = content
     for key in spot[:-1]:
         place = place[key]
-    place[spot[-1]] = value
+    place[spot[-1]] = deepcopy(value)
     with suppress(PlantModelError):
         model = files.read(json.dumps(content).encode()).model
         assert sum(path.length_m for path in model.paths) >= 0
