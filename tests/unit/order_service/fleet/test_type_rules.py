@@ -396,6 +396,12 @@ def test_a_trajectory_is_sent_in_the_frame_of_the_map() -> None:
     assert moved.trajectory.control_points[0].x == 1.0
 
 
+@pytest.mark.parametrize(("off", "is_sent"), [(0.009, True), (0.011, False)])
+def test_a_trajectory_that_misses_its_nodes_is_not_sent(off: float, *, is_sent: bool) -> None:
+    curve = {"knotVector": [0, 0, 1, 1], "controlPoints": [{"x": 0, "y": 0}, {"x": 3, "y": off}]}
+    assert (first_edge(row(along={"trajectory": curve})).trajectory is not None) is is_sent
+
+
 @pytest.mark.parametrize("knots", [(), (1.0, 0.0, 0.0, 1.0), (0.0, 0.0, 2.0, 2.0)])
 def test_a_trajectory_of_own_json_that_is_no_curve_is_not_sent(knots: tuple[float, ...]) -> None:
     """NeNa's JSON is read as it is; LIF is repaired when it is read."""

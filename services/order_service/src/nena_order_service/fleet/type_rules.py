@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from math import atan2
+from math import atan2, hypot
 from typing import Self, TypeVar
 
 from nena_order_service.fleet.position import RobotProfile, Standing
 from nena_shared.plant import DirectedEdge, MapPlace, MapTransform, PlantModel, PlantPlace, Point, Vehicle
 from nena_shared.plant.geometry import normalized
 from nena_shared.plant.lif import curve
+from nena_shared.plant.lif.checks import SAME_PLACE_M
 from nena_shared.plant.lif.mobile_robots import json_value
 from nena_shared.plant.track import (
     PathCorridor,
@@ -97,7 +98,9 @@ def edge_fields(
         tangents = _tangents(edge, rule, plant)
         orientation = _orientation(rule, tangents, heading, wanted, can_reverse=rules.can_reverse)
         heading = None if orientation is None else _absolute(rule, orientation, tangents[1])
-        yield _fields(rule, orientation, profile.on(end.map_id or profile.map_id), profile.corridor_width)
+        transform = profile.on(end.map_id or profile.map_id)
+        trajectory = _trajectory(rule.trajectory, (plant.point(edge.source), end), transform)
+        yield {**_fields(rule, orientation, transform, profile.corridor_width), "trajectory": trajectory}
 
 
 def required_heading(rule: VehicleTypeAtPoint | None, point: Point) -> float | None:
@@ -167,7 +170,6 @@ def _fields(
         "direction": guidance.direction if guidance else None,
         "length": transform.length_to_map(guidance.length) if guidance and guidance.length else None,
         "corridor": _corridor(rule.corridor, transform, corridor_width),
-        "trajectory": _trajectory(rule.trajectory, transform),
     }
     if orientation is not None:
         absolute = rule.orientation_type is PathOrientationType.GLOBAL
@@ -195,11 +197,16 @@ def _corridor(corridor: PathCorridor | None, transform: MapTransform, width: flo
     )
 
 
-def _trajectory(trajectory: PathTrajectory | None, transform: MapTransform) -> Trajectory | None:
-    """Return the curve in the frame of the map; None also for one that cannot be followed."""
+def _trajectory(
+    trajectory: PathTrajectory | None, ends: tuple[Point, Point], transform: MapTransform
+) -> Trajectory | None:
+    """Return the curve in the frame of the map; None for one that does not lead from node to node."""
     if trajectory is None or curve.fault(trajectory):
         return None
     trajectory = curve.scaled(trajectory)
+    for (x, y), point in zip(curve.places(trajectory, 1), ends, strict=True):
+        if hypot(x - point.x_m, y - point.y_m) > SAME_PLACE_M:
+            return None
     places = (
         (transform.to_map(PlantPlace(each.x, each.y)), each.weight) for each in trajectory.control_points
     )

@@ -143,7 +143,8 @@ def _headings(each: dict[str, Any]) -> Iterator[tuple[Any, Any, float]]:
                 yield place, spot, float(place[spot])
 
 
-_SAME_PLACE_M: Final = 0.01
+SAME_PLACE_M: Final = 0.01
+"""How far from its nodes a trajectory may end."""
 _HEADING_MARGIN: Final = 8e-6
 """LIF 2.0 allows 3.1416 for pi."""
 
@@ -388,7 +389,7 @@ def _trajectory(trajectory: PathTrajectory, ends: tuple[LifNode, LifNode]) -> It
     if trajectory.knot_vector[0] < 0 or trajectory.knot_vector[-1] > 1:
         yield "the trajectory has knots outside 0 to 1; they are scaled"
     for point, node in zip((trajectory.control_points[0], trajectory.control_points[-1]), ends, strict=True):
-        if hypot(point.x - node.node_position.x, point.y - node.node_position.y) > _SAME_PLACE_M:
+        if hypot(point.x - node.node_position.x, point.y - node.node_position.y) > SAME_PLACE_M:
             yield f"the trajectory does not end at node {node.node_id!r}; the node's position is used"
 
 
