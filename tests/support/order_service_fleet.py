@@ -217,6 +217,14 @@ async def vehicle_idle(client: httpx.AsyncClient, name: str = "Robot-01") -> dic
     )
 
 
+async def role(client: httpx.AsyncClient) -> str:
+    """Return the role of an order service; empty while it does not answer."""
+    try:
+        return str((await client.get("/readyz")).json()["role"])
+    except httpx.TransportError:
+        return ""
+
+
 async def every_order_ended(client: httpx.AsyncClient, seconds: float = 200) -> list[dict[str, Any]]:
     """Wait until no order is active, and return all orders."""
 

@@ -48,6 +48,11 @@ def plugins_of(*operations: dict[str, Any], ros: ScriptedRos | None, **actions: 
     return list(ready_made(settings.operations, context, settings.actions))
 
 
+async def end_of(reports: list[ActionReport]) -> ActionReport:
+    """Return the report of an action's end, once it has come."""
+    return await until(lambda: next((each for each in reports if each.status.ended), None))
+
+
 class Robot:
     """The ready-made actions of one robot, with the ROS side in the test's hands."""
 
@@ -65,5 +70,5 @@ class Robot:
         await until(lambda: [each["data"] for _, each in self.ros.published] == list(texts))
 
     async def end(self) -> tuple[str, str | None]:
-        last = await until(lambda: next((each for each in self.reports if each.status.ended), None))
+        last = await end_of(self.reports)
         return last.status.value, last.result

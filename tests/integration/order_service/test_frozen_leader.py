@@ -12,7 +12,7 @@ import pytest
 from nena_shared.fleet_api.epoch import epoch_of, with_epoch
 from support.broker import Broker, MqttPeer
 from support.instant_robot import InstantRobot, instant_robot
-from support.order_service_fleet import Fleet, every_order_ended, order_in, vehicle_idle
+from support.order_service_fleet import Fleet, every_order_ended, order_in, role, vehicle_idle
 from support.pausing import time_passes
 from support.waiting import PATIENCE, awaited, until
 
@@ -27,13 +27,7 @@ ORDERS = {"T-1": "South 2", "T-2": "South 1", "T-3": "South 2"}
 
 
 async def active(client: httpx.AsyncClient) -> None:
-    async def role() -> str:
-        try:
-            return str((await client.get("/readyz")).json()["role"])
-        except httpx.TransportError:
-            return ""
-
-    await awaited(role, lambda told: told == "active", seconds=PATIENCE, what="it is active")
+    await awaited(lambda: role(client), lambda told: told == "active", seconds=PATIENCE, what="it is active")
 
 
 def body(name: str) -> dict[str, object]:

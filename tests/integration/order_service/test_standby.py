@@ -10,7 +10,7 @@ from collections.abc import Mapping
 import httpx
 import pytest
 
-from support.order_service_fleet import Fleet, actions_done, every_order_ended, order_in, vehicle_idle
+from support.order_service_fleet import Fleet, actions_done, every_order_ended, order_in, role, vehicle_idle
 from support.postgres import Postgres
 from support.waiting import PATIENCE, awaited, until
 
@@ -24,13 +24,6 @@ TAKEOVER_SECONDS = 5.0
 USUAL_START_SECONDS = 2.5
 ROOM = 2.0
 """For a machine that has less time left for the takeover than it had for the start."""
-
-
-async def role(client: httpx.AsyncClient) -> str:
-    try:
-        return str((await client.get("/readyz")).json()["role"])
-    except httpx.TransportError:
-        return ""
 
 
 async def ready(client: httpx.AsyncClient) -> bool:

@@ -25,6 +25,7 @@ from nena_shared.vda5050.topics import RobotKey, Topic
 from support.edge_agent import FleetControl, ended, error_types, status_of
 from support.lift_process import lift_process
 from support.nav2_agent import Bench, ready
+from support.ready_made import end_of
 from support.robot_core import action, hard, order
 from support.ros import LATCHED, RosPeer
 from support.waiting import until
@@ -103,7 +104,7 @@ class Robot:
         self.runner.start(StartAction(action(action_id, "HARD", action_type, **parameters), ()))
 
     async def end(self) -> tuple[str, str | None]:
-        last = await until(lambda: next((each for each in self.reports if each.status.ended), None))
+        last = await end_of(self.reports)
         return last.status.value, last.result
 
 

@@ -15,6 +15,7 @@ from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
 from nena_shared.vda5050.factsheet import ActionScope
 from nena_shared.vda5050.own_actions import SHOW_MAP_TRANSFORMS, transforms_itself
+from support.ready_made import end_of
 from support.robot_core import HEADER, action
 from support.waiting import until
 
@@ -34,7 +35,7 @@ class Trial:
         return [report.status for report in self.reports]
 
     async def ends(self) -> ActionReport:
-        return await until(lambda: next((each for each in self.reports if each.status.ended), None))
+        return await end_of(self.reports)
 
 
 async def test_it_runs_and_is_finished_after_its_time() -> None:

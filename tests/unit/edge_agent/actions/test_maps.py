@@ -17,8 +17,8 @@ from nena_edge_agent.protocol.events import ActionReport
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.state import Map, MapStatus
 from support.http_files import Files, served_files
+from support.ready_made import end_of
 from support.robot_core import action
-from support.waiting import until
 
 pytestmark = pytest.mark.clause("6.3")
 
@@ -48,7 +48,7 @@ class Stage:
         return await self.end()
 
     async def end(self) -> ActionReport:
-        return await until(lambda: next((each for each in self.reports if each.status.ended), None))
+        return await end_of(self.reports)
 
 
 @pytest.fixture

@@ -5,6 +5,7 @@ import asyncio
 from nena_edge_agent.actions.plugin import ENDED, BackgroundAction, Countdown, RunningAction, WorkFailedError
 from nena_edge_agent.protocol.events import ActionReport
 from nena_shared.vda5050.action import ActionStatus
+from support.ready_made import end_of
 from support.waiting import until
 
 FINISHED = ActionReport("a", ActionStatus.FINISHED, "done")
@@ -32,7 +33,7 @@ class Trial:
         return FINISHED
 
     async def end(self) -> ActionReport:
-        return await until(lambda: next((each for each in self.reports if each.status.ended), None))
+        return await end_of(self.reports)
 
 
 async def test_it_ends_as_its_work_does() -> None:
