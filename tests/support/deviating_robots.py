@@ -69,7 +69,6 @@ def _references(value: Any) -> list[dict[str, Any]]:
 def _of_position() -> Iterator[Deviation]:
     at, wrapped = "state.agvPosition.theta", "angle wrapped"
     yield Deviation("heading 3.1416", {"agvPosition.theta": 3.1416}, f"{at} 3.1416: {wrapped}")
-    yield Deviation("heading 4.7", {"agvPosition.theta": 4.7}, f"{at} 4.7: {wrapped}")
     yield Deviation("heading 3.1416 in 2.0", {"agvPosition.theta": 3.1416}, f"{at} 3.1416", version="2.0.0")
     yield Deviation(
         "heading 3.1416 in 3.0",
@@ -234,6 +233,7 @@ def _of_headers() -> Iterator[Deviation]:
     yield Deviation(
         "version 2.7.0", {"version": "2.7.0"}, "state.version 2.7.0, read as 2.1.0: unknown version"
     )
+    yield Deviation("version 3.0.1", {"version": "3.0.1"}, version="3.0.0")
     yield Deviation("byte order mark", report="state.message EF BB BF: byte order mark", raw=b"\xef\xbb\xbf")
 
 

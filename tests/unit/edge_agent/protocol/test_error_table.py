@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from datetime import UTC, datetime
+from typing import Any
 
 import pytest
 
@@ -15,6 +16,7 @@ from nena_edge_agent.protocol.events import (
 )
 from nena_shared.vda5050.state import OperatingMode
 from nena_shared.vda5050.versions import RULES
+from nena_shared.vda5050.zone_set import ZoneReleaseLossBehavior
 from support.robot_core import Bench, action, at, order, position
 from support.zones import responses, transfer, zone
 
@@ -46,14 +48,14 @@ def order_in_manual(bench: Bench) -> None:
     take_order(bench)
 
 
-def enable(bench: Bench, kind: str, left: float, right: float) -> None:
+def enable(bench: Bench, kind: str, left: float, right: float, **fields: Any) -> None:
     set_id = f"{kind} {left}"
-    bench.do(ZoneSetReceived(transfer(zone("z", kind, left, right), zone_set_id=set_id)))
+    bench.do(ZoneSetReceived(transfer(zone("z", kind, left, right, **fields), zone_set_id=set_id)))
     bench.instant(action(set_id, "NONE", "enableZoneSet", zoneSetId=set_id))
 
 
-def lose_a_release(bench: Bench) -> None:
-    enable(bench, "RELEASE", 13, 17)
+def lose_a_release(bench: Bench, behavior: ZoneReleaseLossBehavior | None = None) -> None:
+    enable(bench, "RELEASE", 13, 17, release_loss_behavior=behavior)
     bench.send(order("n0", "n1", "n2"))
     bench.arrive()
     bench.do(ResponsesReceived(responses("zone-1", "GRANTED"), NOON), at(15.0))
@@ -183,6 +185,13 @@ def elsewhere(bench: Bench) -> None:
             {"zoneId"},
             lambda bench: enable(bench, "BLOCKED", -1, 1),
             lambda bench: bench.do(at(5.0)),
+        ),
+        (
+            "RELEASE_LOSS_HANDLING",
+            "WARNING",
+            {"zoneId"},
+            lambda bench: lose_a_release(bench, behavior=ZoneReleaseLossBehavior.CONTINUE),
+            lambda bench: bench.do(ResponsesReceived(responses("zone-1", "GRANTED"), NOON)),
         ),
         (
             "RELEASE_LOST",

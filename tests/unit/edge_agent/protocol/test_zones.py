@@ -272,7 +272,9 @@ class TestRelease:
 
         assert requests(robot) == [("gate", "zone-1", "REVOKED")]
         assert bool(robot.effects_of(Halt)) is stands
-        assert robot.errors == (["RELEASE_LOST"] if stands else [])
+        assert robot.errors == (["RELEASE_LOST"] if stands else ["RELEASE_LOSS_HANDLING"])
+        robot.do(at(18.5))
+        assert stands or robot.errors == []
 
     @pytest.mark.clause("6.4.3/loss")
     def test_a_robot_that_cannot_leave_by_its_base_stands(self) -> None:

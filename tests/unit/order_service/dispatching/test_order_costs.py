@@ -78,7 +78,8 @@ def test_what_an_order_begins_with_picking_up_is_what_comes_before_any_drop() ->
     assert known.pick(dispatchable_order("A", "C:Unload", "B:Load")) is None
     assert known.pick(dispatchable_order("A")) is None
     assert known.pick(assigned_order("A:Load", "B:Unload").drive_order_finished(0, NOW)) is None
-    told = [{"key": "loadType", "value": "pallet"}, {"key": "lhd", "value": "fork"}]
-    asked = {"locationName": "A", "operation": "Load", "properties": told}
-    order = dispatchable_order(destinations=[asked])
-    assert known.pick(order) == Pick("pallet", "fork")
+    for device in ("lhd", "loadHandlingDevice"):
+        told = [{"key": "loadType", "value": "pallet"}, {"key": device, "value": "fork"}]
+        asked = {"locationName": "A", "operation": "Load", "properties": told}
+        order = dispatchable_order(destinations=[asked])
+        assert known.pick(order) == Pick("pallet", "fork")

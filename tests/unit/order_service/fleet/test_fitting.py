@@ -278,3 +278,18 @@ def test_a_number_is_a_text_where_the_robot_wants_one(given: float | str, text: 
     (parameter,) = fitted_action(action, abilities(pick(height=ValueDataType.STRING))).action_parameters
     assert parameter.value == text
     assert isinstance(parameter.value, str)
+
+
+@pytest.mark.clause("6.2.3/pick")
+@pytest.mark.parametrize("given", ["lhd", "loadHandlingDevice"])
+@pytest.mark.parametrize("listed", ["lhd", "loadHandlingDevice", None])
+def test_the_load_handling_device_has_the_name_that_the_robot_lists(given: str, listed: str | None) -> None:
+    action = Action(
+        action_type="pick",
+        action_id="p",
+        blocking_type=BlockingType.HARD,
+        action_parameters=(ActionParameter(key=given, value="fork"),),
+    )
+    kinds = {listed: ValueDataType.STRING} if listed else {}
+    (parameter,) = fitted_action(action, abilities(pick(**kinds))).action_parameters
+    assert (parameter.key, parameter.value) == (listed or given, "fork")

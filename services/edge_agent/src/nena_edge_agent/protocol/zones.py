@@ -112,6 +112,7 @@ def advance(robot: RobotState) -> None:
     _update_requests(robot, inside)
     robot.errors.set_condition(ErrorType.BLOCKED_ZONE_VIOLATION, _violation(inside))
     robot.errors.set_condition(ErrorType.RELEASE_LOST, _lost_release(robot, inside))
+    robot.errors.set_condition(ErrorType.RELEASE_LOSS_HANDLING, _handled_loss(robot, inside))
     robot.errors.set_condition(ErrorType.NODE_UNREACHABLE, _closed_path(robot))
 
 
@@ -275,6 +276,24 @@ def _lost_release(robot: RobotState, inside: list[EnabledZone]) -> ErrorEntry | 
         ErrorType.RELEASE_LOST,
         f"the robot stopped in zone '{zone.zone.zone_id}': its release was lost",
         hint="grant the request again, or cancel the order and move the robot out by hand",
+        zone_id=zone.zone.zone_id,
+    )
+
+
+def _handled_loss(robot: RobotState, inside: list[EnabledZone]) -> ErrorEntry | None:
+    """Report that the robot drives in a zone though its release was lost, as releaseLossBehavior says."""
+    if not robot.progress.nodes:
+        return None
+    lost = (each for each in inside if robot.zone_requests.status(each.key) in LOST)
+    zone = next((each for each in lost if _may_continue(robot, each)), None)
+    if zone is None:
+        return None
+    evacuates = zone.zone.release_loss_behavior is ZoneReleaseLossBehavior.EVACUATE
+    how = "leaves" if evacuates else "drives on in"
+    return error(
+        ErrorType.RELEASE_LOSS_HANDLING,
+        f"the robot {how} zone '{zone.zone.zone_id}': its release was lost",
+        hint="keep the zone free until the robot has left it, or grant the request again",
         zone_id=zone.zone.zone_id,
     )
 

@@ -107,6 +107,9 @@ DEFAULT_ACTION_TYPES: Final[Mapping[str, str]] = MappingProxyType(
 STATION_PARAMETERS: Final = frozenset({"stationType", "stationName", "loadType"})
 """Parameters of pick and drop for place and load, set in any case."""
 
+LOAD_HANDLING_DEVICE: Final = ("loadHandlingDevice", "lhd")
+"""What 3.0.1 and the versions before call the parameter of pick and drop for the load handling device."""
+
 UNSPECIFIED_LOAD: Final = "unspecified"
 """The loadType if none is given; 2.1 requires the parameter of pick and drop."""
 

@@ -13,6 +13,7 @@ from nena_order_service.fleet.robot import RobotView
 from nena_order_service.fleet.type_rules import TypeRules
 from nena_order_service.fleet.vda_order import (
     DROP,
+    LOAD_HANDLING_DEVICE,
     PICK,
     OperationMap,
     SpeedLimit,
@@ -207,7 +208,8 @@ class OrderPlanner:
             action_type = self._operations.action_type(each.destination.operation)
             if action_type == PICK:
                 given = {each.key: each.text for each in each.destination.properties}
-                return Pick(given.get("loadType", ""), given.get("lhd", ""))
+                place = next((given[key] for key in LOAD_HANDLING_DEVICE if key in given), "")
+                return Pick(given.get("loadType", ""), place)
             if action_type == DROP:
                 return None
         return None

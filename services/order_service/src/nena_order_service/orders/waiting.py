@@ -8,6 +8,7 @@ from heapq import merge
 from itertools import islice
 from typing import NamedTuple
 
+from nena_order_service.fleet.vda_order import LOAD_HANDLING_DEVICE
 from nena_order_service.orders.transport_order import TransportOrder, Urgency
 from nena_shared.fleet_api.transport_order import TransportOrderState
 
@@ -39,7 +40,14 @@ def kind_of(order: TransportOrder) -> OrderKind:
             (
                 each.destination.operation,
                 next((given.text for given in each.destination.properties if given.key == "loadType"), ""),
-                next((given.text for given in each.destination.properties if given.key == "lhd"), ""),
+                next(
+                    (
+                        given.text
+                        for given in each.destination.properties
+                        if given.key in LOAD_HANDLING_DEVICE
+                    ),
+                    "",
+                ),
             )
             for each in status.drive_orders[order.index :]
         ),

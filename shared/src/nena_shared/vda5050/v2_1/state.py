@@ -51,6 +51,7 @@ WRITTEN: dict[str, str] = {
     ErrorType.DUPLICATE_ZONE_SET: "duplicateZoneSet",
     ErrorType.BLOCKED_ZONE_VIOLATION: "blockedZoneViolation",
     ErrorType.RELEASE_LOST: "releaseLost",
+    ErrorType.RELEASE_LOSS_HANDLING: "releaseLossHandling",
     ErrorType.ZONE_ACTION_CONFLICT: "zoneActionConflict",
     ErrorType.INSTANT_ACTION_STATES_FULL: "instantActionStatesFull",
     ErrorType.ZONE_ACTION_STATES_FULL: "zoneActionStatesFull",

@@ -200,9 +200,12 @@ class EdgeRequestV30(EdgeRequest):
 
 
 class ErrorEntryV30(ErrorEntry):
-    """One active error; section 7.8 has an older name for one type."""
+    """One active error; two types have older names."""
 
-    error_type: Annotated[str, reads({"INVALID_ORDER": "INVALID_ORDER_ACTION"})]
+    error_type: Annotated[
+        str,
+        reads({"INVALID_ORDER": "INVALID_ORDER_ACTION", "HANDLING_RELEASE_LOSS": "RELEASE_LOSS_HANDLING"}),
+    ]
 
 
 class StateV30(State):
