@@ -392,7 +392,9 @@ class Rig:
         self.told: list[str] = []
         self.woken = asyncio.Event()
         core = self.bench.core
-        self.recorder = Recorder(journal, core.durable_version, tell=self.told.append, wake=self.woken.set)
+        self.recorder = Recorder(
+            journal, core.durable_version, on_record=self.told.append, wake=self.woken.set
+        )
 
     async def write(self) -> None:
         core = self.bench.core

@@ -142,7 +142,7 @@ def _agent_maker(
             clock=clock,
         )
         control.cut_link = agent.cut_link
-        map_watch.tell = agent.publish_map
+        map_watch.on_map = agent.publish_map
         return agent
 
     return make

@@ -194,7 +194,7 @@ class RobotAgent:
         self._recorder = Recorder(
             None if self._journal_loss else journal,
             self._core.durable_version,
-            tell=self._tell_journal,
+            on_record=self._on_journal_record,
             wake=self._mailbox.wake,
         )
         self._drives, self._others = Postponed(), Postponed()
@@ -323,7 +323,7 @@ class RobotAgent:
         self._core.header_ids = self._messages.headers.reserve()
         await self._recorder.write(self._core.durable_version, self._core.memory)
 
-    def _tell_journal(self, problem: str) -> None:
+    def _on_journal_record(self, problem: str) -> None:
         """Report in the state whether the journal works, once for each change."""
         if problem != self._core.robot.journal_problem:
             self._log.warning("journal", works=not problem, problem=problem)

@@ -324,7 +324,7 @@ class Recorder:
         journal: Journal | None,
         version: Version,
         *,
-        tell: Callable[[str], None],
+        on_record: Callable[[str], None],
         wake: Callable[[], None],
     ) -> None:
         """Prepare to record what differs from ``version``.
@@ -332,14 +332,14 @@ class Recorder:
         Args:
             journal: the journal; None: nothing is recorded.
             version: of the journal's content.
-            tell: called after each record with the problem of the disk, "" for none.
+            on_record: called after each record with the problem of the disk, "" for none.
             wake: called when a disk that hung has answered: the newest record can be written then.
         """
         self._journal = journal
         self._durable: Version | None = version
         self._begun: Version | None = None
         self._written: Version | None = version
-        self._tell = tell
+        self._on_record = on_record
         self._wake = wake
         self._record: asyncio.Future[None] | None = None
         self._deadline = 0.0
@@ -355,7 +355,7 @@ class Recorder:
         self._written = self._durable = None  # a failed record may have overwritten the previous one
         written: SimpleQueue[bool] = SimpleQueue()
         self._record = loop.run_in_executor(None, _work, self._journal, memory(), written)
-        self._record.add_done_callback(_hear)
+        self._record.add_done_callback(_consume)
         try:
             outlives = written.get(timeout=AT_ONCE)
         except Empty:
@@ -371,13 +371,13 @@ class Recorder:
         done, _ = await asyncio.wait((self._record,), timeout=max(0.0, timeout))
         if not done:
             self._record.add_done_callback(lambda _: self._wake())
-            self._tell("the disk does not answer")
+            self._on_record("the disk does not answer")
         elif error := self._record.exception():
-            self._tell(str(error) or type(error).__name__)
+            self._on_record(str(error) or type(error).__name__)
         else:
             self._durable = version
             self.seconds.observe(asyncio.get_running_loop().time() - self._deadline + WRITE_TIMEOUT)
-            self._tell("")
+            self._on_record("")
 
     def has_written(self, version: Version) -> bool:
         """Return whether what differs in ``version`` survives the process; always without a journal."""
@@ -411,7 +411,7 @@ def _await(written: SimpleQueue[bool], seconds: float) -> bool:
         return False
 
 
-def _hear(record: asyncio.Future[None]) -> None:
+def _consume(record: asyncio.Future[None]) -> None:
     """Consume the result of a record that is no longer waited for."""
     if not record.cancelled():
         record.exception()

@@ -87,12 +87,14 @@ class ServerEndpoints:
         )
         found = [
             events,
-            self.serve(server, GetState, f"{server}/get_state", lambda _, to: self._tell_state(server, to)),
+            self.serve(server, GetState, f"{server}/get_state", lambda _, to: self._answer_state(server, to)),
             self.serve(server, ChangeState, f"{server}/change_state", change),
         ]
         if values := self._values.get(server):
             name = f"{server}/get_parameters"
-            found.append(self.serve(server, GetParameters, name, lambda of, to: _tell(values, of, to)))
+            found.append(
+                self.serve(server, GetParameters, name, lambda of, to: _answer_parameters(values, of, to))
+            )
         return found
 
     def _manager(self, manager: Server) -> Any:  # noqa: ANN401
@@ -103,7 +105,7 @@ class ServerEndpoints:
 
         return self._session.serve_later(Trigger, f"{manager}/is_active", tell)
 
-    def _tell_state(self, server: Server, response: GetState.Response) -> None:
+    def _answer_state(self, server: Server, response: GetState.Response) -> None:
         state = self._robot.servers.state(server)
         response.current_state.id, response.current_state.label = int(state), state.name.lower()
 
@@ -122,7 +124,7 @@ class ServerEndpoints:
         self._on_change()
 
 
-def _tell(
+def _answer_parameters(
     values: Mapping[str, Value], request: GetParameters.Request, response: GetParameters.Response
 ) -> None:
     """Return the requested parameters; as with rclcpp, none at all if one of them does not exist."""

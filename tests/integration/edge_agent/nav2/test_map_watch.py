@@ -38,7 +38,7 @@ async def watched(watch: MapWatch, domain_id: int) -> AsyncIterator[None]:
 async def test_the_map_of_a_robot_that_was_there_before(domain_id: int) -> None:
     told: list[MapImage] = []
     watch = MapWatch("map", lambda: "hall", SAME)
-    watch.tell = told.append
+    watch.on_map = told.append
     with simulated_robot(domain_id):
         async with watched(watch, domain_id):
             await until(lambda: bool(told), what="the map")

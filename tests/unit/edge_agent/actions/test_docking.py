@@ -69,9 +69,9 @@ async def test_an_order_may_say_how_far_within_bounds_where_it_is_set_so() -> No
 
 async def test_held_it_stands_and_then_drives_to_the_same_place() -> None:
     drive, driver = ActionDrive(), ScriptedDriver()
-    driver.on_halt = lambda: drive.hear(Halted())
+    driver.on_halt = lambda: drive.observe(Halted())
     drive.attach(driver)
-    drive.hear(PoseReport(Pose(0.0, 0.0, 0.0, "hall"), localized=True))
+    drive.observe(PoseReport(Pose(0.0, 0.0, 0.0, "hall"), localized=True))
     settings = DockOperationSettings(kind="dock", action_type="dock", forward=1.0)
     reports: list[ActionReport] = []
     running = Docking(settings, drive).start(action("a", "HARD", "dock"), (), reports.append)
@@ -80,11 +80,11 @@ async def test_held_it_stands_and_then_drives_to_the_same_place() -> None:
     running.pause()
     await until(lambda: reports[-1].status is ActionStatus.PAUSED)
     assert driver.halts == 1
-    drive.hear(PoseReport(Pose(0.4, 0.0, 0.0, "hall"), localized=True))
+    drive.observe(PoseReport(Pose(0.4, 0.0, 0.0, "hall"), localized=True))
     running.resume()
     await until(lambda: len(driver.goals) == 2)
     assert driver.goals[1].pose == driver.goals[0].pose
-    drive.hear(Arrived(driver.goals[1].generation))
+    drive.observe(Arrived(driver.goals[1].generation))
     await until(lambda: reports[-1].status is ActionStatus.FINISHED)
 
     assert [each.status.value for each in reports] == ["RUNNING", "PAUSED", "RUNNING", "FINISHED"]
@@ -94,7 +94,7 @@ async def test_held_it_stands_and_then_drives_to_the_same_place() -> None:
 async def test_given_up_the_robot_stands_before_it_is_told(*, held: bool) -> None:
     drive, driver = ActionDrive(), ScriptedDriver()
     drive.attach(driver)
-    drive.hear(PoseReport(Pose(0.0, 0.0, 0.0, "hall"), localized=True))
+    drive.observe(PoseReport(Pose(0.0, 0.0, 0.0, "hall"), localized=True))
     settings = DockOperationSettings(kind="dock", action_type="dock")
     reports: list[ActionReport] = []
     running = Docking(settings, drive).start(action("a", "HARD", "dock"), (), reports.append)
@@ -102,12 +102,12 @@ async def test_given_up_the_robot_stands_before_it_is_told(*, held: bool) -> Non
     if held:
         running.pause()
         await until(lambda: driver.halts)
-        drive.hear(Halted())
+        drive.observe(Halted())
         await until(lambda: reports[-1].status is ActionStatus.PAUSED)
     running.cancel()
     await until(lambda: driver.halts)
     assert not reports[-1].status.ended
-    drive.hear(Halted())
+    drive.observe(Halted())
     await until(lambda: reports[-1].status.ended)
 
     assert reports[-1].result == "cancelled"

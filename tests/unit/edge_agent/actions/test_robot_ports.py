@@ -52,10 +52,10 @@ async def test_it_ends_with_the_arrival_of_its_own_goal() -> None:
     assert (goal.pose, goal.deviation_xy, goal.maximum_speed) == (PLACE, 0.1, 0.3)
     assert goal.generation < 0  # the core's are above zero
 
-    drive.hear(Arrived(1))
+    drive.observe(Arrived(1))
     await turn_passes()
     assert not task.done()
-    drive.hear(Arrived(goal.generation))
+    drive.observe(Arrived(goal.generation))
 
     await asyncio.wait_for(task, PATIENCE)
 
@@ -63,7 +63,7 @@ async def test_it_ends_with_the_arrival_of_its_own_goal() -> None:
 async def test_a_drive_that_fails_says_why() -> None:
     drive, driver = begun()
     task = await driving(drive, driver)
-    drive.hear(DriveFailed(driver.goals[0].generation, DriveFailure.ABORTED, "a wall"))
+    drive.observe(DriveFailed(driver.goals[0].generation, DriveFailure.ABORTED, "a wall"))
 
     with pytest.raises(DriveError, match=r"a wall \(ABORTED\)"):
         await asyncio.wait_for(task, PATIENCE)
@@ -75,20 +75,20 @@ async def test_one_that_is_given_up_ends_when_the_robot_stands() -> None:
     task.cancel()
     await until(lambda: driver.halts)
     assert not task.done()
-    drive.hear(Halted())
+    drive.observe(Halted())
     with pytest.raises(asyncio.CancelledError):
         await asyncio.wait_for(task, PATIENCE)
 
     again = await driving(drive, driver)  # the next one may begin
     assert driver.goals[1].generation < driver.goals[0].generation
     again.cancel()
-    driver.on_halt = lambda: drive.hear(Halted())
+    driver.on_halt = lambda: drive.observe(Halted())
     await asyncio.wait([again], timeout=PATIENCE)
 
 
 async def test_two_cannot_drive_at_a_time() -> None:
     drive, driver = begun()
-    driver.on_halt = lambda: drive.hear(Halted())
+    driver.on_halt = lambda: drive.observe(Halted())
     task = await driving(drive, driver)
     with pytest.raises(DriveError, match="another action drives"):
         await drive.drive(PLACE, deviation_xy=0.1)
@@ -105,7 +105,7 @@ def test_the_pose_is_one_that_can_be_trusted() -> None:
     drive, _ = begun()
 
     def pose(*, localized: bool) -> Pose | None:
-        drive.hear(PoseReport(PLACE, localized=localized))
+        drive.observe(PoseReport(PLACE, localized=localized))
         return drive.pose
 
     assert drive.pose is None
@@ -123,7 +123,7 @@ def sensor(settings: LoadSensorSettings = SETTINGS) -> tuple[ScriptedRos, list[b
     def tell(event: LoadSensed) -> None:
         told.append(event.loaded)
 
-    made.tell = tell
+    made.on_reading = tell
     return ros, told
 
 

@@ -32,7 +32,7 @@ class Robot:
             self.switch.address,
             begin=self._begin,
             end=self._end,
-            tell=self.told.append,
+            on_change=self.told.append,
             clock=ManualClock(),
             retry=1.0,
         )

@@ -193,7 +193,7 @@ async def test_one_that_does_not_hold_says_so_and_goes_on() -> None:
 async def test_reports_from_other_threads_come_in_the_loop() -> None:
     trial = Trial(Puppet())
     heard: list[int] = []
-    trial.run._told = lambda _: heard.append(threading.get_ident())
+    trial.run._on_report = lambda _: heard.append(threading.get_ident())
 
     await asyncio.to_thread(trial.plugin.report, RUNNING)
     await until(lambda: heard)

@@ -102,7 +102,7 @@ class Graph:
         self.door = asyncio.Event()
         self.door.set()
         self.keeper = SessionManager(
-            HERE, begin=self._begin, end=self._end, tell=self.told.append, clock=self.clock, retry=2.0
+            HERE, begin=self._begin, end=self._end, on_change=self.told.append, clock=self.clock, retry=2.0
         )
 
     async def _begin(self, address: RosAddress) -> None:
@@ -144,7 +144,7 @@ async def test_what_is_not_there_is_not_stopped() -> None:
     graph = Graph()
     await graph.keeper.stop()
     assert graph.states == []
-    graph.keeper.tell_off()
+    graph.keeper.report_stopped()
     assert graph.states == ["NOT_ACTIVE"]
 
 

@@ -46,7 +46,7 @@ class ActionDrive:
         """Use ``driver`` for drives."""
         self._driver = driver
 
-    def hear(self, event: Event) -> None:
+    def observe(self, event: Event) -> None:
         """Inspect an event of the driver."""
         match event:
             case PoseReport():
@@ -145,16 +145,16 @@ class LoadSensor:
             raise ConfigurationError([f"{PATH}.type: {error}"]) from error
         template = MessageTemplate(settings.loaded, shape, nothing, f"{PATH}.loaded", any_of=True)
         self._loaded = template.filled({})
-        self._told: bool | None = None
-        self._told_at = -inf
-        self.tell: Callable[[LoadSensed], None] | None = None
+        self._reported: bool | None = None
+        self._reported_at = -inf
+        self.on_reading: Callable[[LoadSensed], None] | None = None
         port.subscribe(settings.topic, settings.type, self._heard, qos=settings.qos)
 
     def _heard(self, message: Fields) -> None:
         loaded, now = matches(message, self._loaded), asyncio.get_running_loop().time()
-        if self.tell and (loaded is not self._told or now - self._told_at >= AGAIN_AFTER):
-            self._told, self._told_at = loaded, now
-            self.tell(LoadSensed(loaded=loaded))
+        if self.on_reading and (loaded is not self._reported or now - self._reported_at >= AGAIN_AFTER):
+            self._reported, self._reported_at = loaded, now
+            self.on_reading(LoadSensed(loaded=loaded))
 
 
 Put = Callable[[Event], None]
@@ -180,11 +180,11 @@ class RobotPorts:
 
         def make(put: Put, last_place: Pose | None) -> Driver:
             def heard(event: Event) -> None:
-                self.drive.hear(event)
+                self.drive.observe(event)
                 put(event)
 
             if self._sensor:
-                self._sensor.tell = put
+                self._sensor.on_reading = put
             driver = make_driver(heard, last_place)
             self.drive.attach(driver)
             return driver

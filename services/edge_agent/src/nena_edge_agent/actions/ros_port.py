@@ -195,7 +195,7 @@ class _Subscription:
         """Add a subscriber; on a latched topic it also receives the last message."""
         self._handlers.append(handle)
         if self._last is not None and self._qos is TopicQos.LATCHED:
-            self._tell(handle, self._last)
+            self._deliver(handle, self._last)
 
     def open(self, session: RosSession, node: Any) -> None:  # noqa: ANN401
         from nena_edge_agent.nav2.node import LATCHED, RELIABLE, SENSOR  # noqa: PLC0415 - needs rclpy
@@ -218,9 +218,9 @@ class _Subscription:
     def _heard(self, fields: Fields) -> None:
         self._last = fields
         for handle in self._handlers:
-            self._tell(handle, fields)
+            self._deliver(handle, fields)
 
-    def _tell(self, handle: Callable[[Fields], None], fields: Fields) -> None:
+    def _deliver(self, handle: Callable[[Fields], None], fields: Fields) -> None:
         try:
             handle(fields)
         except Exception:

@@ -143,21 +143,23 @@ LONGEST_RESULT = 1000
 class Run:
     """One running action. An exception of its plug-in only fails this action, with a reason.
 
-    Reports may come from any thread. Valid ones are passed to ``told`` in the event loop's thread, and none
-    after the end of the action.
+    Reports may come from any thread. Valid ones are passed to ``on_report`` in the event loop's thread,
+    and none after the end of the action.
     """
 
-    def __init__(self, action: Action, plugin: ActionPlugin, told: Report, timeouts: ActionTimeouts) -> None:
+    def __init__(
+        self, action: Action, plugin: ActionPlugin, on_report: Report, timeouts: ActionTimeouts
+    ) -> None:
         self._action = action
         self._plugin = plugin
-        self._told = told
+        self._on_report = on_report
         self._timeouts = timeouts
         self._loop = asyncio.get_running_loop()
         self._thread = threading.get_ident()
         self._log = log.bind(action=action.action_id, action_type=action.action_type)
         self._running: RunningAction | None = None
         self._status = ActionStatus.INITIALIZING
-        self._progress = _Progress(self._loop, self._tell)
+        self._progress = _Progress(self._loop, self._send)
         self._heard = ""
         self._answer: asyncio.TimerHandle | None = None
         self._limit = _Stopwatch(self._loop, plugin.declaration.timeout, self._over_time)
@@ -174,7 +176,7 @@ class Run:
         if self._running is None:
             return
         text = f"the plug-in did not pause within {self._timeouts.obey:g} s"
-        self._expect(self._timeouts.obey, lambda: self._tell(self._report_of(self._status, text)))
+        self._expect(self._timeouts.obey, lambda: self._send(self._report_of(self._status, text)))
         self._guarded(self._running.pause)
 
     def resume(self) -> None:
@@ -226,10 +228,10 @@ class Run:
             self._fail(f"the plug-in reported {flaw}")
         elif report.status is ActionStatus.FAILED:
             self._end()
-            self._tell(replace(report, result=report.result or "the plug-in gave no reason"))
+            self._send(replace(report, result=report.result or "the plug-in gave no reason"))
         elif report.status.ended:
             self._end()
-            self._tell(report)
+            self._send(report)
         else:
             self._go_on(report)
 
@@ -243,7 +245,7 @@ class Run:
         if before is ActionStatus.INITIALIZING or report.status is ActionStatus.PAUSED:
             self._stop_expecting()
         self._limit.run(on=report.status is ActionStatus.RUNNING)
-        self._tell(report)
+        self._send(report)
 
     def _over_time(self) -> None:
         last = f"; last progress: {self._heard}" if self._heard else ""
@@ -252,7 +254,7 @@ class Run:
     def _fail(self, reason: str) -> None:
         if not self.ended:
             self._end()
-            self._tell(self._report_of(ActionStatus.FAILED, reason))
+            self._send(self._report_of(ActionStatus.FAILED, reason))
             self._give_up()
 
     def _report_of(self, status: ActionStatus, text: str) -> ActionReport:
@@ -274,10 +276,10 @@ class Run:
         self._progress.drop()
         self._limit.run(on=False)
 
-    def _tell(self, report: ActionReport) -> None:
+    def _send(self, report: ActionReport) -> None:
         if report.result is not None and len(report.result) > LONGEST_RESULT:
             report = replace(report, result=report.result[:LONGEST_RESULT])
-        self._told(report)
+        self._on_report(report)
 
     def _guarded(self, step: Callable[[], None]) -> None:
         try:
@@ -299,20 +301,20 @@ class Run:
 class _Progress:
     """Passes on the newest progress report, at most one per :data:`PROGRESS_INTERVAL`."""
 
-    def __init__(self, loop: asyncio.AbstractEventLoop, tell: Report) -> None:
+    def __init__(self, loop: asyncio.AbstractEventLoop, send: Report) -> None:
         self._loop = loop
-        self._tell = tell
-        self._told_at = -inf
+        self._send = send
+        self._sent_at = -inf
         self._timer: asyncio.TimerHandle | None = None
 
     def take(self, report: ActionReport) -> None:
         """Pass it on now, or replace the one that waits."""
         self.drop()
-        due = self._told_at + PROGRESS_INTERVAL
+        due = self._sent_at + PROGRESS_INTERVAL
         if due <= self._loop.time():
-            self._tell_now(report)
+            self._send_now(report)
         else:
-            self._timer = self._loop.call_at(due, self._tell_now, report)
+            self._timer = self._loop.call_at(due, self._send_now, report)
 
     def drop(self) -> None:
         """Drop the report that waits."""
@@ -320,10 +322,10 @@ class _Progress:
             self._timer.cancel()
             self._timer = None
 
-    def _tell_now(self, report: ActionReport) -> None:
+    def _send_now(self, report: ActionReport) -> None:
         self.drop()
-        self._told_at = self._loop.time()
-        self._tell(report)
+        self._sent_at = self._loop.time()
+        self._send(report)
 
 
 class _Stopwatch:
@@ -367,7 +369,7 @@ class ActionRunner:
             return
         if before := self._runs.pop(action.action_id, None):
             before.abandon()
-        run = Run(action, plugin, self._told, self._timeouts)
+        run = Run(action, plugin, self._on_report, self._timeouts)
         self._runs[action.action_id] = run
         run.start(effect.loads)
 
@@ -394,7 +396,7 @@ class ActionRunner:
         for run in runs.values():
             run.abandon()
 
-    def _told(self, report: ActionReport) -> None:
+    def _on_report(self, report: ActionReport) -> None:
         if report.status.ended:
             self._runs.pop(report.action_id, None)
         self._report(report)

@@ -194,12 +194,12 @@ def _navigation(view: RosView, settings: RosSettings) -> LinkFinding:
 
 def _drives(view: RosView) -> str:
     """Describe Nav2's parameters."""
-    told = []
+    notes = []
     if view.tolerance is not None:
-        told.append(f"goal tolerance {view.tolerance:g} m (no node may allow less)")
+        notes.append(f"goal tolerance {view.tolerance:g} m (no node may allow less)")
     if view.server_timeout is not None:
-        told.append(f"waits {view.server_timeout:g} ms for its servers")
-    return "".join(f"; {each}" for each in told)
+        notes.append(f"waits {view.server_timeout:g} ms for its servers")
+    return "".join(f"; {each}" for each in notes)
 
 
 def _localisation(view: RosView, settings: RosSettings) -> LinkFinding:

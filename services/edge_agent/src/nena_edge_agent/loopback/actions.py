@@ -109,13 +109,13 @@ class ChargingWatch:
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:
         """Begin."""
 
-        def watched(told: ActionReport) -> None:
+        def watched(update: ActionReport) -> None:
             charging = getattr(
-                told, "charging", None
+                update, "charging", None
             )  # a plug-in may report anything; the agent checks it later
             if isinstance(charging, bool):
                 self._switch(charging)
-                told = replace(told, charging=None)
-            report(told)
+                update = replace(update, charging=None)
+            report(update)
 
         return self._plugin.start(action, loads, watched)

@@ -204,7 +204,7 @@ class LoopbackDriver:
         self._unreachable: dict[Circle, None] = {}
         self._no_route: dict[Circle, None] = {}
         self._battery = SimulatedBattery(settings)
-        self._told_charge = settings.charge
+        self._reported_charge = settings.charge
         self._goal: DriveGoal | None = None
         self._motion: Motion | Braking | None = None
         self._timer: asyncio.TimerHandle | None = None
@@ -213,8 +213,8 @@ class LoopbackDriver:
 
     async def start(self) -> None:
         """Report the robot's pose, and that it can drive."""
-        self._tell_pose(0.0, 0.0)
-        self._tell_battery()
+        self._report_pose(0.0, 0.0)
+        self._report_battery()
         self._emit(self._navigation)
 
     async def stop(self) -> None:
@@ -282,7 +282,7 @@ class LoopbackDriver:
         """Stop at once, as at an emergency stop or a violated protective field."""
         slowing = isinstance(self._motion, Braking)
         self._stand()
-        self._tell_pose(0.0, 0.0)
+        self._report_pose(0.0, 0.0)
         if slowing:
             self._emit(Halted())
 
@@ -291,7 +291,7 @@ class LoopbackDriver:
         goal = self._goal
         self.stop_at_once()
         self._pose = Pose(x, y, theta, map_id or self._pose.map_id)
-        self._tell_pose(0.0, 0.0)
+        self._report_pose(0.0, 0.0)
         if goal:
             self.go_to(goal)
 
@@ -304,7 +304,7 @@ class LoopbackDriver:
     def set_localized(self, *, localized: bool) -> None:
         """Lose the position, or find it again."""
         self._localized = localized
-        self._tell_pose(0.0, 0.0)
+        self._report_pose(0.0, 0.0)
 
     def set_navigation(self, *, available: bool, reason: str) -> None:
         """Make navigation unavailable or available; the robot stops meanwhile."""
@@ -336,13 +336,13 @@ class LoopbackDriver:
         """Begin or end charging."""
         self._stop_charge_timer()
         self._battery.switch(self._clock.monotonic(), charging=charging)
-        self._tell_battery()
+        self._report_battery()
         self._wait_for_charge()
 
     def set_charge(self, charge: float) -> None:
         """Set the battery to ``charge`` percent."""
         self._battery.set_level(self._clock.monotonic(), charge)
-        self._tell_battery()
+        self._report_battery()
 
     def _problem(self, goal: DriveGoal) -> str | None:
         """Return why ``goal`` cannot be reached."""
@@ -384,11 +384,11 @@ class LoopbackDriver:
         if over:
             self._goal, self._motion = None, None
             vx = omega = 0.0
-        self._tell_pose(vx, omega)
+        self._report_pose(vx, omega)
         if over:
             self._emit(Arrived(goal.generation) if goal else Halted())
-        if self._told_charge - self._charge >= BATTERY_STEP:
-            self._tell_battery()
+        if self._reported_charge - self._charge >= BATTERY_STEP:
+            self._report_battery()
         self._wait()
 
     def _wait_for_charge(self) -> None:
@@ -398,7 +398,7 @@ class LoopbackDriver:
 
     def _charged(self) -> None:
         self._charge_timer = None
-        self._tell_battery()
+        self._report_battery()
         self._wait_for_charge()
 
     def _stop_charge_timer(self) -> None:
@@ -411,19 +411,19 @@ class LoopbackDriver:
         return self._battery.level(self._clock.monotonic())
 
     def _halted(self) -> None:
-        self._tell_pose(0.0, 0.0)
+        self._report_pose(0.0, 0.0)
         self._emit(Halted())
 
     def _placed(self) -> None:
-        self._tell_pose(0.0, 0.0)
+        self._report_pose(0.0, 0.0)
         self._emit(PositionInitialized(succeeded=True, description=""))
 
-    def _tell_pose(self, vx: float, omega: float) -> None:
+    def _report_pose(self, vx: float, omega: float) -> None:
         self._emit(PoseReport(self._pose, localized=self._localized, vx=vx, omega=omega))
 
-    def _tell_battery(self) -> None:
-        self._told_charge = self._charge
-        self._emit(BatteryReport(state_of_charge=self._told_charge, charging=self._battery.charging))
+    def _report_battery(self) -> None:
+        self._reported_charge = self._charge
+        self._emit(BatteryReport(state_of_charge=self._reported_charge, charging=self._battery.charging))
 
     def _soon(self, step: Callable[[], None]) -> None:
         """Answer from the loop, never from within the caller's own call."""

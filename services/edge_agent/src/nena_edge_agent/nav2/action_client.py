@@ -128,9 +128,9 @@ class ActionClient:
         """Pass a result to the event loop; runs in the ROS thread, also for an abandoned request."""
         answer = None if future.cancelled() else future.result()
         if answer is not None:
-            told = answer.result
+            outcome = answer.result
             # Humble has neither field, Iron the code alone.
-            code, message = int(getattr(told, "error_code", 0)), str(getattr(told, "error_msg", ""))
+            code, message = int(getattr(outcome, "error_code", 0)), str(getattr(outcome, "error_msg", ""))
             result = GoalResult(goal_id, GoalStatus.of(answer.status), code, message)
             self._session.post(lambda: self._listeners.result(result))
 
@@ -142,19 +142,19 @@ def feedback_reading(message: Any) -> FeedbackReading:  # noqa: ANN401
         UnusablePoseError: the place is not finite or the orientation no unit quaternion.
 
     """
-    told = message.feedback
-    place, turn = told.current_pose.pose.position, told.current_pose.pose.orientation
+    feedback = message.feedback
+    place, turn = feedback.current_pose.pose.position, feedback.current_pose.pose.orientation
     yaw = yaw_of(turn.x, turn.y, turn.z, turn.w)
-    if yaw is None or not math.isfinite(place.x + place.y + told.distance_remaining):
-        text = f"x {place.x}, y {place.y}, distance {told.distance_remaining}"
+    if yaw is None or not math.isfinite(place.x + place.y + feedback.distance_remaining):
+        text = f"x {place.x}, y {place.y}, distance {feedback.distance_remaining}"
         raise UnusablePoseError(text)
     return FeedbackReading(
         goal_id=bytes(message.goal_id.uuid).hex(),
         x=place.x,
         y=place.y,
         yaw=yaw,
-        frame=told.current_pose.header.frame_id,
-        left=told.distance_remaining,
-        recoveries=told.number_of_recoveries,
-        places_left=getattr(told, "number_of_poses_remaining", 1),
+        frame=feedback.current_pose.header.frame_id,
+        left=feedback.distance_remaining,
+        recoveries=feedback.number_of_recoveries,
+        places_left=getattr(feedback, "number_of_poses_remaining", 1),
     )

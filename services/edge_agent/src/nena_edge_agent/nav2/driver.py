@@ -140,7 +140,7 @@ class Nav2Driver:
             RosAddress.of(settings),
             begin=self._open_node,
             end=self._close_node,
-            tell=self._on_session,
+            on_change=self._on_session,
             clock=clock,
             retry=settings.session_retry,
         )
@@ -221,7 +221,7 @@ class Nav2Driver:
                     self._tell(DriveFailed(goal.generation, DriveFailure.NOT_TAKEN_UP, reason))
                     return
                 self._too_fast = reason
-                self._tell_navigation(NavigationReport(available=False, reason=reason))
+                self._report_navigation(NavigationReport(available=False, reason=reason))
                 return
             self._limiter.for_goal(goal.maximum_speed)
         if goal.behavior_tree and not self._tracker.by_action:
@@ -274,7 +274,7 @@ class Nav2Driver:
         """Send no goal until Nav2 has the map being loaded; :meth:`_watch` detects it."""
         report = NavigationReport(available=False, reason=reason)
         self._apply(self._tracker.on_navigation(report, self._clock.monotonic()))
-        self._tell_navigation(report)
+        self._report_navigation(report)
 
     def use_map(self, map_id: str) -> None:
         """Use another map: an initial position must set the robot's pose on it.
@@ -291,9 +291,9 @@ class Nav2Driver:
         self._map_id, self._unplaced = map_id, True
         self._forget_place()
         self.keep_out(self._areas)
-        self._tell_unplaced(report)
+        self._report_unplaced(report)
 
-    def _tell_unplaced(self, report: MapPoseReport | None) -> None:
+    def _report_unplaced(self, report: MapPoseReport | None) -> None:
         if report is not None:
             problem = f"the map '{self._map_id}' was enabled, but the position on it is not set"
             pose = replace(report.pose, map_id=self._map_id)
@@ -304,7 +304,7 @@ class Nav2Driver:
     async def _begin_session(self) -> None:
         """Join the graph as far as the settings want it; where ROS refuses, it is tried again later."""
         if not self._settings.start_session:
-            self.session.tell_off()
+            self.session.report_stopped()
             return
         with suppress(SessionError):  # reported, and retried
             await self.session.start()
@@ -470,9 +470,9 @@ class Nav2Driver:
         self._apply(self._tracker.on_navigation(report, now))
         if report.available:
             self._looking_since = -inf
-        self._tell_navigation(report)
+        self._report_navigation(report)
 
-    def _tell_navigation(self, report: NavigationReport) -> None:
+    def _report_navigation(self, report: NavigationReport) -> None:
         if report != self._navigation:
             self._navigation = report
             self._log.info("navigation", available=report.available, reason=report.reason)
@@ -521,7 +521,7 @@ class Nav2Driver:
         if self._unplaced and not confirmed:
             report = self._localisation.report()
             self._forget_place()  # a place of the map before
-            self._tell_unplaced(report)
+            self._report_unplaced(report)
             return
         if self._unplaced and self._map_server is not None:
             self._map_server.placed()

@@ -33,7 +33,7 @@ class Localisation:
         self._nearer: MapPose | None = None
         self._velocity: tuple[float, float] | None = None
         self._velocity_at = -math.inf
-        self._frame_told: str | None = None
+        self._logged_frame: str | None = None
 
     @property
     def known(self) -> bool:
@@ -46,7 +46,7 @@ class Localisation:
         ``old``: more recent positions arrive continuously from elsewhere, so the pose does not replace them.
         """
         if reading.frame.removeprefix("/") != self._settings.frame:
-            self._tell_frame(reading.frame)
+            self._log_frame(reading.frame)
             return None
         if self._reading is not None and _is_past(reading, self._reading):
             return None
@@ -94,9 +94,9 @@ class Localisation:
     def _pose(self, reading: PoseReading) -> MapPose:
         return MapPose(reading.x, reading.y, reading.yaw, self._map_id)
 
-    def _tell_frame(self, frame: str) -> None:
-        if frame != self._frame_told:
-            self._frame_told = frame
+    def _log_frame(self, frame: str) -> None:
+        if frame != self._logged_frame:
+            self._logged_frame = frame
             log.warning("ignoring poses in another frame", frame=frame, ours=self._settings.frame)
 
 

@@ -93,7 +93,7 @@ CELLS_LIMIT = 64 * 1024 * 1024
 class MapWatch:
     """An extension of the robot's nodes.
 
-    ``tell`` gets each map whose content or position differs from the last.
+    ``on_map`` gets each map whose content or position differs from the last.
     """
 
     def __init__(self, topic: str, map_id: Callable[[], str], frame: PlantFrame) -> None:
@@ -102,7 +102,7 @@ class MapWatch:
         self._map_id = map_id
         self._frame = frame
         self._digest = ""
-        self.tell: Callable[[MapImage], None] = lambda _: None
+        self.on_map: Callable[[MapImage], None] = lambda _: None
 
     def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401 - rclpy carries no types
         """Subscribe on a new node."""
@@ -165,4 +165,4 @@ class MapWatch:
     def _heard(self, found: MapImage | None) -> None:
         if found is not None:
             log.info("robot's map", map_id=found.map_id, size=found.size, bytes=len(found.png))
-            self.tell(found)
+            self.on_map(found)

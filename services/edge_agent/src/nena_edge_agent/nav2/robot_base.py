@@ -207,9 +207,9 @@ STOP = 1
 class CollisionMonitor:
     """Listens to a collision monitor, which reports its state on each change."""
 
-    def __init__(self, topic: str, tell: Callable[[CollisionReport], None]) -> None:
+    def __init__(self, topic: str, on_report: Callable[[CollisionReport], None]) -> None:
         self._topic = topic
-        self._tell = tell
+        self._on_report = on_report
 
     def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401 - rclpy carries no types
         """Subscribe on a new node."""
@@ -220,7 +220,7 @@ class CollisionMonitor:
 
     def _heard(self, report: CollisionReport) -> None:
         log.info("collision monitor", stops=report.stops, polygon=report.polygon)
-        self._tell(report)
+        self._on_report(report)
 
 
 def report_of(message: Any) -> CollisionReport:  # noqa: ANN401

@@ -83,7 +83,7 @@ class SessionManager:
     """Starts, stops and moves the ROS session; each call waits for the previous one to finish.
 
     ``begin`` joins the graph at an address, or raises :class:`SessionError`; ``end`` leaves it, and is called
-    only after ``begin`` has succeeded. ``tell`` is called after each change.
+    only after ``begin`` has succeeded. ``on_change`` is called after each change.
     """
 
     def __init__(
@@ -92,7 +92,7 @@ class SessionManager:
         *,
         begin: Callable[[RosAddress], Awaitable[None]],
         end: Callable[[], Awaitable[None]],
-        tell: Callable[[SessionReport], None],
+        on_change: Callable[[SessionReport], None],
         clock: Clock,
         retry: float,
     ) -> None:
@@ -104,7 +104,7 @@ class SessionManager:
         """Held while the session begins or ends, and by code that needs it unchanged."""
         self._begin = begin
         self._end = end
-        self._tell = tell
+        self._on_change = on_change
         self._clock = clock
         self._retry = retry
         self._tries = 0
@@ -115,7 +115,7 @@ class SessionManager:
         """Return whether the session is active or is restarted automatically."""
         return self.state is not SessionState.NOT_ACTIVE
 
-    def tell_off(self) -> None:
+    def report_stopped(self) -> None:
         """Report that the session waits to be started."""
         self._become(SessionState.NOT_ACTIVE)
 
@@ -148,7 +148,7 @@ class SessionManager:
             if wanted:
                 await self._open()
             else:
-                self.tell_off()
+                self.report_stopped()
 
     async def look(self) -> None:
         """Try again what has failed, if it is time to."""
@@ -197,7 +197,7 @@ class SessionManager:
     def _become(self, state: SessionState, reason: str = "") -> None:
         self.state, self.reason = state, reason
         log.info("ROS session", state=state.value, address=str(self.address), reason=reason)
-        self._tell(SessionReport(state, self.address.namespace, self.address.domain_id, reason))
+        self._on_change(SessionReport(state, self.address.namespace, self.address.domain_id, reason))
 
 
 class _Record(BaseModel):

@@ -105,25 +105,25 @@ def transforms_of(message: Any) -> tuple[Transform, ...]:  # noqa: ANN401 - rclp
 class TransformWatch:
     """Reports poses from the transforms while no localisation publishes its own.
 
-    ``tell`` gets each new pose. A transform missing for ``ros.transform_timeout`` makes the pose unknown.
+    ``on_pose`` gets each new pose. A transform missing for ``ros.transform_timeout`` makes the pose unknown.
     """
 
-    def __init__(self, settings: RosSettings, tell: Callable[[PoseReading], None]) -> None:
+    def __init__(self, settings: RosSettings, on_pose: Callable[[PoseReading], None]) -> None:
         self._settings = settings
-        self._tell = tell
+        self._on_pose = on_pose
         self._looks = 0
         self._subscriptions: list[Any] = []
         self._session: RosSession | None = None
         self._node: Any = None
         self._chain = self._new_chain()
-        self._told: PoseReading | None = None
-        self._told_at = -math.inf
+        self._reported: PoseReading | None = None
+        self._reported_at = -math.inf
 
     def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401
         """Use a new node; subscribe once that is needed."""
         self._session, self._node = session, node
         self._looks, self._subscriptions = 0, []
-        self._chain, self._told = self._new_chain(), None
+        self._chain, self._reported = self._new_chain(), None
 
     def check(self) -> None:
         """Check that the installation has what the settings require.
@@ -140,7 +140,7 @@ class TransformWatch:
     @property
     def problem(self) -> str:
         """Return why the pose by transforms is unknown; empty if it is known, or comes from elsewhere."""
-        if not self._subscriptions or self._told is None:
+        if not self._subscriptions or self._reported is None:
             return ""
         self._chain.pose(time.monotonic())
         missing = self._chain.missing
@@ -158,7 +158,7 @@ class TransformWatch:
             log.info("using poses from the topic", topic=topic)
             for each in self._subscriptions:
                 self._node.destroy_subscription(each)
-            self._subscriptions, self._told = [], None
+            self._subscriptions, self._reported = [], None
         elif not self._subscriptions and (self._looks >= LOOKS or source is PoseSource.TF):
             self._listen(self._session)
 
@@ -182,15 +182,15 @@ class TransformWatch:
         if not self._chain.put(transforms, now):
             return
         pose = self._chain.pose(now)
-        if pose is not None and (self._is_news(pose) or now - self._told_at >= PERIOD):
-            self._told, self._told_at = pose, now
-            self._tell(pose)
+        if pose is not None and (self._is_news(pose) or now - self._reported_at >= PERIOD):
+            self._reported, self._reported_at = pose, now
+            self._on_pose(pose)
 
     def _on_static(self, transforms: tuple[Transform, ...]) -> None:
         self._chain.put(transforms, math.inf)
 
     def _is_news(self, pose: PoseReading) -> bool:
-        last = self._told
+        last = self._reported
         if last is None:
             return True
         return math.dist((pose.x, pose.y), (last.x, last.y)) >= STEP or abs(wrap(pose.yaw - last.yaw)) >= STEP

@@ -367,7 +367,7 @@ class Engine:
             self.state.dispatch_due = self.state.drive_due = True
             self._life_cycle.check_times()
             self._dispatching.offer_all()
-            self._life_cycle.tell_why()
+            self._life_cycle.update_queue_reasons()
         yield
         for part in parts if self._gate.is_open else ():
             with self.change():

@@ -232,7 +232,7 @@ class LifeCycle:
         for orders in self._dispatching.due():
             self._dispatch(orders)
 
-    def tell_why(self) -> None:
+    def update_queue_reasons(self) -> None:
         """Note in some of the orders further back in the queue why they wait now."""
         now = self._clock.now()
         for order, reason in self._dispatching.outdated_reasons():

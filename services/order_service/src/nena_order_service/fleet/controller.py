@@ -54,8 +54,8 @@ class RobotControl:
         self._ended: deque[str] = deque(maxlen=ENDED_MISSIONS_KEPT)
         self._last_order_at: float | None = None
         self._next_stray_cancel = 0.0
-        self._told: tuple[object, ...] = ()
-        self._told_link = LinkStatus.UNKNOWN
+        self._reported: tuple[object, ...] = ()
+        self._reported_link = LinkStatus.UNKNOWN
         self._changes = 0
         """How often anything may have changed."""
         self._unread = False
@@ -89,7 +89,7 @@ class RobotControl:
         """Handle that a message could not be read, and what is wrong with it."""
         self.robot.take_malformed(problem, now)
         self._changes += 1
-        yield from self._tell_change(now)
+        yield from self._report_change(now)
 
     def on_state(self, message: State, now: float) -> Iterator[FleetOutput]:
         """Handle a state (section 6.6); instant actions first, because they may end a VDA order."""
@@ -179,7 +179,7 @@ class RobotControl:
 
     def tick(self, now: float) -> Iterator[FleetOutput]:
         """Do what is overdue; a quiet robot has nothing, unless it has stopped sending."""
-        if self.quiet and self.robot.link(now) is self._told_link:
+        if self.quiet and self.robot.link(now) is self._reported_link:
             return
         yield from self._instant_actions.on_tick(now)
         if self._run:
@@ -246,7 +246,7 @@ class RobotControl:
         self._stop_stray(now)
         if self._instant_actions.busy:
             yield from self._instant_actions.send(now)
-        yield from self._tell_change(now)
+        yield from self._report_change(now)
 
     def _send_order(self, run: OrderExecution, now: float) -> Iterator[FleetOutput]:
         if not run.wants_sending(now):
@@ -347,11 +347,11 @@ class RobotControl:
         self._next_stray_cancel = now + STRAY_PAUSE
         actions.cancel(state.order_id)
 
-    def _tell_change(self, now: float) -> Iterator[FleetOutput]:
-        self._told_link = self.robot.link(now)
+    def _report_change(self, now: float) -> Iterator[FleetOutput]:
+        self._reported_link = self.robot.link(now)
         signature = self._signature(now)
-        if signature != self._told:
-            self._told = signature
+        if signature != self._reported:
+            self._reported = signature
             yield RobotChanged(self.robot.key)
 
     def _signature(self, now: float) -> tuple[object, ...]:
@@ -413,12 +413,12 @@ class FleetController:
     def on_connection(self, robot: RobotKey, message: Connection, now: float) -> Outputs:
         """Handle a connection message (section 6.5)."""
         control = self._control(robot)
-        return self._told(control, control.on_connection(message, now))
+        return self._reported(control, control.on_connection(message, now))
 
     def on_state(self, robot: RobotKey, message: State, now: float) -> Outputs:
         """Handle a state message (section 6.6); one that is repeated or out of order changes nothing."""
         control = self._control(robot)
-        outputs = self._told(control, control.on_state(message, now))
+        outputs = self._reported(control, control.on_state(message, now))
         if message.zone_requests or message.edge_requests or self._instant_actions.busy:
             self._instant_actions.on_state(robot, control.robot.state or message)
             outputs += self._answers(now)
@@ -427,7 +427,7 @@ class FleetController:
     def on_factsheet(self, robot: RobotKey, message: Factsheet, now: float) -> Outputs:
         """Handle a factsheet (section 7.10)."""
         control = self._control(robot)
-        return self._told(control, control.on_factsheet(message, now))
+        return self._reported(control, control.on_factsheet(message, now))
 
     def on_malformed(self, robot: RobotKey, problem: str | None, now: float) -> Outputs:
         """Count a message that could not be read.
@@ -435,7 +435,7 @@ class FleetController:
         ``problem`` describes the error; None: fleet control does not need the message.
         """
         control = self._control(robot)
-        return self._told(control, control.on_malformed(problem, now))
+        return self._reported(control, control.on_malformed(problem, now))
 
     def on_broker(self, *, connected: bool, now: float, unread: bool = False) -> Outputs:
         """Note that our own link to the broker is up or down; initially it is down.
@@ -445,7 +445,7 @@ class FleetController:
         self._broker = connected
         self._broker_since = now
         outputs = (
-            self._told(each, each.on_broker(connected=connected, now=now, unread=unread))
+            self._reported(each, each.on_broker(connected=connected, now=now, unread=unread))
             for each in self._robots.values()
         )
         return tuple(chain.from_iterable(outputs))
@@ -457,7 +457,7 @@ class FleetController:
             RobotBusyError: the robot has a VDA order.
         """
         control = self._control(robot)
-        return self._told(control, control.start(control.new_run(vda_order), now))
+        return self._reported(control, control.start(control.new_run(vda_order), now))
 
     def adopt_vda_order(
         self, robot: RobotKey, vda_order: VdaOrder, now: float, *, accepted: bool, update_id: int = 0
@@ -473,7 +473,7 @@ class FleetController:
         """
         control = self._control(robot)
         run = control.new_run(vda_order, adopted=True, accepted=accepted, update_id=update_id)
-        return self._told(control, control.start(run, now))
+        return self._reported(control, control.start(run, now))
 
     def extend_vda_order(self, robot: RobotKey, vda_order: VdaOrder, now: float) -> Outputs:
         """Update the robot's VDA order to a newer plan: a longer base, or another route behind it.
@@ -486,7 +486,7 @@ class FleetController:
             BaseChangedError: the plan does not continue from the base that the robot was given.
         """
         control = self._control(robot)
-        return self._told(control, control.extend(vda_order, now))
+        return self._reported(control, control.extend(vda_order, now))
 
     def cancel_vda_order(self, robot: RobotKey, now: float) -> Outputs:
         """End the robot's VDA order early (section 6.1.3): cancelOrder, awaited to its end.
@@ -494,7 +494,7 @@ class FleetController:
         No-op without one.
         """
         control = self._control(robot)
-        return self._told(control, control.cancel(now))
+        return self._reported(control, control.cancel(now))
 
     def instant_action(self, robot: RobotKey, action: Action, now: float) -> Outputs:
         """Send an instant action and follow it to InstantActionEnded (section 6.2.1).
@@ -502,11 +502,11 @@ class FleetController:
         Offline robots get none.
         """
         control = self._control(robot)
-        return self._told(control, control.instruct(action, now))
+        return self._reported(control, control.instruct(action, now))
 
     def tick(self, now: float) -> Outputs:
         """Do what is overdue: resend, give up, notice silence. Call it a few times each second."""
-        ticks = chain.from_iterable(self._told(each, each.tick(now)) for each in self._due(now))
+        ticks = chain.from_iterable(self._reported(each, each.tick(now)) for each in self._due(now))
         return (*ticks, *(self._answers(now) if self._instant_actions.busy else ()))
 
     def view(self, robot: RobotKey, now: float) -> RobotView:
@@ -543,7 +543,7 @@ class FleetController:
     def _reachable(self, robot: RobotKey) -> bool:
         return self._robots[robot].robot.reachable
 
-    def _told(self, control: RobotControl, outputs: Iterator[FleetOutput]) -> Outputs:
+    def _reported(self, control: RobotControl, outputs: Iterator[FleetOutput]) -> Outputs:
         """Exhaust the outputs, and note when to check the robot if it stays silent."""
         found, robot = tuple(outputs), control.robot
         if not control.quiet:

@@ -328,9 +328,9 @@ class FleetLink:
         self.deviations = Deviations(clock)
         """What had to be repaired in the robots' messages."""
         self._reader = MessageReader(self.deviations.note_message, strict=settings.strict)
-        self._hear(Topic.CONNECTION, Connection, self._controller.on_connection, qos=1)
-        self._hear(Topic.FACTSHEET, Factsheet, self._controller.on_factsheet, qos=settings.qos)
-        self._hear(Topic.STATE, State, self._controller.on_state, qos=settings.qos)
+        self._subscribe_to(Topic.CONNECTION, Connection, self._controller.on_connection, qos=1)
+        self._subscribe_to(Topic.FACTSHEET, Factsheet, self._controller.on_factsheet, qos=settings.qos)
+        self._subscribe_to(Topic.STATE, State, self._controller.on_state, qos=settings.qos)
 
         for scheme in addresses.schemes:
             for topic in COMMANDS:
@@ -430,7 +430,7 @@ class FleetLink:
             del self._sent[next(iter(self._sent))]
         self._sent[_mark(topic, payload)] = None
 
-    def _hear(self, topic: Topic, kind: type[M], take: Take[M], *, qos: int) -> None:
+    def _subscribe_to(self, topic: Topic, kind: type[M], take: Take[M], *, qos: int) -> None:
         """Subscribe to a topic of all robots; ``take`` gets messages that are well-formed and current."""
 
         def handle(scheme: TopicScheme, inbound: Inbound) -> None:

@@ -166,7 +166,7 @@ class OrderExecution:
         self._delivery = Delivery(settings)
         self._adopted = adopted
         self._accepted = accepted
-        self._told = -2
+        self._reported = -2
         """SequenceId of the last node whose passing was reported; -2: not even the acceptance."""
         self._operating = False
         self._failure: ExecutionFailure | None = None
@@ -338,7 +338,7 @@ class OrderExecution:
         pending = self._pending
         if pending and state.order_update_id == pending.update_id:
             self.vda_order, self.update_id, self._pending = pending.plan, pending.update_id, None
-        elif self._adopted and self._told < -1 and state.order_update_id < self.update_id:
+        elif self._adopted and self._reported < -1 and state.order_update_id < self.update_id:
             self._plan = self._plan or self.vda_order
             self.vda_order, self.update_id = held_by(state, self.vda_order), state.order_update_id
 
@@ -349,30 +349,30 @@ class OrderExecution:
         """Yield the progress of the VDA order by a state that knows it."""
         progress = read(state, self.vda_order)
         self._retriable &= {each.action_id for each in progress.retriable}
-        yield from self._tell(progress)
-        yield from self._tell_base(state)
+        yield from self._report_progress(progress)
+        yield from self._report_base_wanted(state)
         if progress.done:
             yield self._end(VdaOrderFinished(self._robot, self.vda_order.order_id))
         elif self.phase is VdaOrderPhase.RUNNING:
             yield from self._judge(state, progress, now)
 
-    def _tell(self, progress: Progress) -> Iterator[FleetOutput]:
+    def _report_progress(self, progress: Progress) -> Iterator[FleetOutput]:
         name = self.vda_order.order_id
-        if self._told < -1:
-            self._accepted, self._told = True, -1
+        if self._reported < -1:
+            self._accepted, self._reported = True, -1
             if self.phase is not VdaOrderPhase.CANCELLING:
                 self.phase = VdaOrderPhase.RUNNING
             yield VdaOrderAccepted(self._robot, name)
-        if progress.passed > self._told:
+        if progress.passed > self._reported:
             for node in self.vda_order.nodes:
-                if self._told < node.sequence_id <= progress.passed:
+                if self._reported < node.sequence_id <= progress.passed:
                     yield NodePassed(self._robot, name, node.node_id, node.sequence_id)
-            self._told = progress.passed
+            self._reported = progress.passed
         if progress.operating and not self._operating:
             self._operating = True
             yield OperationStarted(self._robot, name)
 
-    def _tell_base(self, state: State) -> Iterator[FleetOutput]:
+    def _report_base_wanted(self, state: State) -> Iterator[FleetOutput]:
         """Report, once each time, that the robot requests more base of a VDA order that has more."""
         wanted = bool(state.new_base_request) and not self.vda_order.nodes[-1].released
         if wanted and not self._base_wanted:
@@ -389,7 +389,7 @@ class OrderExecution:
         elif failure:
             self._cancel_for(failure)
         elif progress.retriable:
-            yield from self._tell_retriable(state, progress.retriable)
+            yield from self._report_retriable(state, progress.retriable)
         elif self._pending and (refused := self._pending.refusals(state.errors)):
             if self._pending.is_refused(refused, now):
                 reason = "the robot refuses to continue the order"
@@ -400,7 +400,7 @@ class OrderExecution:
         else:
             self._look_for_standstill(state, now)
 
-    def _tell_retriable(self, state: State, actions: tuple[ActionState, ...]) -> Iterator[FleetOutput]:
+    def _report_retriable(self, state: State, actions: tuple[ActionState, ...]) -> Iterator[FleetOutput]:
         """Report, once for each failure, that an action may be tried again."""
         known, self._retriable = self._retriable, frozenset(each.action_id for each in actions)
         for each in actions:

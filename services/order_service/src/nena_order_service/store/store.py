@@ -205,7 +205,7 @@ class Store:
                 if self._lost():
                     return  # what was committed is gone with its file, so it is not published
             for each in then:
-                self._tell(each)
+                self._publish(each)
         finally:
             self._writing = False
 
@@ -244,7 +244,7 @@ class Store:
         self.problem = problem
 
     @staticmethod
-    def _tell(then: Callable[[], None]) -> None:
+    def _publish(then: Callable[[], None]) -> None:
         try:
             then()
         except Exception:
