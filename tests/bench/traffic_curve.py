@@ -34,7 +34,8 @@ def curves(figures: Mapping[str, Any], before: Mapping[str, Any]) -> dict[str, d
 
 
 def _own(figures: Mapping[str, Any]) -> dict[int, float]:
-    return {int(n): one.get("orders_per_minute", one.get("simulated")) for n, one in figures.items()}
+    own = {int(n): one.get("orders_per_minute", one.get("simulated")) for n, one in figures.items()}
+    return {robots: rate for robots, rate in own.items() if rate is not None}
 
 
 def picture(halls: Mapping[str, Mapping[str, Curve]]) -> str:
