@@ -387,10 +387,7 @@ class ServiceRunner:
         await done.wait()
 
     async def _present(self) -> PlantModel:
-        """Return the database's URL, read from the URL file if one is set; it may contain a password.
-
-        Raises: ConfigurationError: the file cannot be read, or is empty.
-        """
+        """Return the model that a host has put here, unless the file has changed since."""
         document = (await self._store.documents(PLANT_MODEL)).get("")
         if document is None:
             return self._file.model

@@ -46,12 +46,13 @@ DIGITS = 16
 
 
 def private_client_id(name: str, settings: MqttSettings) -> str:
-    """Return the seconds to wait after a connection that lasted ``stood`` s; None if none was made.
+    """Return ``name`` with a digest of the key or the password in ``settings``.
 
     It is the same after a restart. Without key and password it is ``name`` alone: clients have no identity.
 
     Raises:
         ConfigurationError: a file with the secret cannot be read.
+
     """
     secret = _secret(settings)
     if not secret:

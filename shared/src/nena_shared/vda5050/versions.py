@@ -22,10 +22,7 @@ _PACKAGE: Final = re.compile(r"v\d+_\d+", re.ASCII)
 
 
 def find_codecs() -> dict[str, Codec]:
-    """Return the topics of a version (section 4.2); by default under the standard's suggested interface name.
-
-    Raises: UnknownVersionError: the version is not supported.
-    """
+    """Return the codecs of all packages here that are named after a version, the oldest first."""
     names = (each.name for each in iter_modules(vda5050.__path__) if _PACKAGE.fullmatch(each.name))
     found: list[Codec] = [import_module(f"{vda5050.__name__}.{name}").CODEC for name in names]
     return {each.version: each for each in sorted(found, key=lambda each: _numbers(each.version))}
@@ -66,13 +63,11 @@ def codec_for(version: str) -> Codec:
 
 
 def codec_named(text: str) -> Codec:
-    """Return the codec for a message received on a topic of ``major_version``, e.g. ``v2``.
-
-    It is that of the header if both agree; else the newest of the major version, whose errors explain the
-    problem.
+    """Return the codec of a version as people write it, such as ``2.0`` in a plant model.
 
     Raises:
-        UnknownVersionError: the major version is not supported.
+        UnknownVersionError: it is neither a supported version nor a later one of a supported major version.
+
     """
     written = _WRITTEN.fullmatch(text.strip())
     codec = nearest_codec(".".join(part or "0" for part in written.groups())) if written else None
@@ -82,7 +77,7 @@ def codec_named(text: str) -> Codec:
 
 
 def topics_for(version: str, interface_name: str | None = None) -> TopicScheme:
-    """Return the topics of a version, under the interface name that the standard suggests if none is given.
+    """Return the topics of a version (section 4.2); by default under the standard's suggested interface name.
 
     Raises:
         UnknownVersionError: the version is not supported.
@@ -125,9 +120,10 @@ def nearest_codec(version: str) -> Codec | None:
 
 
 def reader_of(payload: bytes, major_version: str) -> Codec:
-    """Return the codec to read a message with that came on a topic of ``major_version``, e.g. ``v2``.
+    """Return the codec for a message received on a topic of ``major_version``, e.g. ``v2``.
 
-    It is that of the header if both agree; else the newest of the major version, whose errors say why.
+    It is that of the header if both agree; else the newest of the major version, whose errors explain the
+    problem.
 
     Raises:
         UnknownVersionError: the major version is not supported.
