@@ -34,6 +34,7 @@ from nena_shared.fleet_api.transport_order import FailurePolicy, TransportOrderS
 from nena_shared.fleet_api.vehicle import VehicleState
 from nena_shared.plant import PlantModel, Vehicle
 from nena_shared.vda5050.action import Action, ActionStatus
+from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
 from support.clocks import ManualClock
@@ -106,6 +107,7 @@ class ScriptedFleet:
     """Robots whose states are from before they connected."""
     fields: dict[str, dict[str, Any]] = field(default_factory=dict)
     """What else the states of robots say."""
+    factsheets: dict[str, Factsheet] = field(default_factory=dict)
     out_of_order: set[str] = field(default_factory=set)
     """Robots that take no orders."""
     unknown: bool = False
@@ -179,7 +181,7 @@ class ScriptedFleet:
             availability=Availability(free, "" if free else "is busy" if busy else "is offline"),
             state=self._state(robot) if told else None,
             state_at=self.engine.clock.monotonic() + 0.001 if here and self.engine else None,
-            factsheet=None,
+            factsheet=self.factsheets.get(robot.serial_number),
             order_id=None,
             order_phase=None,
             wait_reason=self.notes.get(robot.serial_number, "") if busy else "",

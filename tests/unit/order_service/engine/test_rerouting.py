@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import cycle
 
 import pytest
 from hypothesis import given, settings
@@ -15,7 +16,16 @@ from nena_order_service.fleet.vda_order import VdaOrder
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.fleet_api.vehicle import ReroutingOutcome, ReroutingType
-from nena_shared.plant import Link, Location, LocationType, PlantModel, Vehicle
+from nena_shared.plant import (
+    Link,
+    Location,
+    LocationType,
+    ObjectKind,
+    PlantModel,
+    UnknownObjectError,
+    Vehicle,
+)
+from support.fleet_examples import factsheet
 from support.order_service import request
 from support.plants import path, point
 from support.scripted_fleet import MemoryStore, ScriptedFleet, key, make_engine
@@ -326,7 +336,7 @@ def _in_a_row(wanted: str, there: Iterable[str]) -> bool:
 
 async def behind_a_queue(fleet: ScriptedFleet) -> Engine:
     """Let V1 wait at B for V2 at C, which waits for V3 at D."""
-    vehicles = tuple(Vehicle(name=f"V{number}") for number in (1, 2, 3))
+    vehicles = tuple(Vehicle(name=f"V{number}") for number in (1, 2, 3, 4))
     plant = PLANT.model_copy(update={"vehicles": vehicles})
     engine = await make_engine(plant, MemoryStore(), fleet, release_ahead=1)
     for name, at, goal in (("V3", "D", "F"), ("V2", "C", "E"), ("V1", "A", "F")):
@@ -349,6 +359,56 @@ async def test_a_vehicle_that_waits_in_a_queue_is_led_around_it() -> None:
     assert whole(fleet.missions[key("V1")]) == "ABXYDEF"
     assert base(fleet.missions[key("V1")]) == "ABX"
     assert "less traffic" in order(engine).status.history[-1].supplements[0]
+
+
+async def test_a_vehicle_is_not_led_up_to_one_at_rest() -> None:
+    fleet = ScriptedFleet({})
+    engine = await behind_a_queue(fleet)
+    fleet.appear("V4", "Y")
+    engine.look()
+    engine.look()
+    assert whole(fleet.missions[key("V1")]) == "ABCDEF"
+
+
+@pytest.mark.parametrize(("most_nodes", "driven"), [(7, "ABXYDEF"), (6, "ABCDEF")])
+async def test_a_vehicle_is_led_around_only_where_its_robot_can_drive(most_nodes: int, driven: str) -> None:
+    fleet = ScriptedFleet({})
+    limited = factsheet(robot=key("V1"))
+    limits = limited.protocol_limits.maximum_array_lengths.model_copy(update={"order_nodes": most_nodes})
+    protocol = limited.protocol_limits.model_copy(update={"maximum_array_lengths": limits})
+    fleet.factsheets["V1"] = limited.model_copy(update={"protocol_limits": protocol})
+    engine = await behind_a_queue(fleet)
+    engine.look()
+    engine.look()
+    assert whole(fleet.missions[key("V1")]) == driven
+
+
+async def test_a_vehicle_is_led_around_once_until_it_has_driven_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    fleet = ScriptedFleet({})
+    engine = await behind_a_queue(fleet)
+    router, traffic = engine.context.finder.router, engine.context.traffic
+    routes = cycle([router.route("B", "F", avoid={"C"}), router.route("B", "F", avoid={"X"})])
+    monkeypatch.setattr(traffic, "route_around", lambda *_: next(routes))
+    monkeypatch.setattr(traffic, "waiting_at_end", lambda: {"V1": 1})
+    for _ in range(4):
+        engine.look()
+    assert whole(fleet.missions[key("V1")]) == "ABXYDEF"
+    assert len([each for each in order(engine).status.history if "less traffic" in str(each)]) == 1
+
+
+async def test_a_place_lost_by_the_plant_does_not_end_the_search(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    fleet = ScriptedFleet({})
+    engine = await behind_a_queue(fleet)
+
+    def lost(*_args: object, **_options: object) -> None:
+        raise UnknownObjectError(ObjectKind.RESOURCE, "Z")
+
+    monkeypatch.setattr(engine.context.routes, "route", lost)
+    engine.look()
+    engine.look()
+    assert whole(fleet.missions[key("V1")]) == "ABCDEF"
 
 
 async def test_a_vehicle_whose_queue_moves_keeps_its_way() -> None:

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nena_order_service.fleet.failures import FailureKind
-from nena_order_service.fleet.order_execution import OrderExecution
+from nena_order_service.fleet.order_execution import OrderExecution, read
 from nena_order_service.fleet.outputs import (
     FleetOutput,
     NodePassed,
@@ -19,7 +19,7 @@ from nena_order_service.fleet.outputs import (
 )
 from nena_order_service.fleet.robot import VdaOrderPhase
 from nena_order_service.fleet.settings import FleetSettings
-from nena_shared.vda5050.action import ActionStatus
+from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference, ErrorType, error
 from nena_shared.vda5050.state import OperatingMode, State
@@ -739,3 +739,14 @@ def test_whatever_a_robot_says_it_has_one_end_and_nodes_are_passed_in_order(
     accepted = [isinstance(each, VdaOrderAccepted) for each in told]
     assert sum(accepted) <= 1
     assert accepted[:1] == [True] or passed == [], "it is accepted before a node is passed"
+
+
+@pytest.mark.parametrize(("ahead", "failed"), [(["B"], ["h"]), ([], [])])
+def test_a_failed_action_counts_only_until_its_edge_is_left(ahead: list[str], failed: list[str]) -> None:
+    whole = make_vda_order("m", "A", "B")
+    horn = Action(action_type="horn", action_id="h", blocking_type=BlockingType.NONE)
+    edge = whole.edges[0].model_copy(update={"actions": (horn,)})
+    vda_order = whole.model_copy(update={"edges": (edge,)})
+    told = [{"action_id": "h", "action_type": "horn", "action_status": "FAILED"}]
+    progress = read(state(order_id="m", **way(*ahead), action_states=told), vda_order)
+    assert [each.action_id for each in progress.failed] == failed

@@ -48,8 +48,8 @@ class EngineSettings(SettingsGroup):
         ge=0,
         description=(
             "With `release_ahead` 0, a robot's base extends beyond its next node by what it drives in this "
-            "time at full speed, so that an update comes before it slows down. Must be longer than it "
-            "brakes. 0: everything that can be allocated (assertive)."
+            "time at full speed; the rest is horizon. A robot that brakes for longer slows down before its "
+            "next node: raise it. 0: everything that can be allocated (assertive)."
         ),
     )
     restart_patience: float = Field(

@@ -208,9 +208,10 @@ class Stuck:
 
 
 def _way_mm(vehicle: FleetVehicle, factsheet: Factsheet | None, seconds: float) -> float:
-    """Return how far a robot drives in this time, at the full speed of robot and vehicle."""
+    """Return how far a robot drives in this time at the full speed that robot and vehicle name."""
     of_robot = factsheet.physical_parameters.maximum_speed * MM_PER_M if factsheet else 0.0
-    of_vehicle = vehicle.model.max_velocity_mm_s if vehicle.model else 0
+    given = vehicle.model and "max_velocity_mm_s" in vehicle.model.model_fields_set
+    of_vehicle = vehicle.model.max_velocity_mm_s if vehicle.model and given else 0
     known = [each for each in (of_robot, of_vehicle) if each > 0]
     return seconds * min(known, default=UNKNOWN_SPEED_MM_S)
 
@@ -219,10 +220,10 @@ class Driving:
     """Joins traffic and the fleet.
 
     An order's vehicle requests the route of its drive order. Once traffic grants it, a VDA 5050 order is sent
-    with a base of what is allocated, and the rest as horizon; order updates extend the base. It is as long as
-    the robot needs so that it does not slow down before its next node, unless ``release_ahead`` says how many
-    nodes it has (*preventive*); without either setting it is all that can be allocated (*assertive*). An
-    order whose first step cannot be allocated yet is not sent yet. All changes are committed before anything
+    with a base of what is allocated, and the rest as horizon; order updates extend the base. It ends what the
+    robot drives in ``release_seconds`` behind its next node, unless ``release_ahead`` says how many nodes it
+    has (*preventive*); without either setting it is all that can be allocated (*assertive*). An order whose
+    first step cannot be allocated yet is not sent yet. All changes are committed before anything
     is sent.
     """
 
@@ -511,7 +512,7 @@ class Driving:
             self.send_on(known.released(journey).updated())
 
     def _allocate(self, vehicle: FleetVehicle, more: int) -> bool:
-        """Allocate so much that the robot does not have to slow down before its next update."""
+        """Allocate what the settings give a robot in front of it; ``more``: at least so many nodes more."""
         name, settings = vehicle.name, self._context.settings
         ahead = more and self._traffic.ahead(name) + more
         if settings.release_ahead or not settings.release_seconds:

@@ -1,4 +1,7 @@
-"""Rerouting: replans routes of vehicles under way on request or after path locks (openTCS: rerouting)."""
+"""Rerouting: replans routes of vehicles under way (openTCS: rerouting).
+
+It does so on request, after path locks, and for vehicles that wait for others.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +11,10 @@ from dataclasses import dataclass
 from nena_order_service.engine.context import Context
 from nena_order_service.engine.driving import Driving
 from nena_order_service.errors import NotReroutableError, VehicleNotReachedError
+from nena_order_service.fleet.feasibility import fitted, order_problem
 from nena_order_service.fleet.position import Standing
-from nena_order_service.fleet.robot import LinkStatus
-from nena_order_service.fleet.vda_order import with_other_horizon
+from nena_order_service.fleet.robot import Abilities, LinkStatus
+from nena_order_service.fleet.vda_order import VdaOrder, with_other_horizon
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.vda_orders import SentOrder
 from nena_order_service.routing.graph import NoRouteError, Route
@@ -20,7 +24,7 @@ from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.transport_order import DriveOrderState, TransportOrderState
 from nena_shared.fleet_api.vehicle import ReroutingOutcome, ReroutingType
 from nena_shared.log import get_logger
-from nena_shared.plant import BACKWARD_SUFFIX
+from nena_shared.plant import BACKWARD_SUFFIX, UnknownObjectError
 from nena_shared.vda5050.order import Edge
 
 log = get_logger(__name__)
@@ -74,8 +78,10 @@ class Rerouting:
         self._registry = context.registry
         self._clock = context.clock
         self._view = context.view
-        self._standing: Mapping[str, int] = {}
+        self._waiting: Mapping[str, int] = {}
         """Vehicles that stood and waited at the last look, and how far each had come."""
+        self._led_around: dict[str, tuple[str, int]] = {}
+        """The order of vehicles that were led around others, and how far each had come by then."""
         self._tried: frozenset[str] = frozenset()
         """Those of them that were looked at since all had their turn."""
 
@@ -95,7 +101,7 @@ class Rerouting:
             return Rerouted(ReroutingOutcome.STOPPING, "it is already stopping")
         if kind is ReroutingType.FORCED:
             return self._force(vehicle, order, record)
-        return self._plan_anew(vehicle, order, record, "requested by a host")
+        return self._replan(vehicle, order, record, "requested by a host")
 
     def keep_off_locked_paths(self) -> None:
         """Lead vehicles around paths that are locked now; where no other way is, they stop before them.
@@ -110,7 +116,7 @@ class Rerouting:
             if order is None or order.state is not TransportOrderState.BEING_PROCESSED:
                 self._driving.end_early(record, partial=False)
                 continue
-            done = self._plan_anew(vehicle, order, record, "a path ahead was locked")
+            done = self._replan(vehicle, order, record, "a path ahead was locked")
             if done.outcome is ReroutingOutcome.UNCHANGED:
                 log.info("vehicle stops before a locked path", vehicle=vehicle.name, reason=done.reason)
                 self._driving.end_early(record, partial=True)
@@ -118,9 +124,8 @@ class Rerouting:
 
     def kept_waiting(self) -> Sequence[str]:
         """Return vehicles that have waited since the last call; of many only some, others each time."""
-        standing = self._traffic.standing()
-        before, self._standing = self._standing, standing
-        waiting = [name for name, reached in standing.items() if before.get(name) == reached]
+        before, self._waiting = self._waiting, self._traffic.waiting_at_end()
+        waiting = [name for name, reached in self._waiting.items() if before.get(name) == reached]
         self._tried = self._tried.intersection(waiting)
         if self._tried.issuperset(waiting):
             self._tried = frozenset()
@@ -129,7 +134,10 @@ class Rerouting:
         return chosen
 
     def lead_around(self, name: str) -> None:
-        """Give a vehicle that waits a route with less traffic, if there is one and traffic grants it."""
+        """Lead a waiting vehicle along a route with less traffic, if there is one that traffic grants.
+
+        The robot must be able to drive it, and it must have driven on since it was last led around others.
+        """
         vehicle = self._registry.named(name)
         record = self._sent.of_robot(vehicle.key) if vehicle else None
         journey = self._traffic.journey(name)
@@ -143,11 +151,14 @@ class Rerouting:
             or base_end not in self._plant.points_by_name
         ):
             return
+        if self._led_around.get(name) == (record.vda_order.order_id, journey.reached):
+            return
         route = self._traffic.route_around(name, order.resources_to_avoid)
         if route is None or not route.steps:
             return
         under_way = _UnderWay(vehicle, record.released(journey), order, base_end)
-        if not self._claim_leg(under_way, Leg(route.cost, route)):
+        if self._feasible(under_way, route) and not self._claim_leg(under_way, Leg(route.cost, route)):
+            self._led_around[name] = record.vda_order.order_id, journey.reached
             self._send(under_way, route, "it waited, and there is less traffic")
 
     def _order(self, vehicle: FleetVehicle) -> TransportOrder:
@@ -170,14 +181,12 @@ class Rerouting:
         link = self._view(vehicle).link
         if link is not LinkStatus.ONLINE:
             raise VehicleNotReachedError(vehicle.name, f"it is {link}")
-        self._driving.cancel(record.model_copy(update={"rerouting": True}))
+        self._driving.cancel(record)
         why = "forced: it stops and continues from its position"
         self._orders.put(order.rerouted(None, why, self._clock.now()))
         return Rerouted(ReroutingOutcome.STOPPING, why)
 
-    def _plan_anew(
-        self, vehicle: FleetVehicle, order: TransportOrder, record: SentOrder, why: str
-    ) -> Rerouted:
+    def _replan(self, vehicle: FleetVehicle, order: TransportOrder, record: SentOrder, why: str) -> Rerouted:
         journey = self._traffic.journey(vehicle.name)
         if journey is None or record.all_released or journey.all_allocated:
             return Rerouted(ReroutingOutcome.UNCHANGED, NOTHING_AHEAD)
@@ -187,7 +196,7 @@ class Rerouting:
         under_way = _UnderWay(vehicle, record.released(journey), order, base_end)
         try:
             route, refusal = self._claim(under_way)
-        except NoRouteError as error:
+        except (NoRouteError, UnknownObjectError) as error:  # the plant may have lost a place
             return Rerouted(ReroutingOutcome.UNCHANGED, str(error))
         if route is None:
             return Rerouted(ReroutingOutcome.UNCHANGED, f"it {refusal}" if refusal else NO_OTHER_WAY)
@@ -234,12 +243,26 @@ class Rerouting:
         drivable = self._plant.points_by_name.keys() | self._plant.paths_by_name.keys()
         return frozenset(use for each in held for use in each.uses if use in drivable)
 
+    def _feasible(self, under_way: _UnderWay, route: Route) -> bool:
+        """Return whether the robot, by its factsheet, can carry out the order along another route."""
+        factsheet = self._view(under_way.vehicle).factsheet
+        if factsheet is None:
+            return True
+        abilities = Abilities(factsheet)
+        return order_problem(fitted(self._with_route(under_way, route), abilities), abilities) is None
+
+    def _with_route(self, under_way: _UnderWay, route: Route) -> VdaOrder:
+        """Return the VDA order with this route from the end of its base on."""
+        record, standing = under_way.record, Standing(under_way.base_end, on_point=True, pose=None)
+        retriable = any(each.retriable for each in record.vda_order.actions)
+        tail = self._planner.vda_order(
+            under_way.order, under_way.vehicle, standing, route, retriable=retriable
+        )
+        return with_other_horizon(record.vda_order, record.allocated, tail)
+
     def _send(self, under_way: _UnderWay, route: Route, why: str) -> None:
         vehicle, record = under_way.vehicle, under_way.record
-        standing = Standing(under_way.base_end, on_point=True, pose=None)
-        retriable = any(each.retriable for each in record.vda_order.actions)
-        tail = self._planner.vda_order(under_way.order, vehicle, standing, route, retriable=retriable)
-        vda_order = with_other_horizon(record.vda_order, record.allocated, tail)
+        vda_order = self._with_route(under_way, route)
         journey = self._traffic.journey(vehicle.name)
         assert journey, "requested by the caller"  # noqa: S101 - for the type
         self._driving.send_on(record.updated(vda_order=vda_order, way=journey.way))

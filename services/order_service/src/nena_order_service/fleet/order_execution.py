@@ -106,10 +106,17 @@ def read(state: State, vda_order: VdaOrder) -> Progress:
     """Read the progress from a state that :func:`knows` the VDA order (section 6.6.2).
 
     A node counts as traversed only if it is no longer among the coming nodes: not every robot resets
-    lastNodeSequenceId at once when it accepts a new order. A failed action on an edge is no failure of the
-    VDA order: it lasts as long as the edge at most, and robots report one that they end there as FAILED.
+    lastNodeSequenceId at once when it accepts a new order. A failed action on an edge that is left is no
+    failure of the VDA order: robots also report one as FAILED that the end of its edge has cut short.
     """
-    ids, final, along = vda_order.action_ids, vda_order.final_action_ids, vda_order.edge_action_ids
+    ids, final = vda_order.action_ids, vda_order.final_action_ids
+    ahead = {each.sequence_id for each in state.edge_states}
+    left_behind = {
+        action.action_id
+        for edge in vda_order.edges
+        if edge.actions and edge.sequence_id not in ahead
+        for action in edge.actions
+    }
     own = [each for each in state.action_states if each.action_id in ids] if ids else []
     left = bool(state.node_states or state.edge_states)
     passed = state.last_node_sequence_id
@@ -121,7 +128,9 @@ def read(state: State, vda_order: VdaOrder) -> Progress:
         idle=not left and all(each.action_status.ended for each in own),
         at_end=passed == vda_order.last_sequence_id and state.last_node_id == vda_order.nodes[-1].node_id,
         failed=tuple(
-            each for each in own if each.action_status is ActionStatus.FAILED and each.action_id not in along
+            each
+            for each in own
+            if each.action_status is ActionStatus.FAILED and each.action_id not in left_behind
         ),
         retriable=tuple(each for each in own if each.action_status is ActionStatus.RETRIABLE),
         unreported=ids.difference(each.action_id for each in own) if len(own) < len(ids) else frozenset(),

@@ -69,11 +69,6 @@ class VdaOrder(WireObject):
         return frozenset(action.action_id for action in self.actions)
 
     @cached_property
-    def edge_action_ids(self) -> frozenset[str]:
-        """The ids of the actions on its edges."""
-        return frozenset(action.action_id for edge in self.edges for action in edge.actions)
-
-    @cached_property
     def final_action_ids(self) -> frozenset[str]:
         """The ids of the actions at its last node."""
         return frozenset(action.action_id for action in self.nodes[-1].actions)

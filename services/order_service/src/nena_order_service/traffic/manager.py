@@ -234,9 +234,9 @@ class TrafficManager:
 
     def route_around(self, vehicle: str, avoid: Collection[str] = frozenset()) -> Route | None:
         """Return a route with less traffic for a waiting vehicle; see :meth:`TrafficControl.route_around`."""
-        return self._control.route_around(vehicle, self.standing(), avoid)
+        return self._control.route_around(vehicle, self.waiting_at_end(), avoid)
 
-    def standing(self) -> dict[str, int]:
+    def waiting_at_end(self) -> dict[str, int]:
         """Return the vehicles that wait at the end of what they hold, and how far each has come."""
         return {
             name: journey.reached
@@ -345,7 +345,7 @@ class TrafficManager:
         return refusal.in_words(self.turn_back_mm(vehicle, refusal))
 
     def refusal(self, vehicle: str) -> Refusal | None:
-        """Return what was refused to a vehicle that does not depart or go on; None: traffic keeps it not."""
+        """Return what was refused to a vehicle that does not depart or go on; None: nothing."""
         journey = self._journeys.get(vehicle)
         return (journey and journey.refusal) or self._control.why_waiting(vehicle)
 

@@ -33,7 +33,7 @@ from nena_order_service.routing.router import Routes
 from nena_order_service.traffic.evasion import Evader, Evasion, VehicleTest, no_vehicle, overlap
 from nena_order_service.traffic.resources import Resources, ResourceSet
 from nena_order_service.traffic.scheduler import Refusal, Scheduler, WaitReason
-from nena_shared.plant import PlantModel
+from nena_shared.plant import PlantModel, UnknownObjectError
 
 SECTION = 4
 """How many resource sets a vehicle claims ahead of what it holds; more where it cannot wait there."""
@@ -259,15 +259,19 @@ class TrafficControl:
     ) -> Route | None:
         """Return a route with less traffic for a vehicle that waits at the end of what it holds.
 
-        ``standing`` are the vehicles that wait now. None: its present route is about as good, there is no
-        other one, or it has the right of way.
+        ``standing`` are the vehicles that wait now. The route leads around vehicles at rest, which may stay
+        for long. None: its present route is about as good, there is no other one, or it has the right of way.
         """
         journey, occupant = self.journeys[vehicle], self.scheduler.occupant(vehicle)
         present = journey.way[journey.allocated :]
         if not present or (self._right_of_way and self._right_of_way.vehicle == vehicle):
             return None
         occupied = [self.scheduler.occupant(other).held for other in standing if other != vehicle]
-        return self._routes.around(vehicle, occupant.held[-1].point, occupied, avoid)
+        start, goal = occupant.held[-1].point, present[-1].point
+        at_rest = (each for each in self.scheduler.names if each not in self.journeys)
+        held = (use for each in at_rest for place in self.scheduler.occupant(each).held for use in place.uses)
+        resting = set(held) - {start, goal}
+        return self._routes.around(vehicle, start, occupied, avoid, resting)
 
     def decide(
         self, movable: VehicleTest, lost: VehicleTest = no_vehicle, extending: Iterable[str] = ()
@@ -605,10 +609,11 @@ class _RouteSearch:
         start: str,
         occupied: Iterable[Iterable[ResourceSet]],
         avoid: Collection[str],
+        closed: Collection[str],
     ) -> Route | None:
         """Return a route from ``start`` on for a vehicle under way; None if its present one is as good.
 
-        ``occupied`` is what waiting vehicles hold.
+        ``occupied`` is what waiting vehicles hold; ``closed`` resources are avoided like those to ``avoid``.
         """
         journey = self._journeys[vehicle]
         present = [(each.point, each.length_mm) for each in journey.way[journey.allocated :]]
@@ -619,8 +624,9 @@ class _RouteSearch:
                 shares[each.point] += STANDING
         burden = {name: share for name, share in shares.items() if share > 0}
         try:
-            route = self._routes.route(vehicle, start, present[-1][0], avoid=avoid, burden=burden)
-        except NoRouteError:
+            without = self._drivable.intersection(closed).union(avoid)
+            route = self._routes.route(vehicle, start, present[-1][0], avoid=without, burden=burden)
+        except (NoRouteError, UnknownObjectError):  # the plant may have lost a place
             return None
         other = [(each.destination, each.path.length_mm) for each in route.steps]
         return route if _cost(other, burden) < WORTH_IT * _cost(present, burden) else None
@@ -657,7 +663,10 @@ class _RouteSearch:
 
 
 def _cost(points: Iterable[tuple[str, int]], burden: Mapping[str, float]) -> float:
-    """Return the length of a route, given as points and lengths, with what traffic at the points adds."""
+    """Return the length of a route, given as points and lengths, with what traffic at the points adds.
+
+    Two routes are compared by it, so that it need not be the router's cost.
+    """
     return sum(length_mm * (1.0 + burden.get(point, 0.0)) for point, length_mm in points)
 
 
