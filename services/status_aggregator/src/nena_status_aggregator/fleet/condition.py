@@ -31,7 +31,7 @@ class Condition(StrEnum):
     BLOCKED = "BLOCKED"
     """Emergency stop, protective field, not localised or paused."""
     WAITING = "WAITING"
-    """Stands with an order because traffic control lets others go first."""
+    """Stands with an order and waits for other robots, a locked path or a release."""
     BUSY = "BUSY"
     """Has an active order, is assigned to one, or drives."""
     CHARGING = "CHARGING"
