@@ -219,6 +219,8 @@ class FleetSubscriber:
         status = VehicleStatus.model_validate_json(inbound.payload)
         if self._share.has(RobotKey(status.manufacturer, status.serial_number)):
             self._model.on_vehicle_status(status, at)
+        else:
+            self._model.on_vehicle_elsewhere(status)
 
     def _read_service_status(self, inbound: Inbound, at: Timestamp) -> None:
         if not inbound.payload:

@@ -5,14 +5,19 @@ from __future__ import annotations
 from datetime import timedelta
 from typing import Any
 
-from nena_shared.clock import iso
+from nena_shared.clock import SystemClock, iso
 from nena_shared.fleet_api.service_status import LOST_AFTER, ServiceStatus
+from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
+from nena_shared.fleet_api.vehicle import VehicleState, VehicleStatus
+from nena_shared.mqtt import Inbound
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.fleet.model import FleetModel, ModelLimits
-from nena_status_aggregator.fleet.queues import JamLimits
+from nena_status_aggregator.fleet.queues import JamLimits, Queues
 from nena_status_aggregator.fleet.views import FleetView, WaitView
+from nena_status_aggregator.mqtt import FleetSubscriber
+from nena_status_aggregator.settings import AggregatorSettings, Share
 from support.fleet_examples import START, connection, timestamp, vehicle_status
 from support.fleet_records import state
 
@@ -141,6 +146,49 @@ def test_a_jam_ends_when_its_robots_go_on() -> None:
     assert site.jams() == []
     site.robot(4, 3)
     assert site.jams() == []
+
+
+def elsewhere(number: int, *behind: int, state: VehicleState = VehicleState.IDLE) -> VehicleStatus:
+    """Return the status of a vehicle that another aggregator monitors."""
+    names = tuple(f"V-{each}" for each in behind)
+    wait = TrafficWait(vehicles=names, at="B", cause=WaitCause.PASSES, reason="it waits") if names else None
+    return vehicle_status(f"V-{number}", wait=wait, state=state)
+
+
+def test_a_chain_goes_on_through_robots_of_other_shares_that_are_not_counted() -> None:
+    site = Site()
+    for number in (1, 3, 5):
+        site.robot(number, 2)
+    for vehicle in (elsewhere(2, 8), elsewhere(4, 2), elsewhere(8, 9, state=VehicleState.ERROR)):
+        site.model.on_vehicle_elsewhere(vehicle)
+    assert (site.wait(1)["next"], site.wait(1)["head"]) == ("V-2", "V-8")
+    site.pass_time(20)
+    assert site.jams() == [("V-8", [], 3)]
+    site.model.on_vehicle_elsewhere(elsewhere(2))
+    assert site.wait(1)["head"] == "V-2"
+
+
+def test_robots_of_other_shares_have_a_limit() -> None:
+    queues = Queues(JamLimits())
+    for number in range(10):
+        queues.see_elsewhere(elsewhere(number, 99), limit=2)
+    queues.see_elsewhere(elsewhere(1, 98), limit=2)
+    queues.line_up(timestamp(0))
+    assert {name: chain.head for name, chain in queues.chains.items()} == {"V-0": "V-99", "V-1": "V-98"}
+
+
+async def test_the_statuses_of_other_shares_reach_the_queues_only() -> None:
+    model = FleetModel(LIMITS)
+    link = FleetSubscriber(AggregatorSettings(share="1/2"), model, SystemClock())
+    keys = [RobotKey("ACME", f"r{number}") for number in range(9)]
+    robot = next(key for key in keys if Share(2, 2).has(key))
+    body = vehicle_status("V-1", robot=robot, wait=elsewhere(1, 2).wait).model_dump_json(by_alias=True)
+    topic = FleetTopics().vehicle_status(robot.serial_number)
+    for handler in link.mqtt._handlers(topic):
+        handler(Inbound(topic, body.encode(), retained=True))
+    model.flush(timestamp(0))
+    assert model.queues.chains["V-1"].head == "V-2"
+    assert list(model.robots) == []
 
 
 def test_a_robot_that_drives_is_no_part_of_a_queue() -> None:

@@ -248,6 +248,10 @@ class FleetModel:
         self._key_of_vehicle[status.name] = key
         self._touch_order_of(robot)
 
+    def on_vehicle_elsewhere(self, status: VehicleStatus) -> None:
+        """Apply a vehicle status of a robot of another share: only for whom it waits."""
+        self.queues.see_elsewhere(status, self.limits.robots)
+
     def on_order_status(self, status: TransportOrderStatus, at: Timestamp) -> None:
         """Apply a transport order status of the order service."""
         self.statistics.received[MessageKind.ORDER_STATUS] += 1

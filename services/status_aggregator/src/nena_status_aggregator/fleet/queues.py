@@ -6,6 +6,7 @@ from collections import Counter
 from dataclasses import dataclass
 from datetime import datetime
 
+from nena_shared.fleet_api.vehicle import VehicleState, VehicleStatus
 from nena_shared.fleet_api.wait_chains import WaitChain, wait_chains
 from nena_status_aggregator.fleet.condition import Condition
 from nena_status_aggregator.fleet.robot import Robot, Timestamp
@@ -19,6 +20,9 @@ STUCK = (
     Condition.BLOCKED,
 )
 """Conditions in which a robot does not drive on until a person has done something."""
+
+STUCK_ELSEWHERE = (VehicleState.ERROR, VehicleState.UNAVAILABLE, VehicleState.UNKNOWN)
+"""The same of a robot of another share, of which only the order service's word is known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +43,7 @@ class Jam:
     """The head, or the vehicles of the circle."""
     circle: bool
     robots: int
+    """Without robots of other shares."""
     since: datetime
     """Since when there are more than the limit."""
 
@@ -52,6 +57,8 @@ class Queues:
         self._limits = limits
         self._waits: dict[str, tuple[str, ...]] = {}
         self._stuck: dict[str, None] = {}
+        self._elsewhere: set[str] = set()
+        """Vehicles of other shares: chains lead through them, but they are not counted."""
         self._changed = False
         self._sizes: Counter[tuple[str, ...]] = Counter()
         self._long: dict[tuple[str, ...], Timestamp] = {}
@@ -62,12 +69,21 @@ class Queues:
         vehicle = robot.vehicle
         if vehicle is None:
             return
+        self._elsewhere.discard(vehicle.name)
         waiting = robot.condition is Condition.WAITING and vehicle.wait is not None
         self._note(
             vehicle.name,
             vehicle.wait.vehicles if waiting and vehicle.wait else (),
             stuck=robot.condition in STUCK,
         )
+
+    def see_elsewhere(self, vehicle: VehicleStatus, limit: int) -> None:
+        """Note for whom a vehicle of another share waits; beyond ``limit`` of them, ignore new ones."""
+        if vehicle.name not in self._elsewhere and len(self._elsewhere) >= limit:
+            return
+        self._elsewhere.add(vehicle.name)
+        waits = vehicle.wait.vehicles if vehicle.wait else ()
+        self._note(vehicle.name, waits, stuck=vehicle.state in STUCK_ELSEWHERE)
 
     def forget(self, name: str) -> None:
         """Forget a vehicle."""
@@ -79,7 +95,7 @@ class Queues:
             return []
         self._changed = False
         before, self.chains = self.chains, wait_chains(self._waits, self._stuck)
-        self._sizes = Counter(chain.end for chain in self.chains.values())
+        self._sizes = Counter(chain.end for name, chain in self.chains.items() if name not in self._elsewhere)
         long = [end for end, number in self._sizes.items() if number > self._limits.robots]
         self._long = {end: self._long.get(end, at) for end in long}
         names = before.keys() | self.chains.keys()
