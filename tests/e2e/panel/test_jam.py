@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -116,8 +117,8 @@ async def test_a_jam_is_led_to_its_head(hall: Hall, browser: Browser, *, dark: b
             assert await findings(page) == []
             await waiting.get_by_role("link", name="AMR-01").click()
             causes = page.locator("nena-robot-page .causes li")
-            await expect(causes.nth(0)).to_contain_text("Waiting: Waits for AMR-15 to pass Middle 2.")
-            await expect(causes.nth(1)).to_contain_text("AMR-15 (Waiting): Waits for AMR-17")
+            await expect(causes.nth(0)).to_contain_text(re.compile("^Waits for AMR-15 to pass Middle 2."))
+            await expect(causes.nth(1)).to_contain_text("AMR-15: Waits for AMR-17")
             await expect(causes.nth(2)).to_contain_text("AMR-17 (Emergency stop): Emergency stop active")
             await expect(causes.nth(3)).to_contain_text("T-1")
             if not dark:
@@ -139,7 +140,7 @@ async def test_a_circle_is_named(hall: Hall, browser: Browser) -> None:
             await expect(row(page, 2)).to_contain_text("Wait in a circle: AMR-01, AMR-02, AMR-03")
             await row(page, 2).get_by_role("link", name="AMR-02").click()
             causes = page.locator("nena-robot-page .causes")
-            await expect(causes).to_contain_text("AMR-03 (Waiting): Waits for AMR-01")
+            await expect(causes).to_contain_text("AMR-03: Waits for AMR-01")
             await expect(causes).to_contain_text("These robots wait for each other in a circle")
             robot(hall, 1, 3.0, 7)
             await expect(header).not_to_contain_text("Jam")
@@ -264,8 +265,9 @@ async def test_reasons_of_a_dead_order_service_are_shown_as_old(hall: Hall, brow
         hall.peer.publish(hall.fleet.service_status, dead.model_dump_json(by_alias=True), retain=True)
         async with opened(browser, hall.url, width=1600, height=1000) as page:
             await expect(page.locator("nena-link-banner")).to_contain_text("The order service is down.")
-            reason = row(page, 1).locator(".reason")
-            await expect(reason).to_have_css("font-style", "italic")
+            for part in (".reason", "a:has-text('Head of queue')", ".order", ".progress"):
+                await expect(row(page, 1).locator(part)).to_have_css("font-style", "italic")
+            await expect(row(page, 7).locator(".order")).to_have_css("font-style", "normal")
             await expect(row(page, 17).locator(".reason")).to_have_css("font-style", "normal")
             await expect(page.locator("tr[data-order='T-1'] .reason").first).to_have_css(
                 "font-style", "italic"
@@ -300,3 +302,26 @@ async def test_a_jam_is_told_in_the_users_language(
             await expect(row(page, 1)).to_contain_text(waiting)
             await expect(row(page, 1)).to_contain_text(head)
             assert await page.evaluate("document.documentElement.scrollWidth") <= 390
+
+
+@pytest.mark.parametrize(
+    ("language", "words"),
+    [
+        ("en-GB", "Order T-9: path A -- B is locked."),
+        ("de-DE", "Wartet mit Auftrag T-9."),
+        ("nl-NL", "Wacht met order T-9."),
+    ],
+)
+async def test_a_robot_that_waits_for_no_robot_says_why_in_one_language(
+    hall: Hall, browser: Browser, language: str, words: str
+) -> None:
+    with hall.aggregator() as aggregator:
+        await aggregator.logged("broker connected")
+        hall.publish_plant()
+        robot(hall, 9, 3, 7)
+        key, wait = RobotKey("ACME", "r09"), TrafficWait(reason="path A -- B is locked")
+        status = vehicle_status("AMR-09", robot=key, transport_order="T-9", wait=wait)
+        body = status.model_dump_json(by_alias=True)
+        hall.peer.publish(hall.fleet.vehicle_status(key.serial_number), body, retain=True)
+        async with opened(browser, hall.url, language=language) as page:
+            await expect(row(page, 9).locator(".reason")).to_have_text(words)

@@ -14,7 +14,7 @@ class WaitChain:
     next: str
     """The vehicle in front of it on the way to the head."""
     head: str | None
-    """The vehicle that all of them wait for in the end, which waits for nobody; None: a circle."""
+    """The vehicle that all of them wait for in the end, which waits for no other; None: a circle."""
     circle: tuple[str, ...] = ()
     """The vehicles that wait for each other, each for the one after it; from the first by name."""
 

@@ -48,10 +48,13 @@ export function isOfOrderService(robot) {
   return OF_ORDER_SERVICE.includes(robot.reasonCode);
 }
 
+// Texts without the English words of the order service, by reason code.
+const WITHOUT_WORDS = { idle_why: "reason.idle", waits_other: "reason.waits_with_order" };
+
 /** Return why a robot is in its condition. */
 export function reasonOf(robot) {
   const { reasonCode: code, reasonValues: values } = robot;
-  if (code === "idle_why" && chosenLanguage() !== "en") return t("reason.idle");
+  if (code in WITHOUT_WORDS && chosenLanguage() !== "en") return t(WITHOUT_WORDS[code], values);
   if (code === "emergency_stop") return t(`reason.emergency_stop.${values.how === "remotely" ? "remote" : "manual"}`);
   if (!has(`reason.${code}`)) return robot.reason;
   const filled = { ...values };
@@ -110,9 +113,18 @@ function chain(robot, fleet, seen, lead = "") {
   if (seen.has(robot.id) || seen.size >= DEPTH) return [];
   seen.add(robot.id);
   const reason = robot.reasonCode === "idle_why" ? t("reason.idle") : reasonOf(robot); // its words are quoted anyway
-  const text = `${lead}${lead && " "}${conditionText(robot)}: ${reason}`;
+  const text = [lead, conditionAnd(robot, reason)].filter(Boolean).join(" ");
   const own = { text, advice: adviceFor(robot), link: lead ? address("robots", robot.id) : null };
   return [own, ...causesOfWaiting(robot, fleet, seen), ...causesOfFleet(robot, fleet, lead)];
+}
+
+// The condition of a robot and the reason; of a robot that waits for others only the reason, which says so.
+function conditionAnd(robot, reason) {
+  return saysThatItWaits(robot) ? reason : `${conditionText(robot)}: ${reason}`;
+}
+
+function saysThatItWaits(robot) {
+  return robot.reasonCode.startsWith("waits");
 }
 
 // The queue up to its head; without word from the order service the robot that occupies the next node.
@@ -152,7 +164,8 @@ function queueOf(robot, store) {
 function causeOfVehicle(name, store) {
   const robot = store.robotOfVehicle(name);
   if (!robot) return { text: t("why.vehicleUnknown", { name }) };
-  const text = t("why.queue", { name, condition: conditionText(robot), reason: reasonOf(robot) });
+  const reason = reasonOf(robot);
+  const text = saysThatItWaits(robot) ? `${name}: ${reason}` : t("why.queue", { name, condition: conditionText(robot), reason });
   return { text, advice: adviceFor(robot), link: address("robots", robot.id) };
 }
 
@@ -180,7 +193,7 @@ function candidates({ store }) {
   const vehicles = [...store.robots.values()].filter((robot) => robot.vehicle);
   if (!vehicles.length) return [{ text: t("why.noVehicles") }];
   return vehicles.slice(0, CANDIDATES).map((robot) => ({
-    text: `${robot.name} – ${conditionText(robot)}: ${reasonOf(robot)}`,
+    text: `${robot.name} – ${conditionAnd(robot, reasonOf(robot))}`,
     link: address("robots", robot.id),
   }));
 }

@@ -114,7 +114,7 @@ class RobotTable extends LiveTable {
       model: verbatim("span", "", { class: "detail" }),
       chip: element("span", { class: "chip" }),
       reason: element("span", { class: "reason" }),
-      head: element("span", { class: "detail" }),
+      head: element("span", { class: "detail of-orders" }),
       marks: element("span", { class: "detail marks" }),
       battery: element("span", { class: "number" }),
       charging: element("span", { class: "detail" }),
@@ -176,6 +176,7 @@ function updateBattery(parts, battery) {
 function updateOrder(parts, order) {
   setText(parts.order, order?.name ?? t("none"));
   setAttribute(parts.order, "title", order?.name);
+  for (const part of [parts.order, parts.progress.box]) part.classList.toggle("of-orders", Boolean(order?.id));
   const progress = order?.progress ?? null;
   parts.progress.box.hidden = progress === null;
   if (progress === null) return;
@@ -184,7 +185,7 @@ function updateOrder(parts, order) {
   setText(parts.progress.value, t("progress.value", { percent: number(progress) }));
 }
 
-// The head of the queue in which a robot waits: text and address; only a text in a circle; null if it waits for nobody.
+// The head of the queue in which a robot waits: text and address; only a text in a circle; null if it waits for no robot.
 function headOf({ vehicle }, store) {
   const { head, circle } = vehicle?.wait ?? {};
   if (circle?.length) return { text: t("robots.circle", { names: circle.join(", ") }) };
