@@ -6,9 +6,15 @@ from typing import Any
 
 import pytest
 
-from nena_edge_agent.driver.port import Halted, NavigationReport
+from nena_edge_agent.driver.map_port import MapOwnGoals, MapPose
+from nena_edge_agent.driver.port import GoalReport, GoalTable, Halted, NavigationReport
+from nena_edge_agent.nav2.commands import Report
+from nena_edge_agent.nav2.goals import GoalEntry, GoalIdPrefix
+from nena_edge_agent.nav2.path_following import Trackers
+from nena_edge_agent.nav2.settings import GoalSettings
 from nena_edge_agent.protocol.capabilities import DriveStrategy
 from nena_edge_agent.protocol.events import Halt, Started
+from nena_shared.ros import GoalStatus
 from nena_shared.vda5050.order import ControlPoint, Corridor, Order, Trajectory
 from nena_shared.vda5050.versions import RULES
 from support.robot_core import Bench, action, at, order, position
@@ -138,6 +144,19 @@ def test_the_state_shows_the_path_and_its_trajectory() -> None:
     places = [(each.x, each.y) for each in state.planned_path.trajectory.control_points]
     assert (places[0], places[-1]) == ((0.0, 0.0), (10.0, 20.0))
     assert any(7 < x < 8 and 2 < y < 3 for x, y in places)
+
+
+def test_after_a_restart_on_a_path_an_operators_goal_is_not_taken_for_ours() -> None:
+    bench = robot()
+    bench.send(edges({"trajectory": TURN}))
+    kept = Bench(memory=bench.core.memory(), ready=False, follows_paths=True).core.own_goals
+    assert kept is not None
+    trackers, place = Trackers(GoalSettings(), GoalIdPrefix("agent")), MapPose(10.0, 10.0, 1.5, "hall")
+    trackers.reclaim(MapOwnGoals(kept.goal_ids, place, place if kept.given else None, kept.behind))
+    operators = [GoalEntry("ff" * 16, GoalStatus.EXECUTING)]
+    (said,) = trackers.on_statuses(operators, 0.0)
+    assert said == Report(GoalTable((GoalReport("ff" * 16, external=True, status="EXECUTING"),)))
+    assert trackers.tick(1.0) == trackers.tick(60.0) == []
 
 
 def test_after_a_restart_the_path_is_driven_on() -> None:

@@ -122,11 +122,15 @@ class CurrentGoal:
     def give(self, pose: Pose, behind: str) -> None:
         """Note that a goal to ``pose`` is about to be sent, and which goal is listed last before it.
 
-        An earlier run may have sent it already: then it is listed behind what was listed at that time.
+        An earlier run may have sent it already: then it is listed behind what was listed at that time. A goal
+        with a path is never listed: after a restart, the last one in the list is another client's.
         """
         own = self.own or OwnGoals((), pose)
-        again = self.unsettled and own.given is not None and _position(own.given) == _position(pose)
-        self.own = OwnGoals(own.goal_ids, own.pose, pose, own.behind if again else behind)
+        if self.path:
+            self.own = OwnGoals(own.goal_ids, own.pose)
+        else:
+            again = self.unsettled and own.given is not None and _position(own.given) == _position(pose)
+            self.own = OwnGoals(own.goal_ids, own.pose, pose, own.behind if again else behind)
         self.pose, self.unsettled = pose, True
 
     def settle(self) -> None:
