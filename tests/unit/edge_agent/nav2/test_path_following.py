@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from nena_edge_agent.driver.map_port import MapDriverEvent, MapGoal, MapPose
+from nena_edge_agent.driver.map_port import MapDriverEvent, MapGoal, MapOwnGoals, MapPose
 from nena_edge_agent.driver.port import (
     Arrived,
     DriveFailed,
@@ -266,6 +266,60 @@ def test_a_path_of_an_earlier_run_is_cancelled_before_the_next_one(talk: Talk) -
     assert talk.paths == []
     talk.said += talk.trackers.on_path_statuses([GoalEntry(left, GoalStatus.CANCELED)], talk.now)
     assert len(talk.paths) == 1
+
+
+def after_restart(*, paths: bool = True) -> Talk:
+    """Return a robot without odometry whose agent has just restarted; Nav2 has listed no goals yet."""
+    talk = Talk()
+    talk.trackers = Trackers(GoalSettings(), MARK)
+    talk.trackers.reclaim(MapOwnGoals((), place(5.0)), paths=paths)
+    talk.trackers.controller_takes_paths = talk.trackers.navigator.by_action = True
+    talk.said = talk.trackers.on_servers(NAVIGATORS, CONTROLLERS, talk.now)
+    talk.said += talk.trackers.on_navigation(AVAILABLE, talk.now)
+    return talk
+
+
+def test_a_halt_after_a_restart_waits_for_the_end_of_a_path() -> None:
+    talk, left = after_restart(), MARK.new()
+    talk.said += talk.trackers.halt(talk.now)
+    talk.later(1.0)
+    assert Halted() not in talk.events
+    talk.said += talk.trackers.on_path_statuses([GoalEntry(left, GoalStatus.EXECUTING)], talk.now)
+    talk.later(0.1)
+    assert talk.path_cancels == [left]
+    assert Halted() not in talk.events
+    talk.said += talk.trackers.on_path_statuses([GoalEntry(left, GoalStatus.CANCELED)], talk.now)
+    talk.later(5.0)
+    assert talk.events.count(Halted()) == 1
+
+
+def test_a_halt_while_a_path_of_an_earlier_run_is_cancelled_waits_for_its_end() -> None:
+    talk, left = after_restart(), MARK.new()
+    talk.said += talk.trackers.on_path_statuses([GoalEntry(left, GoalStatus.EXECUTING)], talk.now)
+    talk.said += talk.trackers.halt(talk.now)
+    talk.later(1.0)
+    assert Halted() not in talk.events
+    talk.said += talk.trackers.on_path_statuses([GoalEntry(left, GoalStatus.CANCELED)], talk.now)
+    talk.later(5.0)
+    assert talk.events.count(Halted()) == 1
+
+
+def test_a_halt_after_a_restart_is_answered_if_the_controller_had_no_path() -> None:
+    talk = after_restart()
+    talk.said += talk.trackers.halt(talk.now)
+    talk.later(1.0)
+    assert any(isinstance(each, StopMotion) for each in talk.said)
+    talk.said += talk.trackers.on_stop_answer(talk.now, answered=True)
+    talk.later(6.0)
+    assert talk.events.count(Halted()) == 1
+    talk.said += talk.trackers.halt(talk.now)
+    assert talk.events.count(Halted()) == 2
+
+
+def test_a_halt_after_a_restart_is_answered_at_once_without_paths() -> None:
+    talk = after_restart(paths=False)
+    talk.said += talk.trackers.halt(talk.now)
+    assert talk.events.count(Halted()) == 1
 
 
 @needs_action_types

@@ -208,7 +208,7 @@ class Nav2Driver:
         """Continue with a goal of an earlier run, if Nav2 still drives to it."""
         if self._limiter is not None:
             self._limiter.reclaim()
-        self._tracker.reclaim(goals)
+        self._tracker.reclaim(goals, paths=self._paths is not None)
 
     def go_to(self, goal: MapGoal) -> None:
         """Drive to ``goal``; while another one is driven, it is replaced without a stop."""

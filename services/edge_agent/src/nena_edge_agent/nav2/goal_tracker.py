@@ -140,6 +140,8 @@ class GoalTracker:
         self._navigation = NavigationReport(available=False, reason="Nav2 has not been searched for yet")
         self._drive: GoalDrive | None = None
         self._halt: _Halt | None = None
+        self.halts_after: GoalTracker | None = None
+        """Another tracker of the same robot: while it has not answered a halt, this one does not."""
         self._cancels: dict[str, float] = {}
         self._runaway = False
         """Whether the robot may drive without the navigator that was to stop it."""
@@ -185,6 +187,11 @@ class GoalTracker:
     def others_run(self) -> bool:
         """Whether Nav2 drives for another client."""
         return self._registry.others_run
+
+    @property
+    def halting(self) -> bool:
+        """Whether a halt has not been answered by ``Halted``."""
+        return self._halt is not None
 
     def awaits_goal(self, now: float) -> bool:
         """Return whether a goal that was given may yet be taken up."""
@@ -365,6 +372,8 @@ class GoalTracker:
         elif halt.quiet_at is None:
             halt.quiet_at = now
         if self._stands(halt, now):
+            if self.halts_after is not None and self.halts_after.halting:
+                return
             self._halt = None
             self._report(Halted())
             return

@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from nena_edge_agent.driver.map_port import MapGoal, MapOwnGoals, MapPose
-from nena_edge_agent.driver.port import DriveFailed, DriveFailure, GoalTable, NavigationReport
+from nena_edge_agent.driver.port import DriveFailed, DriveFailure, GoalTable, Halted, NavigationReport
 from nena_edge_agent.nav2.action_tracker import ActionSide, ActionTracker, FeedbackReading
 from nena_edge_agent.nav2.commands import AskResult, CancelGoal, Command, OnPath, Report, SendGoal
 from nena_edge_agent.nav2.goal_tracker import GoalDrive
@@ -26,6 +26,10 @@ if TYPE_CHECKING:
 log = get_logger(__name__)
 
 
+EARLIER = "earlier"
+"""Represents a path of an earlier run: its goal ID is not journalled, but has the agent's prefix."""
+
+
 class PathTracker(ActionTracker):
     """Gives paths to the controller's action and follows them."""
 
@@ -34,6 +38,15 @@ class PathTracker(ActionTracker):
     def __init__(self, settings: GoalSettings, prefix: GoalIdPrefix) -> None:
         super().__init__(settings, prefix)
         self.by_action = True
+
+    def expect_earlier(self) -> None:
+        """Assume a path of an earlier run until the controller's status array shows whether there is one."""
+        self._registry.reclaim((EARLIER,))
+
+    def may_drive_earlier(self, now: float) -> bool:
+        """Return whether the controller may follow a path, also one of an earlier run."""
+        registry = self._registry
+        return bool(registry.live) or (registry.orphaned and not registry.settled(now))
 
     def _refusal(self, drive: GoalDrive) -> str:
         return (
@@ -47,7 +60,7 @@ class Trackers:
 
     def __init__(self, settings: GoalSettings, prefix: GoalIdPrefix) -> None:
         self.navigator = ActionTracker(settings, prefix)
-        self.controller = PathTracker(settings, prefix)
+        self.navigator.halts_after = self.controller = PathTracker(settings, prefix)
         self.controller_takes_paths = False
         """Whether the controller's action is there; the driver sees it."""
         self._current: ActionTracker = self.navigator
@@ -87,9 +100,14 @@ class Trackers:
         """Return whether a plan that ends at ``place`` (m) is for the goal that the navigator drives to."""
         return self.navigator.wants(place)
 
-    def reclaim(self, goals: MapOwnGoals) -> None:
-        """Take the goals of an earlier run for ours; a path of that run is ended, and given again."""
+    def reclaim(self, goals: MapOwnGoals, *, paths: bool = False) -> None:
+        """Treat the goals of an earlier run as ours; a path of that run is ended, and given again.
+
+        ``paths``: the earlier run may have followed one.
+        """
         self.navigator.reclaim(goals)
+        if paths:
+            self.controller.expect_earlier()
 
     def go_to(self, goal: MapGoal, now: float) -> list[Command]:
         """Drive to ``goal``; one that is driven in the same way is replaced, and not stopped for it."""
@@ -108,7 +126,10 @@ class Trackers:
     def halt(self, now: float) -> list[Command]:
         """Drop the goal and stop; answered by ``Halted`` or ``HaltFailed``."""
         self._next = None
-        return self._of(self._current, self._current.halt(now))
+        commands: list[Command] = []
+        if self._current is self.navigator and self.controller.may_drive_earlier(now):
+            commands += self.controller.halt(now)
+        return [*self._of(self.controller, commands), *self._of(self._current, self._current.halt(now))]
 
     def on_statuses(self, entries: Sequence[GoalEntry], now: float) -> list[Command]:
         """Take the navigator's status array."""
@@ -200,6 +221,8 @@ class Trackers:
                     found.append(OnPath(command))
                 case Report(GoalTable()):
                     pass
+                case Report(Halted()) if self.navigator.halting:
+                    pass  # the navigator's tracker answers for both
                 case Report(DriveFailed(failure=DriveFailure.ABORTED) as event) if self.navigator.others_run:
                     text = "the path was replaced by the goal of another client"
                     taken = replace(event, failure=DriveFailure.TAKEN_OVER, description=text)
