@@ -133,7 +133,7 @@ class LoadSensor:
     """Reports what the sensor measures: at once when it changes, and regularly when it does not.
 
     Raises:
-        ConfigurationError: the message is none of its type.
+        ConfigurationError: the load sensor's message does not match its type.
 
     """
 
@@ -165,7 +165,7 @@ class RobotPorts:
     """What plug-ins may use of a robot; ``ros`` is None where it has none.
 
     Raises:
-        ConfigurationError: the load sensor's message is none of its type.
+        ConfigurationError: the load sensor's message does not match its type.
 
     """
 

@@ -200,7 +200,7 @@ class Trackers:
         return [*commands, *self._begin_next(now)]
 
     def _begin_next(self, now: float) -> list[Command]:
-        """Give the goal that waits for the end of those before."""
+        """Send the waiting goal once the previous ones have ended."""
         if self._next is None or self._current.may_drive or self._current.awaits_goal(now):
             return []
         goal, self._next = self._next, None
