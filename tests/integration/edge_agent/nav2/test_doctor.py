@@ -57,6 +57,7 @@ async def test_a_robot_that_is_well(domain_id: int) -> None:
         view = await look(settings)
 
     assert {each.verdict for each in judge_robot(view, settings)} == {OK}
+    assert view.path_servers == 1
     assert judge_map(view, settings, "hall", {"hall"}).verdict is OK
     assert view.grid is not None
     assert (view.grid.width, view.grid.height) == pytest.approx((60, 60), abs=1)

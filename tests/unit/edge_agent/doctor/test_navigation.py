@@ -19,7 +19,7 @@ from nena_edge_agent.doctor.navigation import (
 )
 from nena_edge_agent.nav2.poses import PoseReading
 from nena_edge_agent.nav2.presence import Lifecycle
-from nena_edge_agent.nav2.settings import RosSettings
+from nena_edge_agent.nav2.settings import OfferSettings, RosSettings
 
 SETTINGS = RosSettings(namespace="r1", domain_id=42)
 POSE = PoseReading(1.0, 2.0, 0.5, "map", 0, 0.04, 0.01, 0.01)
@@ -84,6 +84,24 @@ def test_a_missing_link_is_named_with_what_to_do(view: RosView, link: Link, text
     assert finding.link is link
     assert text in finding.text
     assert remedy in finding.remedy
+
+
+@pytest.mark.parametrize(
+    ("view", "text", "remedy"),
+    [
+        (WELL, "no node has the action follow_path", "ros.names.follow_path"),
+        (replace(WELL, path_servers=1, path_types=False), "nav2_msgs cannot be loaded", "source"),
+    ],
+)
+def test_a_robot_that_cannot_follow_paths_as_set_is_doubtful(view: RosView, text: str, remedy: str) -> None:
+    settings = SETTINGS.model_copy(update={"nav2": OfferSettings(follow_path=True)})
+    finding = judge_robot(view, settings)[-1]
+
+    assert (finding.link, finding.verdict) == (Link.NAVIGATION, LinkVerdict.DOUBTFUL)
+    assert text in finding.text
+    assert remedy in finding.remedy
+    able = replace(WELL, path_servers=1)
+    assert {each.verdict for each in judge_robot(able, settings)} == {LinkVerdict.OK}
 
 
 def test_what_builds_on_a_missing_link_is_not_judged() -> None:

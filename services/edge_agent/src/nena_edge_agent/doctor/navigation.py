@@ -48,6 +48,10 @@ class RosView:
     """Metres from a goal within which Nav2 counts it as reached (``xy_goal_tolerance``)."""
     server_timeout: float | None = None
     """Milliseconds that bt_navigator waits for its servers (``default_server_timeout``)."""
+    path_types: bool = True
+    """Whether nav2_msgs/action/FollowPath is installed here."""
+    path_servers: int = 0
+    """Publishers of the status of the controller's action, which takes paths."""
     clock_offset: float | None = None
     """Seconds by which the newest odometry stamp is ahead of this program's clock; None: no odometry."""
 
@@ -184,12 +188,24 @@ def _navigation(view: RosView, settings: RosSettings) -> LinkFinding:
         return missing(Link.NAVIGATION, f"no node subscribes to {names.goal_pose}", remedy)
     known = "active" if view.lifecycle is Lifecycle.ACTIVE else "available; it has no lifecycle manager"
     text = f"{known}, and takes goals on {names.goal_pose}{_drives(view)}"
-    tolerance = settings.goals.goal_tolerance
+    return _with_settings(view, settings, text)
+
+
+def _with_settings(view: RosView, settings: RosSettings, text: str) -> LinkFinding:
+    """Judge a Nav2 that works, as described by ``text``, by what the settings want of it."""
+    tolerance, path_action = settings.goals.goal_tolerance, settings.names.follow_path
     if tolerance is not None and view.tolerance is not None and tolerance < view.tolerance:
+        problem = f"ros.goals.goal_tolerance is {tolerance:g} m"
         remedy = "leave ros.goals.goal_tolerance unset, so that it is read from Nav2"
-        text = f"{text}, and ros.goals.goal_tolerance is {tolerance:g} m"
-        return LinkFinding(Link.NAVIGATION, LinkVerdict.DOUBTFUL, text, remedy)
-    return ok(Link.NAVIGATION, text)
+    elif settings.nav2.follow_path and not view.path_types:
+        problem = "ros.nav2.follow_path has no effect: nav2_msgs cannot be loaded"
+        remedy = "source the robot's ROS installation with Nav2 before the start"
+    elif settings.nav2.follow_path and not view.path_servers:
+        problem = f"ros.nav2.follow_path is set, and no node has the action {path_action}"
+        remedy = "check that controller_server is active; ros.names.follow_path names its action"
+    else:
+        return ok(Link.NAVIGATION, text)
+    return LinkFinding(Link.NAVIGATION, LinkVerdict.DOUBTFUL, f"{text}, and {problem}", remedy)
 
 
 def _drives(view: RosView) -> str:

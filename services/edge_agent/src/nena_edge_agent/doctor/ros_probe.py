@@ -16,11 +16,12 @@ from std_srvs.srv import Empty, Trigger
 from nena_edge_agent.doctor.navigation import Grid, RosView
 from nena_edge_agent.nav2 import messages
 from nena_edge_agent.nav2.node import LATCHED, RELIABLE, SENSOR
+from nena_edge_agent.nav2.offers import FOLLOW_PATH, interface
 from nena_edge_agent.nav2.parameters import ParameterReader
 from nena_edge_agent.nav2.poses import PoseReading
 from nena_edge_agent.nav2.presence import Lifecycle
 from nena_edge_agent.nav2.session import RosSession
-from nena_edge_agent.nav2.settings import RosSettings
+from nena_edge_agent.nav2.settings import RosSettings, status_of
 
 LOOK_FOR = 5.0
 """Seconds after which something unseen counts as missing; discovery takes up to three."""
@@ -105,13 +106,16 @@ class _Probe:
             grid=self._grid,
             tolerance=parameters.xy_tolerance,
             server_timeout=parameters.server_timeout,
+            path_types=interface(FOLLOW_PATH) is not None,
+            path_servers=self._path_servers(),
             clock_offset=self._clock_offset,
         )
 
     def _complete(self) -> bool:
         seen = (self._pose, self._grid, self._clock_offset)
         ready = self._lifecycle.service_is_ready() and self._goals.get_subscription_count()
-        return bool(self._nodes() and self._servers() and ready) and None not in seen
+        paths = self._path_servers() or not self._settings.nav2.follow_path
+        return bool(self._nodes() and self._servers() and ready and paths) and None not in seen
 
     def _nodes(self) -> tuple[str, ...]:
         found = self._node.get_node_names_and_namespaces()
@@ -125,6 +129,9 @@ class _Probe:
 
     def _servers(self) -> int:
         return len(self._node.get_publishers_info_by_topic(self._settings.names.status))
+
+    def _path_servers(self) -> int:
+        return len(self._node.get_publishers_info_by_topic(status_of(self._settings.names.follow_path)))
 
     def _elsewhere(self) -> tuple[str, ...]:
         end = "/" + self._settings.names.status.removeprefix("/")
