@@ -194,7 +194,8 @@ def unsupported(order: Order, capabilities: Capabilities) -> tuple[str, Edge | N
 
 
 def _unsupported(order: Order, capabilities: Capabilities) -> Iterator[tuple[str, Edge]]:
+    demands = [each for each in DEMANDS.items() if each[0] not in capabilities.tolerated_parameters]
     for edge in order.edges:
-        for name, demanded in DEMANDS.items():
-            if name not in capabilities.tolerated_parameters and demanded(edge, capabilities):
+        for name, demanded in demands:
+            if demanded(edge, capabilities):
                 yield name, edge

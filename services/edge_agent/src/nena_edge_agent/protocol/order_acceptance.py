@@ -7,7 +7,7 @@ for a new order, B for an update.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import chain, pairwise
 
@@ -16,7 +16,7 @@ from nena_edge_agent.protocol import courses
 from nena_edge_agent.protocol.action_states import first_load_problem
 from nena_edge_agent.protocol.capabilities import Capabilities, unsupported
 from nena_edge_agent.protocol.declaration import ENABLE_MAP
-from nena_edge_agent.protocol.geometry import Polygon, distance, in_place, radius
+from nena_edge_agent.protocol.geometry import distance, in_place, radius
 from nena_edge_agent.protocol.order_progress import HeldContent, OrderHistory, fingerprint
 from nena_edge_agent.protocol.zone_sets import EnabledZone, first_closed, zones_in
 from nena_shared.vda5050.action import Action
@@ -212,14 +212,21 @@ def map_fault(order: Order, situation: Situation) -> ErrorEntry | None:
 def route_fault(order: Order, situation: Situation, capabilities: Capabilities) -> ErrorEntry | None:
     """Check A5: a route leads to each node. The first one is where the robot is (section 6.1.4.8)."""
     for edge, (before, node) in zip(order.edges, pairwise(order.nodes), strict=False):
-        start = before.node_position
-        if start and node.node_position and _changes_map(before, node.node_position.map_id, capabilities):
-            start = node.node_position
-        fault = _way_fault(start, node, situation, _covered(edge, start, node, capabilities))
+        start = _start(before, node, capabilities)
+        fault = _way_fault(start, node, situation)
+        fault = fault or _closed_fault(edge, start, node, situation, capabilities)
         if fault is not None:
             problem, hint = fault
             return refusal(ErrorType.NO_ROUTE_TO_TARGET, order, problem, hint=hint, node_id=node.node_id)
     return None
+
+
+def _start(before: Node, node: Node, capabilities: Capabilities) -> NodePosition | None:
+    """Return where the edge to ``node`` begins: on another map where an action changes the map before it."""
+    start, end = before.node_position, node.node_position
+    if start is None or end is None or start.map_id == end.map_id:
+        return start
+    return end if _changes_map(before, end.map_id, capabilities) else start
 
 
 def _changes_map(node: Node, map_id: str, capabilities: Capabilities) -> bool:
@@ -234,28 +241,7 @@ def _changes_map(node: Node, map_id: str, capabilities: Capabilities) -> bool:
     )
 
 
-def _covered(
-    edge: Edge, start: NodePosition | None, node: Node, capabilities: Capabilities
-) -> Callable[[], tuple[Polygon, ...]]:
-    """Return what computes the area that the robot covers on the path of ``edge``."""
-    footprint, place = capabilities.footprint, node.node_position
-
-    def compute() -> tuple[Polygon, ...]:
-        if place is None:
-            return ()
-        if not courses.follows(edge, capabilities):
-            return footprint.along_path(start or place, place)
-        return footprint.along_corners(courses.corners(courses.course(edge, start, place)))
-
-    return compute
-
-
-def _way_fault(
-    start: NodePosition | None,
-    node: Node,
-    situation: Situation,
-    covered: Callable[[], tuple[Polygon, ...]],
-) -> tuple[str, str] | None:
+def _way_fault(start: NodePosition | None, node: Node, situation: Situation) -> tuple[str, str] | None:
     """Return why no route leads to ``node``, and what to do about it."""
     place = node.node_position
     if place is None:
@@ -271,9 +257,21 @@ def _way_fault(
         text = f"node '{node.node_id}' is on map '{place.map_id}', the one before it on '{begin.map_id}'"
         hint = "the robot does not drive from map to map; with maps.store = nav2 give the node before it an "
         return text, hint + "action enableMap with x, y and theta, else set its position on the other map"
-    if not situation.closed:
+    return None
+
+
+def _closed_fault(
+    edge: Edge, start: NodePosition | None, node: Node, situation: Situation, capabilities: Capabilities
+) -> tuple[str, str] | None:
+    """Return which closed zone ``edge`` leads through, and what to do about it."""
+    place, footprint = node.node_position, capabilities.footprint
+    if place is None or not situation.closed:
         return None
-    zone = first_closed(zones_in(covered(), place.map_id, situation.closed))
+    if courses.follows(edge, capabilities):
+        covered = footprint.along_corners(courses.corners(courses.course(edge, start, place)))
+    else:
+        covered = footprint.along_path(start or place, place)
+    zone = first_closed(zones_in(covered, place.map_id, situation.closed))
     if zone is None:
         return None
     text = f"the path to node '{node.node_id}' leads through zone '{zone.zone.zone_id}'"

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from datetime import datetime, timedelta
 from functools import cached_property, lru_cache
 from hashlib import sha256
-from itertools import chain, pairwise, starmap
+from itertools import accumulate, chain, pairwise, starmap
 from math import dist
 from typing import Final, NamedTuple, Protocol
 
@@ -44,11 +44,7 @@ class BasePath:
             return None
         place = last.node_position if last else None
         first = (_corner(place.x, place.y),) if place else ()
-        ways = (
-            self._paths.get(node.sequence_id, ((corner.x, corner.y),))
-            for node, corner in zip(self._base[index:], self._corners[index:], strict=True)
-        )
-        points = (*first, *starmap(_corner, chain.from_iterable(ways)))
+        points = (*first, *self._points[self._starts[index] :])
         if len(points) <= 1:
             return None
         trajectory = Trajectory(degree=1, knot_vector=_knots(len(points)), control_points=points)
@@ -67,6 +63,24 @@ class BasePath:
     def _corners(self) -> tuple[ControlPoint, ...]:
         places = (node.node_position for node in self._base)
         return tuple(_corner(place.x, place.y) for place in places if place)
+
+    @cached_property
+    def _ways(self) -> list[tuple[ControlPoint, ...]]:
+        """The points that lead to each node of the base: those of its path, or only its own."""
+        own = self._paths
+        return [
+            tuple(starmap(_corner, own[node.sequence_id])) if node.sequence_id in own else (corner,)
+            for node, corner in zip(self._base, self._corners, strict=True)
+        ]
+
+    @cached_property
+    def _points(self) -> tuple[ControlPoint, ...]:
+        return tuple(chain.from_iterable(self._ways))
+
+    @cached_property
+    def _starts(self) -> list[int]:
+        """For each node the index of the first point that leads to it."""
+        return [0, *accumulate(map(len, self._ways))]
 
     @cached_property
     def _left(self) -> list[float]:
