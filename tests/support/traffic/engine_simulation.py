@@ -32,6 +32,7 @@ from nena_shared.plant.track import PointType
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.topics import RobotKey
 from support.order_service import request
+from support.pausing import turn_passes
 from support.scripted_fleet import MemoryStore, key, make_engine
 from support.traffic.driving_robot import DrivingRobot
 from support.traffic.fitted_plant import with_docks, with_stations
@@ -159,6 +160,7 @@ class EngineSimulation:
         reached, reached_at = -1, since
         while wanted():
             self.timeline.step()
+            await turn_passes()  # the engine goes on with what it does in parts
             now = self.timeline.clock.seconds
             if self.driven_nodes != done:
                 done, since = self.driven_nodes, now
@@ -225,6 +227,7 @@ class EngineSimulation:
         """Kill the order service, and start it again."""
         self.kills += 1
         self.fleet.alive = False
+        self.engine.close("it was killed")
         await self._start_engine()
 
     def _tick(self) -> None:

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nena_order_service.engine.engine import Engine
+from nena_order_service.engine.rerouting import OFF_LOCKS_AT_ONCE
 from nena_order_service.errors import NotReroutableError, VehicleNotReachedError
 from nena_order_service.fleet.outputs import OperationStarted
 from nena_order_service.fleet.vda_order import VdaOrder
@@ -27,6 +28,7 @@ from nena_shared.plant import (
 )
 from support.fleet_examples import factsheet
 from support.order_service import request
+from support.pausing import turn_passes
 from support.plants import path, point
 from support.scripted_fleet import MemoryStore, ScriptedFleet, key, make_engine
 
@@ -334,6 +336,74 @@ def _in_a_row(wanted: str, there: Iterable[str]) -> bool:
     return wanted in "".join(there)
 
 
+def limit_nodes(fleet: ScriptedFleet, most: int) -> None:
+    """Let V1 accept no orders with more nodes."""
+    limited = factsheet(robot=key("V1"))
+    limits = limited.protocol_limits.maximum_array_lengths.model_copy(update={"order_nodes": most})
+    protocol = limited.protocol_limits.model_copy(update={"maximum_array_lengths": limits})
+    fleet.factsheets["V1"] = limited.model_copy(update={"protocol_limits": protocol})
+
+
+@pytest.mark.parametrize(("most_nodes", "driven"), [(6, "ABXYDE"), (5, "AB")])
+async def test_a_vehicle_goes_around_a_lock_only_where_its_robot_can_drive(
+    most_nodes: int, driven: str
+) -> None:
+    fleet = ScriptedFleet({})
+    limit_nodes(fleet, most_nodes)
+    engine = await under_way(fleet)
+    lock(engine, "B C")
+    assert whole(fleet.missions[key("V1")]) == driven
+
+
+async def test_a_host_hears_that_the_robot_cannot_drive_the_other_way() -> None:
+    fleet = ScriptedFleet({})
+    limit_nodes(fleet, 5)
+    engine = await under_way(fleet)
+    engine.context.finder.set_locks(locked("B C"))
+    vehicle = engine.registry.named("V1")
+    assert vehicle
+    done = engine.reroute(vehicle, REGULAR)
+    assert done.outcome is ReroutingOutcome.UNCHANGED
+    assert "6" in done.reason
+    assert "5" in done.reason
+    assert whole(fleet.missions[key("V1")]) == "ABCDE"
+
+
+async def test_after_a_lock_vehicles_are_led_around_it_in_several_turns() -> None:
+    lanes = range(OFF_LOCKS_AT_ONCE + 2)
+    at = {(lane, name): f"{name}{lane}" for lane in lanes for name in "ABCXD"}
+    plant = PlantModel(
+        name="lanes",
+        points=tuple(point(name, 1000 * lane, 1000 * "ABCXD".index(key)) for (lane, key), name in at.items()),
+        paths=tuple(
+            path(f"{one}{lane} {other}{lane}", 1000 * int(length))
+            for lane in lanes
+            for one, other, length in ("AB1", "BC1", "CD1", "BX2", "XD2")
+        ),
+        vehicles=tuple(Vehicle(name=f"V{lane}") for lane in lanes),
+    )
+    fleet = ScriptedFleet({})
+    engine = await make_engine(plant, MemoryStore(), fleet, release_ahead=1)
+    for lane in lanes:
+        fleet.appear(f"V{lane}", f"A{lane}")
+        engine.create(request(f"D{lane}", intendedVehicle=f"V{lane}"), f"T-{lane}")
+
+    def led_around() -> int:
+        return sum(f"X{lane}" in whole(fleet.missions[key(f"V{lane}")]) for lane in lanes)
+
+    lock(engine, *(f"C{lane} D{lane}" for lane in lanes))
+    assert led_around() == OFF_LOCKS_AT_ONCE
+    last = f"V{lanes[-1]}"
+    fleet.pass_node(last, 0)
+    fleet.pass_node(last, 1)
+    assert base(fleet.missions[key(last)]) == f"A{lanes[-1]}B{lanes[-1]}", "halted until it has its new route"
+
+    await turn_passes()
+    await turn_passes()
+    assert led_around() == len(lanes)
+    assert base(fleet.missions[key(last)]).endswith(f"X{lanes[-1]}")
+
+
 async def behind_a_queue(fleet: ScriptedFleet) -> Engine:
     """Let V1 wait at B for V2 at C, which waits for V3 at D."""
     vehicles = tuple(Vehicle(name=f"V{number}") for number in (1, 2, 3, 4))
@@ -373,10 +443,7 @@ async def test_a_vehicle_is_not_led_up_to_one_at_rest() -> None:
 @pytest.mark.parametrize(("most_nodes", "driven"), [(7, "ABXYDEF"), (6, "ABCDEF")])
 async def test_a_vehicle_is_led_around_only_where_its_robot_can_drive(most_nodes: int, driven: str) -> None:
     fleet = ScriptedFleet({})
-    limited = factsheet(robot=key("V1"))
-    limits = limited.protocol_limits.maximum_array_lengths.model_copy(update={"order_nodes": most_nodes})
-    protocol = limited.protocol_limits.model_copy(update={"maximum_array_lengths": limits})
-    fleet.factsheets["V1"] = limited.model_copy(update={"protocol_limits": protocol})
+    limit_nodes(fleet, most_nodes)
     engine = await behind_a_queue(fleet)
     engine.look()
     engine.look()

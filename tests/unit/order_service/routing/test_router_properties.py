@@ -7,9 +7,9 @@ from math import inf
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_order_service.routing.graph import NoRouteError
+from nena_order_service.routing.graph import CostEvaluator, NoRouteError, RoutingProfile, distance
 from nena_order_service.routing.router import Router
-from nena_shared.plant import PlantModel, Vehicle
+from nena_shared.plant import DirectedEdge, PlantModel, Vehicle
 from nena_shared.plant.track import VehicleTypeAtPoint, VehicleTypeOnPath
 from support.plants import path, point
 
@@ -135,16 +135,36 @@ def test_no_other_choice_of_access_points_is_cheaper(
     assert all(route.destination in choice for route, choice in zip(routes, choices, strict=True))
 
 
-@given(plants(), st.lists(st.dictionaries(st.sampled_from([f"path {n}" for n in range(14)]), st.booleans())))
+def partly_free(edge: DirectedEdge, _profile: RoutingProfile) -> float:
+    """Return a cost that is 0 for every third length."""
+    return float(edge.path.length_mm % 3)
+
+
+@given(
+    plants(),
+    st.lists(st.dictionaries(st.sampled_from([f"path {n}" for n in range(14)]), st.booleans())),
+    st.sampled_from([distance, partly_free]),
+)
 def test_locks_that_change_leave_the_ways_that_a_new_router_finds(
-    plant: PlantModel, changes: list[dict[str, bool]]
+    plant: PlantModel, changes: list[dict[str, bool]], cost: CostEvaluator
 ) -> None:
-    router = Router(plant)
+    router = Router(plant, (cost,))
     for locks in changes:
         router.costs_from("A")
         router.set_locks(locks)
-        fresh = Router(plant)
+        fresh = Router(plant, (cost,))
         fresh.set_locks(locks)
         for name in NAMES:
             assert router.costs_from(name) == fresh.costs_from(name)
             assert router.costs_to(name).costs == fresh.costs_to(name).costs
+
+
+def test_costs_that_a_lock_does_not_change_are_kept() -> None:
+    ends = ("A B", "B A", "B C", "C B", "C A", "A C")
+    router = Router(
+        PlantModel(name="", points=tuple(map(point, "ABC")), paths=tuple(path(each, 10) for each in ends))
+    )
+    before = {name: router.costs_to(name) for name in "ABC"}
+    router.set_locks({"A --- B": True})
+    assert {name for name in "ABC" if router.costs_to(name) is before[name]} == {"A", "C"}
+    assert router.costs_to("B").source("A") == 20

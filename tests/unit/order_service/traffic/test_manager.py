@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import pytest
 
+from nena_order_service.routing.graph import travel_time
 from nena_order_service.routing.router import Router
 from nena_order_service.traffic.manager import TrafficManager
 from nena_order_service.traffic.resources import Found
 from nena_order_service.traffic.traffic_control import RouteRejection, RouteRequest
 from nena_shared.plant import PlantModel
 from nena_shared.plant.track import BoundingBox
-from support.plants import path, point
+from support.plants import path, plant, point
 from support.traffic.scenes import routes_over
 
 BOX = BoundingBox(length_mm=1)
@@ -267,3 +268,28 @@ def test_another_way_keeps_what_is_allocated_and_a_refused_one_changes_nothing()
     assert [each.point for each in before.way] == ["B", "C"]
     bench.desk.allocate("v")
     assert before.all_allocated
+
+
+def test_another_way_is_compared_by_the_costs_that_routes_have_not_by_length() -> None:
+    slow_short = path("B C"), path("C D", max_velocity_mm_s=100)
+    fast_long = (path(ends, 4500, max_velocity_mm_s=3000) for ends in ("B X", "X D"))
+    model = plant(path("A B"), *slow_short, *fast_long)
+    router = Router(model, (travel_time,))
+    routes = routes_over(router)
+    desk = TrafficManager(model, routes)
+    desk.seen("v", Found("A", on_point=True), BOX)
+    desk.request_route(RouteRequest("v", "D", avoid=frozenset({"X"})))
+    list(desk.decide(lambda _: True))
+    desk.allocate("v", 1)
+
+    around = desk.route_around("v")
+    assert around
+    assert around.points == ("B", "X", "D")
+    assert desk.route_around("v", avoid={"X"}) is None, "its present route is the best one"
+
+    router.set_locks({"C --- D": True, "X --- D": True})
+    routes.forget()
+    assert desk.route_around("v") is None
+    router.set_locks({"C --- D": True})
+    routes.forget()
+    assert desk.route_around("v") == router.route("B", "D"), "the present one is closed"

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from nena_order_service.traffic.evasion import CANDIDATES_TRIED, Evader, overlap
 from nena_order_service.traffic.resources import ResourceSet, conflict
 from nena_order_service.traffic.scheduler import UnknownOccupantError
-from nena_order_service.traffic.traffic_control import RouteRequest
+from nena_order_service.traffic.traffic_control import RouteGrant, RouteRequest
 from nena_shared.plant import PlantModel
 from nena_shared.plant.model import Block, BlockType
 from nena_shared.plant.track import Point, PointType
@@ -42,6 +42,28 @@ def test_a_wish_is_granted_where_the_way_is_free() -> None:
     assert list(scene.decide()) == ["RouteGrant v A B C"]
     assert list(scene.decide()) == []
     assert [each.point for each in scene.scheduler.occupant("v").claimed] == ["B", "C"]
+
+
+def test_only_so_many_routes_are_searched_in_one_decision_and_the_rest_in_the_next() -> None:
+    scene = Scene(plant(*(path(f"A{n} B{n}") for n in range(3))), v="A0", w="A1", x="A2")
+    for number, name in enumerate("vwx"):
+        scene.control.request_route(RouteRequest(name, f"B{number}"))
+
+    first = scene.control.decide(lambda _: True, searches=2)
+    assert [each.vehicle for each in first if isinstance(each, RouteGrant)] == ["v", "w"]
+    assert scene.control.unfinished
+    second = scene.control.decide(lambda _: True, searches=2)
+    assert [each.vehicle for each in second if isinstance(each, RouteGrant)] == ["x"]
+    assert not scene.control.unfinished
+
+
+def test_a_route_that_is_known_needs_no_search() -> None:
+    scene = Scene(tracks("A B", "B C", "X C"), v="A", w="B", x="X")
+    for name in "vx":
+        scene.control.request_route(RouteRequest(name, "B"))
+    for _ in range(2):
+        list(scene.control.decide(lambda name: name != "w", searches=1))
+    assert not scene.control.unfinished, "both are refused, with routes that are kept"
 
 
 def test_who_rests_in_the_way_goes_to_a_parking_place_though_others_are_nearer() -> None:

@@ -37,6 +37,8 @@ from nena_shared.vda5050.factsheet import Factsheet
 log = get_logger(__name__)
 
 MAY_STILL_SPEAK = (LinkStatus.UNKNOWN, LinkStatus.ONLINE, LinkStatus.SILENT, LinkStatus.UNREADABLE)
+ROUTES_AT_ONCE = 8
+"""Routes that are searched for requests in one turn of the event loop; each takes milliseconds."""
 EVASION_PAUSE = 10.0
 """Seconds before a robot that did not make room is asked again."""
 CAUSES: Final = {
@@ -244,6 +246,8 @@ class Driving:
         """VDA 5050 orders of which nothing is allocated yet, by vehicle."""
         self._reported: dict[str, str] = {}
         """The wait reasons reported last, by vehicle."""
+        self._await_report = False
+        """Whether a vehicle that was granted a route is not where it was last known."""
 
     def want(
         self,
@@ -352,7 +356,7 @@ class Driving:
 
     def let_drive(self) -> Iterator[FleetVehicle | Stuck]:
         """Extend the bases of vehicles; yield vehicles that are stuck or have a new wait reason."""
-        self._state.drive_due = False
+        self._state.drive_due = self._await_report = False
         if self._gate.is_open:
             unsent = filter(self._traffic.journey, self._unsent)
             for name in dict.fromkeys([*(name for name, _ in self._traffic.extending()), *unsent]):
@@ -360,7 +364,7 @@ class Driving:
             self._reconsider()
             movable, lost = cache(self._movable), cache(self.mobility.lost)
             for granted in self._traffic.decide(
-                lambda name: not self._traffic.journey(name) and movable(name), lost
+                lambda name: not self._traffic.journey(name) and movable(name), lost, ROUTES_AT_ONCE
             ):
                 if isinstance(granted, MoreClaimed):
                     self._go_on(self._vehicle(granted.vehicle))
@@ -368,6 +372,7 @@ class Driving:
                     self._end_way_here(granted.vehicle)
                 else:
                     yield from self._begin(granted)
+            self._state.drive_later = self._traffic.unfinished and not self._await_report
             self._replan()
         for name in self._traffic.waiting | self._wanted.keys() | self._reported.keys():
             vehicle = self._vehicle(name)
@@ -469,7 +474,7 @@ class Driving:
             self._rest(vehicle)
             if isinstance(granted, RouteGrant):
                 self._traffic.request_route(granted.route_request, first=True)
-            self._state.drive_due = False  # not again before a new report or check
+            self._state.drive_due, self._await_report = False, True  # not again before a new report or check
             return
         try:
             self._unsent[vehicle.name] = self._record(granted, vehicle, standing)

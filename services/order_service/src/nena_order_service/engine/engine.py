@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Protocol
 
 from nena_order_service.dispatching.dispatcher import VehicleFit
@@ -296,6 +297,8 @@ class Engine:
             self.state.sequences.rebind(recovery.present_name)
             self._life_cycle.take_up(found.orders, found.missions, recovery)
             self._rerouting.keep_off_locked_paths()
+            while self._rerouting.halts:
+                self._rerouting.lead_off_locked_paths()
             self._dispatching.look_at(self.registry)
         await self.unit_of_work.committed()
         log.info("orders loaded", unfinished=len(found.orders), last_number=found.last_number)
@@ -318,15 +321,17 @@ class Engine:
         with self.unit_of_work.begin():
             yield
             self._settle()
-        if self.state.dispatch_later:
-            self.state.dispatch_later = False
-            asyncio.get_running_loop().call_soon(self._dispatch_on)
+        if self.state.dispatch_later or self.state.drive_later:
+            dispatch, drive = self.state.dispatch_later, self.state.drive_later
+            self.state.dispatch_later = self.state.drive_later = False
+            asyncio.get_running_loop().call_soon(partial(self._carry_on, dispatch=dispatch, drive=drive))
 
-    def _dispatch_on(self) -> None:
-        """Offer the next orders to vehicles that are still free."""
+    def _carry_on(self, *, dispatch: bool, drive: bool) -> None:
+        """Offer the next orders to vehicles that are still free, and search the next routes."""
         if not self.unit_of_work.closed:
             with self.change():
-                self.state.dispatch_due = True
+                self.state.dispatch_due |= dispatch
+                self.state.drive_due |= drive
 
     def _settle(self) -> None:
         """Dispatch and drive until nothing follows from the changes any more."""
@@ -447,17 +452,31 @@ class Engine:
         return end
 
     def plant_changed(self) -> None:
-        """Find all routes again, also beyond the bases of vehicles under way.
+        """Find all routes again, also beyond the bases of vehicles under way, in parts.
 
         Then check all orders in parts.
         """
         self.context.routes.forget()
         self.traffic.forget_routes()
         self._dispatching.forget()
-        with self.change():
+        with self.unit_of_work.begin():
             self._rerouting.keep_off_locked_paths()
-            self.state.dispatch_due = self.state.drive_due = True
-        self._look_due.set()
+        self._lead_off_locked_paths()
+
+    def _lead_off_locked_paths(self) -> None:
+        """Lead some vehicles around locked paths, and the others in the next turns of the event loop."""
+        if self.unit_of_work.closed:
+            return
+        try:
+            with self.unit_of_work.begin():
+                self._rerouting.lead_off_locked_paths()
+        finally:
+            if self._rerouting.halts:
+                asyncio.get_running_loop().call_soon(self._lead_off_locked_paths)
+        if not self._rerouting.halts:
+            with self.change():
+                self.state.dispatch_due = self.state.drive_due = True
+            self._look_due.set()
 
     # Queries
 

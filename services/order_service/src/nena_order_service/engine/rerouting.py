@@ -5,6 +5,7 @@ It does so on request, after path locks, and for vehicles that wait for others.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -26,6 +27,7 @@ from nena_shared.fleet_api.vehicle import ReroutingOutcome, ReroutingType
 from nena_shared.log import get_logger
 from nena_shared.plant import BACKWARD_SUFFIX, UnknownObjectError
 from nena_shared.vda5050.order import Edge
+from nena_shared.vda5050.topics import RobotKey
 
 log = get_logger(__name__)
 
@@ -35,6 +37,8 @@ NOTHING_AHEAD = (
 )
 LED_AROUND_AT_ONCE = 20
 """Vehicles that wait for which other routes are searched at one look; a search takes milliseconds."""
+OFF_LOCKS_AT_ONCE = 4
+"""Vehicles that are led around locked paths in one turn of the event loop."""
 NO_OTHER_WAY = "it already has the best route"
 
 
@@ -78,6 +82,8 @@ class Rerouting:
         self._registry = context.registry
         self._clock = context.clock
         self._view = context.view
+        self._over_locks: deque[RobotKey] = deque()
+        """Robots that may have to be led around locked paths yet; traffic halts them until then."""
         self._waiting: Mapping[str, int] = {}
         """Vehicles that stood and waited at the last look, and how far each had come."""
         self._led_around: dict[str, tuple[str, int]] = {}
@@ -104,23 +110,41 @@ class Rerouting:
         return self._replan(vehicle, order, record, "requested by a host")
 
     def keep_off_locked_paths(self) -> None:
-        """Lead vehicles around paths that are locked now; where no other way is, they stop before them.
+        """Halt the vehicles whose ways lead over paths that are locked now, at the ends of their bases.
 
-        They still drive their bases.
+        Those that have not set out request their routes again. :meth:`lead_off_locked_paths` does the rest.
         """
-        for record in self._sent:
-            vehicle = self._registry.discover(record.robot)
-            if record.cancelled or not self._leads_over_lock(record):
-                continue
-            order = None if record.evasion else self._orders.get(self._number(vehicle))
-            if order is None or order.state is not TransportOrderState.BEING_PROCESSED:
-                self._driving.end_early(record, partial=False)
-                continue
-            done = self._replan(vehicle, order, record, "a path ahead was locked")
-            if done.outcome is ReroutingOutcome.UNCHANGED:
-                log.info("vehicle stops before a locked path", vehicle=vehicle.name, reason=done.reason)
-                self._driving.end_early(record, partial=True)
+        over = [each.robot for each in self._sent if not each.cancelled and self._leads_over_lock(each)]
+        self._over_locks = deque(over)
+        self._halt_rest()
         self._driving.reconsider(lambda record: self._any_locked(record.vda_order.edges))
+
+    @property
+    def halts(self) -> bool:
+        """Whether vehicles are halted that have to be led around locked paths yet."""
+        return bool(self._over_locks)
+
+    def lead_off_locked_paths(self) -> None:
+        """Lead the next halted vehicles around locked paths; those without another way stop before them."""
+        robots = [self._over_locks.popleft() for _ in range(min(OFF_LOCKS_AT_ONCE, len(self._over_locks)))]
+        self._halt_rest()
+        for robot in robots:
+            record = self._sent.of_robot(robot)
+            if record and not record.cancelled and self._leads_over_lock(record):
+                self._lead_off(self._registry.discover(robot), record)
+
+    def _halt_rest(self) -> None:
+        self._traffic.halt([self._registry.discover(each).name for each in self._over_locks])
+
+    def _lead_off(self, vehicle: FleetVehicle, record: SentOrder) -> None:
+        order = None if record.evasion else self._orders.get(self._number(vehicle))
+        if order is None or order.state is not TransportOrderState.BEING_PROCESSED:
+            self._driving.end_early(record, partial=False)
+            return
+        done = self._replan(vehicle, order, record, "a path ahead was locked")
+        if done.outcome is ReroutingOutcome.UNCHANGED:
+            log.info("vehicle stops before a locked path", vehicle=vehicle.name, reason=done.reason)
+            self._driving.end_early(record, partial=True)
 
     def kept_waiting(self) -> Sequence[str]:
         """Return vehicles that have waited since the last call; of many only some, others each time."""
@@ -157,7 +181,8 @@ class Rerouting:
         if route is None or not route.steps:
             return
         under_way = _UnderWay(vehicle, record.released(journey), order, base_end)
-        if self._feasible(under_way, route) and not self._claim_leg(under_way, Leg(route.cost, route)):
+        leg = Leg(route.cost, route)
+        if not self._why_not(under_way, leg) and not self._claim_leg(under_way, leg):
             self._led_around[name] = record.vda_order.order_id, journey.reached
             self._send(under_way, route, "it waited, and there is less traffic")
 
@@ -195,29 +220,35 @@ class Rerouting:
             return Rerouted(ReroutingOutcome.UNCHANGED, "it drives to a coordinate, off the paths")
         under_way = _UnderWay(vehicle, record.released(journey), order, base_end)
         try:
-            route, refusal = self._claim(under_way)
+            route, reason = self._claim(under_way)
         except (NoRouteError, UnknownObjectError) as error:  # the plant may have lost a place
             return Rerouted(ReroutingOutcome.UNCHANGED, str(error))
         if route is None:
-            return Rerouted(ReroutingOutcome.UNCHANGED, f"it {refusal}" if refusal else NO_OTHER_WAY)
+            return Rerouted(ReroutingOutcome.UNCHANGED, reason)
         self._send(under_way, route, why)
         return Rerouted(ReroutingOutcome.REROUTED, why, route.points)
 
-    def _claim(self, under_way: _UnderWay) -> tuple[Route | None, Refusal | None]:
-        """Claim the cheapest other route, or one around vehicles at rest; return it, or the refusal.
+    def _claim(self, under_way: _UnderWay) -> tuple[Route | None, str]:
+        """Claim the cheapest other route, or one around vehicles at rest; return it, or why there is none.
 
         Raises:
             NoRouteError: no route leads on at all.
         """
         leg = self._leg(under_way)
+        if why_not := self._why_not(under_way, leg):
+            return None, why_not
         refusal = self._claim_leg(under_way, leg)
         if refusal and refusal.reason is WaitReason.RESTING:
             try:
                 leg = self._leg(under_way, self._occupied(refusal) - {under_way.base_end})
             except NoRouteError:
-                return None, refusal
+                return None, f"it {refusal}"
+            if why_not := self._why_not(under_way, leg):
+                return None, why_not
             refusal = self._claim_leg(under_way, leg)
-        return (None, refusal) if refusal or self._is_present_way(under_way, leg) else (leg.route, None)
+        if refusal:
+            return None, f"it {refusal}"
+        return (None, NO_OTHER_WAY) if self._is_present_way(under_way, leg) else (leg.route, "")
 
     def _leg(self, under_way: _UnderWay, avoid: frozenset[str] = frozenset()) -> Leg:
         standing = Standing(under_way.base_end, on_point=True, pose=None)
@@ -243,13 +274,13 @@ class Rerouting:
         drivable = self._plant.points_by_name.keys() | self._plant.paths_by_name.keys()
         return frozenset(use for each in held for use in each.uses if use in drivable)
 
-    def _feasible(self, under_way: _UnderWay, route: Route) -> bool:
-        """Return whether the robot, by its factsheet, can carry out the order along another route."""
+    def _why_not(self, under_way: _UnderWay, leg: Leg) -> str | None:
+        """Return why the robot, by its factsheet, cannot carry out the order along another route."""
         factsheet = self._view(under_way.vehicle).factsheet
-        if factsheet is None:
-            return True
+        if factsheet is None or leg.route is None or self._is_present_way(under_way, leg):
+            return None
         abilities = Abilities(factsheet)
-        return order_problem(fitted(self._with_route(under_way, route), abilities), abilities) is None
+        return order_problem(fitted(self._with_route(under_way, leg.route), abilities), abilities)
 
     def _with_route(self, under_way: _UnderWay, route: Route) -> VdaOrder:
         """Return the VDA order with this route from the end of its base on."""

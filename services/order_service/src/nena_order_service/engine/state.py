@@ -485,6 +485,8 @@ class FleetState:
         """Whether a vehicle or an order may have become free."""
         self.dispatch_later = False
         """Whether there are free vehicles that have not been offered all orders; others have their turn."""
+        self.drive_later = False
+        """Whether there are vehicles whose routes have not been searched; others have their turn."""
         self.drive_due = False
         """Whether a vehicle may be able to begin or continue driving."""
 

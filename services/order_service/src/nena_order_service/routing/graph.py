@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 from enum import StrEnum
@@ -225,6 +225,10 @@ class VehicleKinds:
         self._kinds = {self._anybody.profile: self._anybody}
         self._of: dict[str, tuple[Vehicle, VehicleKind]] = {}
 
+    def profile(self, number: int) -> RoutingProfile:
+        """Return the profile of a kind."""
+        return next(profile for profile, kind in self._kinds.items() if kind.number == number)
+
     def of(self, vehicle: Vehicle | None) -> VehicleKind:
         """Return the kind of a vehicle; None: of any vehicle at all."""
         if vehicle is None:
@@ -253,7 +257,8 @@ class CostMap:
         return self.costs[self.indices[point]]
 
 
-def _burdened(burden: Mapping[str, float]) -> Callable[[Step], float]:
+def burdened(burden: Mapping[str, float]) -> Callable[[Step], float]:
+    """Return what a step costs if edges and points add these shares of its cost."""
     share = burden.get
     return lambda step: step.cost * (1.0 + share(step.edge.id, 0.0) + share(step.edge.destination, 0.0))
 
@@ -322,12 +327,29 @@ class RoutingGraph:
         start, goal = self._indices[source], self._indices[destination]
         if start == goal:
             return ()
-        cost = _burdened(burden) if burden else _COST
+        cost = burdened(burden) if burden else _COST
         ways = rx.digraph_dijkstra_shortest_paths(self._graph, start, target=goal, weight_fn=cost)
         if goal not in ways:
             return None
         # Two points may be joined by several paths: the search used the cheapest.
         return tuple(min(self._graph.get_all_edge_data(a, b), key=cost) for a, b in pairwise(ways[goal]))
+
+    def along(self, start: str, way: Iterable[tuple[str, Collection[str]]]) -> tuple[Step, ...] | None:
+        """Return the steps to each point of a way in turn, along one of the paths named with it.
+
+        None if one of them is not open.
+        """
+        steps: list[Step] = []
+        for point, paths in way:
+            a, b = self._indices.get(start), self._indices.get(point)
+            if a is None or b is None or not self._graph.has_edge(a, b):
+                return None
+            found = [step for step in self._graph.get_all_edge_data(a, b) if step.path.name in paths]
+            if not found:
+                return None
+            steps.append(min(found, key=_COST))
+            start = point
+        return tuple(steps)
 
     def costs_from(self, source: str, destinations: Iterable[str]) -> dict[str, float]:
         """Return what it costs to reach those of the destinations that can be reached."""
@@ -351,6 +373,23 @@ class RoutingGraph:
             costs[index] = cost
         costs[goal] = 0.0
         return CostMap(self._indices, costs)
+
+    def keeps(self, costs: CostMap, goal: str, changed: Iterable[Path]) -> bool:
+        """Return whether the costs to a goal are the same after these paths were locked or unlocked.
+
+        They are if each point from which such a path leads has the same cost over one of its other edges, or
+        over the new one. An edge without a cost proves nothing: it may be part of a circle.
+        """
+        for source in {each.source for path in changed for each in path.edges()} - {goal}:
+            before = costs.source(source)
+            ways = [(step.cost + costs.source(step.destination), step.cost) for step in self._from(source)]
+            now, last = min(ways, default=(inf, inf))
+            if now != before or not last:
+                return False
+        return True
+
+    def _from(self, point: str) -> list[Step]:
+        return [step for _, _, step in self._graph.out_edges(self._indices[point])]
 
     def _path_indices(self, path: Path) -> list[int]:
         ends = (self._indices[path.source], self._indices[path.destination])

@@ -62,7 +62,10 @@ class Router:
         changed = [path for path in self._plant.paths if path.name in names]
         for graph in self._graphs.values():
             graph.lock(changed, self._locks)
-        self._maps.clear()
+        for key, costs in tuple(self._maps.items()):
+            kind, avoid, goal = key
+            if avoid or not self._graphs[self._kinds.profile(kind)].keeps(costs, goal, changed):
+                del self._maps[key]
 
     def route(
         self,
@@ -112,6 +115,12 @@ class Router:
         return tuple(
             _found(graph.shortest(start, end), start, end, vehicle, avoid) for start, end in pairwise(points)
         )
+
+    def along(
+        self, start: str, way: Iterable[tuple[str, Collection[str]]], *, vehicle: Vehicle | None = None
+    ) -> tuple[Step, ...] | None:
+        """Return the steps of a way that is given by points and paths; None if it is not open now."""
+        return self._graph(vehicle).along(start, way)
 
     def costs_from(self, source: str, *, vehicle: Vehicle | None = None) -> dict[str, float]:
         """Return what it costs to reach each point that can be reached. Raises UnknownObjectError."""
@@ -480,6 +489,15 @@ class Routes(Protocol):
         """
         ...
 
+    def along(
+        self, vehicle: str, start: str, way: Iterable[tuple[str, Collection[str]]]
+    ) -> tuple[Step, ...] | None:
+        """Return the steps to each point of a way in turn, by one of the paths named with it.
+
+        None if the way is not open to the vehicle now.
+        """
+        ...
+
     def costs(self, vehicle: str, start: str) -> Mapping[str, float]:
         """Return the cost of each point that can be reached from ``start``."""
         ...
@@ -515,6 +533,12 @@ class VehicleRoutes(Routes):
         if isinstance(found, NoRouteError):
             raise found.with_traceback(None)
         return found
+
+    def along(
+        self, vehicle: str, start: str, way: Iterable[tuple[str, Collection[str]]]
+    ) -> tuple[Step, ...] | None:
+        """Return the steps of a way; None if it is not open to the vehicle now."""
+        return self._router.along(start, way, vehicle=self._model_of(vehicle))
 
     def costs(self, vehicle: str, start: str) -> Mapping[str, float]:
         """Return what it costs to reach each point that can be reached."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
+from math import inf
 from typing import TypeVar
 
 from nena_order_service.routing.graph import Route, Step
@@ -50,6 +51,8 @@ class TrafficManager:
         By their pose alone they might seem clear of a path that is not straight."""
         self._to_extend: dict[str, None] = {}
         """Vehicles whose routes may not be completely allocated; see :meth:`extending`."""
+        self._halted: frozenset[str] = frozenset()
+        """Vehicles to which nothing is allocated for now; see :meth:`halt`."""
 
     @property
     def _scheduler(self) -> Scheduler:
@@ -178,7 +181,10 @@ class TrafficManager:
         return self._control.displaces(RouteRequest(vehicle, goal))
 
     def decide(
-        self, movable: Callable[[str], bool], lost: Callable[[str], bool] = no_vehicle
+        self,
+        movable: Callable[[str], bool],
+        lost: Callable[[str], bool] = no_vehicle,
+        searches: float = inf,
     ) -> Iterator[RouteGrant | Evasion | RouteRejection | Displacement | MoreClaimed]:
         """Grant routes to vehicles; see :meth:`TrafficControl.decide`.
 
@@ -186,8 +192,17 @@ class TrafficManager:
         """
         for evasion in self._clear_ways(movable):
             yield self._departed(evasion)
-        for each in self._control.decide(movable, lost, [name for name, _ in self.extending()]):
+        for each in self._control.decide(movable, lost, [name for name, _ in self.extending()], searches):
             yield self._departed(each) if isinstance(each, RouteGrant | Evasion) else each
+
+    @property
+    def unfinished(self) -> bool:
+        """Whether the last decision ended before it had come to each vehicle."""
+        return self._control.unfinished
+
+    def halt(self, vehicles: Collection[str]) -> None:
+        """Allocate nothing more to these vehicles, but to all others, until their routes were replanned."""
+        self._halted = frozenset(vehicles)
 
     def _clear_ways(self, movable: Callable[[str], bool]) -> Iterator[Evasion]:
         for vehicle, journey in self.extending():
@@ -254,6 +269,8 @@ class TrafficManager:
 
         Enough are ``ahead`` sets, and ``length_mm`` behind the next one; without either, as many as possible.
         """
+        if vehicle in self._halted:
+            return False
         journey, occupant = self._journeys[vehicle], self._scheduler.occupant(vehicle)
         before = journey.allocated
         journey.refusal = None

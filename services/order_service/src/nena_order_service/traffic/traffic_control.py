@@ -28,7 +28,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
 
-from nena_order_service.routing.graph import NoRouteError, Route
+from nena_order_service.routing.graph import NoRouteError, Route, burdened
 from nena_order_service.routing.router import Routes
 from nena_order_service.traffic.evasion import Evader, Evasion, VehicleTest, no_vehicle, overlap
 from nena_order_service.traffic.resources import Resources, ResourceSet
@@ -180,6 +180,8 @@ class TrafficControl:
         """Which vehicle had it in the last decision."""
         self._lets_out: dict[str, _LetOut] = {}
         """Vehicles that made room for one which they enclosed."""
+        self.unfinished = False
+        """Whether the last decision ended before it had come to each vehicle."""
 
     def request_route(self, route_request: RouteRequest, *, first: bool = False) -> None:
         """Accept a vehicle's request; it replaces an earlier one of the same vehicle, but not its turn.
@@ -274,7 +276,11 @@ class TrafficControl:
         return self._routes.around(vehicle, start, occupied, avoid, resting)
 
     def decide(
-        self, movable: VehicleTest, lost: VehicleTest = no_vehicle, extending: Iterable[str] = ()
+        self,
+        movable: VehicleTest,
+        lost: VehicleTest = no_vehicle,
+        extending: Iterable[str] = (),
+        searches: float = inf,
     ) -> Iterator[Decision]:
         """Grant what can be granted, oldest turn first, and send away the vehicles that rest in the way.
 
@@ -284,10 +290,11 @@ class TrafficControl:
                 a one takes a detour of any length, and does not get the right of way: the others would wait
                 for it for ever.
             extending: the vehicles under way with a part of their route that is not allocated yet.
+            searches: how many routes are searched at most; if that is not enough, it is ``unfinished``.
 
         """
         self._right_of_way = right_of_way = None
-        for vehicle in sorted({*self._requests, *extending}, key=self._turns.number):
+        for vehicle in self._in_turn(extending, searches):
             under_way = vehicle in self.journeys
             if under_way:
                 claimed = len(self.scheduler.occupant(vehicle).claimed)
@@ -316,6 +323,16 @@ class TrafficControl:
             self._right_of_way = right_of_way
             if blocked_at_rest:
                 yield from self._make_room(vehicle, refused, right_of_way, movable)
+
+    def _in_turn(self, extending: Iterable[str], searches: float) -> Iterator[str]:
+        """Yield the vehicles that may want something, oldest turn first, until so many searches are done."""
+        self.unfinished = False
+        most = self._routes.searches + searches
+        for vehicle in sorted({*self._requests, *extending}, key=self._turns.number):
+            self.unfinished = self._routes.searches >= most
+            if self.unfinished:
+                return
+            yield vehicle
 
     # Route requests: the cheapest route, or a detour around vehicles at rest
 
@@ -584,6 +601,8 @@ class _RouteSearch:
         """For each vehicle the start and request of its last search, and the route found."""
         self._burden: dict[str, float] = {}
         self._searched_with_burden = 0
+        self.searches = 0
+        """How many routes of requests were searched, rather than found among those that are kept."""
 
     def find(self, route_request: RouteRequest, without: Collection[str] = frozenset()) -> Route | None:
         """Return the cheapest route, None for a straight drive; raises NoRouteError.
@@ -599,6 +618,7 @@ class _RouteSearch:
         known = self._found.get(vehicle)
         if known and known[0] == (start, route_request):
             return known[1]
+        self.searches += 1
         route = self._routes.route(vehicle, start, goal, avoid=avoid, burden=self._burden_now())
         self._found[vehicle] = (start, route_request), route
         return route
@@ -616,7 +636,7 @@ class _RouteSearch:
         ``occupied`` is what waiting vehicles hold; ``closed`` resources are avoided like those to ``avoid``.
         """
         journey = self._journeys[vehicle]
-        present = [(each.point, each.length_mm) for each in journey.way[journey.allocated :]]
+        ahead = journey.way[journey.allocated :]
         shares = defaultdict(float, self._burden_now())
         self._count(shares, journey, -1)
         for held in occupied:
@@ -625,11 +645,14 @@ class _RouteSearch:
         burden = {name: share for name, share in shares.items() if share > 0}
         try:
             without = self._drivable.intersection(closed).union(avoid)
-            route = self._routes.route(vehicle, start, present[-1][0], avoid=without, burden=burden)
+            other = self._routes.route(vehicle, start, ahead[-1].point, avoid=without, burden=burden)
         except (NoRouteError, UnknownObjectError):  # the plant may have lost a place
             return None
-        other = [(each.destination, each.path.length_mm) for each in route.steps]
-        return route if _cost(other, burden) < WORTH_IT * _cost(present, burden) else None
+        present = self._routes.along(vehicle, start, ((each.point, each.uses) for each in ahead))
+        if present is None:
+            return other
+        cost = burdened(burden)
+        return other if sum(map(cost, other.steps)) < WORTH_IT * sum(map(cost, present)) else None
 
     def forget(self, vehicle: str) -> None:
         """Forget the route of one vehicle."""
@@ -660,14 +683,6 @@ class _RouteSearch:
             for use in each.uses:
                 for edge in self._opposite_edges.get((use, each.point), ()):
                     burden[edge] += times * ONCOMING
-
-
-def _cost(points: Iterable[tuple[str, int]], burden: Mapping[str, float]) -> float:
-    """Return the length of a route, given as points and lengths, with what traffic at the points adds.
-
-    Two routes are compared by it, so that it need not be the router's cost.
-    """
-    return sum(length_mm * (1.0 + burden.get(point, 0.0)) for point, length_mm in points)
 
 
 def _opposite_edges(plant: PlantModel) -> dict[tuple[str, str], list[str]]:
