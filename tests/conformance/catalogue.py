@@ -11,7 +11,7 @@ from typing import Final, Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 FOLDER: Final = Path(__file__).parent / "clauses"
-VERSIONS: Final = ("2.0.0", "2.1.0", "3.0.0")
+VERSIONS: Final = ("2.0.0", "2.1.0", "3.0.0", "3.0.1")
 
 
 class Side(StrEnum):
@@ -42,8 +42,8 @@ class Clause(BaseModel):
 
     ``id`` is the section of 3.0.0, with a name behind a slash if a section has several rules or sides. ``v2``
     is the section of 2.0 and 2.1, with ``2.1:`` before it if 2.0 has none, empty if neither has one. ``how``
-    describes the implementation in every version; ``in_2``, ``in_2_0``, ``in_2_1``, ``in_3`` replace it for a
-    version that differs. A version without a text does not have the clause.
+    describes the implementation in every version; ``in_2``, ``in_2_0``, ``in_2_1``, ``in_3``, ``in_3_0_1``
+    replace it for a version that differs. A version without a text does not have the clause.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -57,6 +57,7 @@ class Clause(BaseModel):
     in_2_0: str = ""
     in_2_1: str = ""
     in_3: str = ""
+    in_3_0_1: str = ""
     standing: Standing = Standing.DONE
     reason: str = ""
 
@@ -73,7 +74,9 @@ class Clause(BaseModel):
     def in_version(self, version: str) -> str:
         """Return how the clause is implemented in ``version``; empty if the version does not have it."""
         major, minor = version.split(".")[:2]
-        own = self.in_3 if major == "3" else getattr(self, f"in_2_{minor}") or self.in_2
+        if major == "3":
+            return (version == "3.0.1" and self.in_3_0_1) or self.in_3 or self.how
+        own = getattr(self, f"in_2_{minor}") or self.in_2
         return own or self.how
 
     @property

@@ -68,12 +68,11 @@ def _references(value: Any) -> list[dict[str, Any]]:
 
 def _of_position() -> Iterator[Deviation]:
     at, wrapped = "state.agvPosition.theta", "angle wrapped"
-    yield Deviation("heading 3.1416", {"agvPosition.theta": 3.1416}, f"{at} 3.1416: {wrapped}")
-    yield Deviation("heading 3.1416 in 2.0", {"agvPosition.theta": 3.1416}, f"{at} 3.1416", version="2.0.0")
+    yield Deviation("heading 3.1416", {"agvPosition.theta": 3.1416})
+    yield Deviation("heading 3.2 in 2.0", {"agvPosition.theta": 3.2}, f"{at} 3.2: {wrapped}", version="2.0.0")
     yield Deviation(
         "heading 3.1416 in 3.0",
         {"mobileRobotPosition.theta": 3.1416},
-        f"state.mobileRobotPosition.theta 3.1416: {wrapped}",
         version="3.0.0",
     )
     yield Deviation("heading as text", {"agvPosition.theta": "0.5"}, f'{at} "0.5": text as number')

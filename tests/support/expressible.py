@@ -42,4 +42,4 @@ _IN_3 = Expressible(
     error_names={kind: kind.value for kind in ErrorType},
     instant_states_apart=True,
 )
-EXPRESSIBLE = {"2.0.0": _IN_2, "2.1.0": _IN_2, "3.0.0": _IN_3}
+EXPRESSIBLE = {"2.0.0": _IN_2, "2.1.0": _IN_2, "3.0.0": _IN_3, "3.0.1": _IN_3}

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from datetime import datetime
-from math import pi
+from math import ceil, pi
 from typing import Any
 
 from nena_shared.vda5050.base import WireObject
@@ -41,6 +41,7 @@ MISSING: Mapping[str, Plain] = {
         "error_hint_translations": None,
     },
     "3.0.0": {},
+    "3.0.1": {},
 }
 MISSING_ALSO_IN_2_0: Plain = {
     "corridor": None,
@@ -78,9 +79,9 @@ def plain(value: Any) -> Any:
 def nearest(version: str, message: Plain) -> Plain:
     """Return what ``version`` can express of a plain message."""
     result: Plain = _said(version, message) | {"version": version}
-    if version != "3.0.0" and message.get("operating_mode") == "INTERVENED":
+    if version < "3" and message.get("operating_mode") == "INTERVENED":
         result["paused"] = True
-    if version == "3.0.0" and "actions" in result:
+    if version >= "3" and "actions" in result:
         for action in result["actions"]:
             action["blocking_type"] = "NONE"
     return result
@@ -90,7 +91,7 @@ def _said(version: str, value: Any) -> Any:
     if isinstance(value, list):
         return [_said(version, each) for each in value]
     if isinstance(value, datetime):
-        step = 1_000 if version == "3.0.0" else 10_000
+        step = 1_000 if version >= "3" else 10_000
         return value.replace(microsecond=value.microsecond // step * step)
     if not isinstance(value, dict):
         return value
@@ -168,6 +169,11 @@ def _health(value: Plain) -> None:
         value["battery_health"] = float(round(value["battery_health"]))
 
 
+def _charging(value: Plain) -> None:
+    if value.get("minimum_charging_time") is not None:
+        value["minimum_charging_time"] = float(ceil(value["minimum_charging_time"]))
+
+
 def _ellipse(value: Plain) -> None:
     if {"a", "b", "theta"} == set(value):
         turn = value["theta"]
@@ -219,8 +225,17 @@ _IN_2_1: tuple[Callable[[Plain], None], ...] = (
     _node_states,
     _limits,
 )
+_IN_3_0: tuple[Callable[[Plain], None], ...] = (
+    _ellipse,
+    _charging,
+    _node_states,
+    _zone_set_in_use,
+    _requests,
+    _zone,
+)
 SPECIALS: Mapping[str, tuple[Callable[[Plain], None], ...]] = {
     "2.0.0": (*_IN_2_1, _health, _node_states_in_2_0),
     "2.1.0": _IN_2_1,
-    "3.0.0": (_ellipse, _node_states, _zone_set_in_use, _requests, _zone),
+    "3.0.0": _IN_3_0,
+    "3.0.1": _IN_3_0,
 }

@@ -32,7 +32,8 @@ def _validator(folder: Path, version: str, message: str) -> Draft202012Validator
 
 
 def _corrected(folder: Path, version: str, message: str) -> dict[str, Any]:
-    fixups = json.loads((folder / "fixups.json").read_text(encoding="utf-8"))[version]
+    corrections = json.loads((folder / "fixups.json").read_text(encoding="utf-8"))
+    fixups = corrections.get(version, {"base": version, "files": {}})
     name = f"{message}.schema"
     text = (folder / fixups["base"] / name).read_text(encoding="utf-8")
     schema: dict[str, Any] = json.loads(re.sub(r",(\s*[}\]])", r"\1", text))

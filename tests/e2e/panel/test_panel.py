@@ -9,6 +9,7 @@ from playwright.async_api import Browser, expect
 
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.vda5050.topics import RobotKey, Topic
+from nena_shared.vda5050.v2_1 import CODEC
 from support.aggregator_process import AggregatorProcess
 from support.broker import Broker, free_port
 from support.fleet_examples import (
@@ -70,6 +71,19 @@ async def test_robots_and_orders_live(hall: Hall, browser: Browser) -> None:
             hall.send(Topic.CONNECTION, connection("CONNECTION_BROKEN"), retain=True)
             await expect(page.locator("tr[data-robot='ACME/r1']")).to_contain_text("Connection broken")
             await expect(page.locator("nena-fleet-summary")).to_contain_text("1 Connection broken")
+
+
+async def test_a_robot_that_deviates_says_so(hall: Hall, browser: Browser) -> None:
+    with hall.aggregator() as aggregator:
+        await aggregator.logged("broker connected")
+        plain = CODEC.encode(state(at=seconds_now()))
+        hall.peer.publish(hall.robots.of(ROBOT, Topic.STATE), plain.replace(b'"errors":[]', b'"errors":null'))
+        async with opened(browser, hall.url) as page:
+            row = page.locator("tr[data-robot='ACME/r1']")
+            await expect(row).to_contain_text("Deviates from VDA 5050")
+            await page.get_by_role("link", name="r1", exact=True).click()
+            section = page.locator("nena-robot-page section").filter(has_text="This robot deviates")
+            await expect(section.get_by_role("listitem")).to_have_text("state.errors null: empty list")
 
 
 async def test_a_robot_is_picked_on_the_map_and_from_the_keyboard(hall: Hall, browser: Browser) -> None:

@@ -14,7 +14,7 @@ from support.schemas import schema_problems
 
 pytestmark = pytest.mark.broker
 
-VERSIONS = ("2.0.0", "2.1.0", "3.0.0")
+VERSIONS = ("2.0.0", "2.1.0", "3.0.0", "3.0.1")
 
 
 @pytest.mark.clause("4.2", "7.2", "7.7", "7.8", "7.9", "7.10/message")

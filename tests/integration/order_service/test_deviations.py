@@ -44,7 +44,7 @@ class DeviatingRobot:
         place = (0.0, number * LANE_MM / 1000, 0.0)
         key = RobotKey(MANUFACTURER, str(number))
         self.robot = HonestRobot(key=key, position=place, version=deviation.version)
-        self.robot.reports_instants_apart = deviation.version == "3.0.0"
+        self.robot.reports_instants_apart = deviation.version.startswith("3.")
         self._scheme = TopicScheme(fleet.interface, self.codec.major_version)
         self._link = link
         link.subscribe(self._scheme.of(key, Topic.ORDER), self._take_order)

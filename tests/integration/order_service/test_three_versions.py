@@ -20,20 +20,27 @@ pytestmark = pytest.mark.broker
 
 Start = Callable[..., Awaitable[httpx.AsyncClient]]
 
-VERSIONS = {"robot-01": "2.0.0", "robot-02": "2.1.0", "robot-03": "3.0.0"}
+FLEETS = (
+    {"robot-01": "2.0.0", "robot-02": "2.1.0", "robot-03": "3.0.0"},
+    {"robot-01": "3.0.0", "robot-02": "3.0.1"},
+)
 VEHICLES = {"robot-01": "Robot-01", "robot-02": "Robot-02", "robot-03": "robot-03"}
 PLACES = {"robot-01": (3.0, 2.0), "robot-02": (3.0, 12.0), "robot-03": (21.0, 12.0)}
 TARGETS = {"robot-01": "South 4", "robot-02": "North 3", "robot-03": "Packing stand"}
 
 
 @pytest.mark.clause("4.2", "6.1.1", "7.2")
-async def test_each_robot_does_its_order_in_its_version(fleet: Fleet, service: Start) -> None:
+@pytest.mark.parametrize("versions", FLEETS, ids=["three", "both of 3.0"])
+async def test_each_robot_does_its_order_in_its_version(
+    fleet: Fleet, service: Start, versions: dict[str, str]
+) -> None:
     wire = fleet.peer()
     client = await service(kernel={"adopt_unknown": True})
-    for serial, version in VERSIONS.items():
+    for serial, version in versions.items():
         x, y = PLACES[serial]
         fleet.agent(serial, x=x, y=y, version=version)
-    for serial, vehicle in VEHICLES.items():
+    for serial in versions:
+        vehicle = VEHICLES[serial]
         await vehicle_idle(client, vehicle)
         order = {
             "name": f"T-{serial}",
@@ -45,11 +52,11 @@ async def test_each_robot_does_its_order_in_its_version(fleet: Fleet, service: S
         }
         assert (await client.post("/v1/transportOrders", json=order)).status_code == 201
 
-    for serial in VERSIONS:
+    for serial in versions:
         order = await order_in(client, f"T-{serial}", "FINISHED", "FAILED")
         assert order["state"] == "FINISHED", order["reason"]
 
-    for serial, version in VERSIONS.items():
+    for serial, version in versions.items():
         level = f"{fleet.interface}/v{version[0]}/NeNa/{serial}"
         messages = [each for each in wire.received() if each.topic.startswith(f"{level}/")]
         kinds = {each.topic.rsplit("/", 1)[1] for each in messages}
@@ -60,7 +67,7 @@ async def test_each_robot_does_its_order_in_its_version(fleet: Fleet, service: S
 
 
 @pytest.mark.clause("6.1.2/fleet", "6.6.3/fleet")
-@pytest.mark.parametrize("version", ["2.0.0", "2.1.0", "3.0.0"])
+@pytest.mark.parametrize("version", ["2.0.0", "2.1.0", "3.0.0", "3.0.1"])
 async def test_a_way_is_released_piece_by_piece_and_nothing_of_it_breaks_the_standard(
     fleet: Fleet, service: Start, version: str
 ) -> None:

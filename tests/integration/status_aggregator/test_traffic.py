@@ -73,6 +73,20 @@ async def test_a_malformed_state_is_counted_and_changes_nothing(
         await served.until("/api/v1/robots/ACME/r1", lambda shown: shown["condition"] == "BUSY")
 
 
+async def test_a_robot_that_deviates_is_shown_with_how(broker: Broker, served: Served) -> None:
+    robot, here = "/api/v1/robots/ACME/r1", served.robots.of(ROBOT, Topic.STATE)
+    with MqttPeer(broker) as peer:
+        served.send(peer, Topic.STATE, state())
+        await served.until(robot, lambda shown: shown.get("deviations") == [])
+        peer.publish(here, CODEC.encode(state(2, at=1)).replace(b'"errors":[]', b'"errors":null'))
+        shown = await served.until(robot, lambda shown: shown["deviations"])
+        assert shown["deviations"] == ["state.errors null: empty list"]
+        assert (shown["condition"], shown["malformed"]) == ("IDLE", 0)
+        served.send(peer, Topic.STATE, state(3, at=2, driving=True))
+        shown = await served.until(robot, lambda shown: shown["driving"])
+        assert shown["deviations"] == ["state.errors null: empty list"]
+
+
 async def test_orders_vehicles_and_plant_of_the_order_service(broker: Broker, served: Served) -> None:
     with MqttPeer(broker) as peer:
         plant = sample_plant()

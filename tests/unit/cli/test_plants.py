@@ -11,8 +11,10 @@ from typer.testing import CliRunner, Result
 
 from nena_cli.__main__ import app
 from nena_demo.plants import sample_plant_path
-from nena_shared.plant import files
+from nena_order_service.plant_file import load_plant
+from nena_shared.plant import Vehicle, files
 from nena_shared.plant.files import PlantFormat
+from nena_shared.settings import ConfigurationError
 from support.lif_files import edge, lif_of, node
 from support.plants import opentcs_xml, path, plant
 
@@ -50,6 +52,51 @@ def test_check_says_all_that_is_wrong_and_ends_with_one(tmp_path: Path) -> None:
     assert "BAD_VALUE" in done.stdout
     assert "block '[b]K[/b]'" in done.stdout
     assert "2 errors, 0 warnings" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("properties", "code"),
+    [
+        ({"vda5050:serialNumber": "a+b"}, "NOT_IN_TOPICS"),
+        ({"vda5050:manufacturer": "a/b"}, "NOT_IN_TOPICS"),
+        ({"vda5050:interfaceName": "#"}, "NOT_IN_TOPICS"),
+        ({"vda5050:serialNumber": "x" * 400}, "NOT_IN_TOPICS"),
+        ({"vda5050:version": "1.1"}, "UNKNOWN_VDA5050_VERSION"),
+        ({"vda5050:serialNumber": "V0"}, "SAME_SERIAL_NUMBER"),
+    ],
+)
+def test_check_refuses_what_the_order_service_refuses(
+    tmp_path: Path, properties: dict[str, str], code: str
+) -> None:
+    vehicles = (Vehicle(name="V0"), Vehicle(name="V1", properties=properties))
+    file = tmp_path / "hall.json"
+    file.write_text(plant(path("A B"), path("B A")).model_copy(update={"vehicles": vehicles}).to_json())
+    done = nena("check", str(file), "--json")
+    found = json.loads(done.stdout)
+    assert (done.exit_code, found["usable"]) == (1, False)
+    assert [each["code"] for each in found["findings"] if each["severity"] == "error"] == [code]
+    with pytest.raises(ConfigurationError, match=code):
+        load_plant(file)
+
+
+def test_check_warns_of_names_that_no_request_can_have(tmp_path: Path) -> None:
+    file = tmp_path / "hall.json"
+    long = "B" * 201
+    file.write_text(plant(path(f"A {long}"), path(f"{long} A")).to_json())
+    done = nena("check", str(file), "--json")
+    warned = [each for each in json.loads(done.stdout)["findings"] if each["code"] == "LONG_NAME"]
+    assert done.exit_code == 0
+    assert long in [each["name"] for each in warned]
+
+
+@pytest.mark.parametrize("data", [b"\xac\xed\x00\x05sr", b"PK\x03\x04model", b"<courseModel/>"])
+def test_check_names_files_of_the_old_plant_overview(tmp_path: Path, data: bytes) -> None:
+    file = tmp_path / "hall.opentcs"
+    file.write_bytes(data)
+    done = nena("check", str(file), "--json")
+    (finding,) = json.loads(done.stdout)["findings"]
+    assert (done.exit_code, finding["code"]) == (1, "OLD_OPENTCS_FORMAT")
+    assert "openTCS 4" in finding["text"]
 
 
 def test_check_tells_scripts_in_json(odd_lif: Path) -> None:

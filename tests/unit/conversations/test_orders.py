@@ -150,7 +150,7 @@ def test_no_node_is_skipped(version: str) -> None:
     assert one.rules == [Rule.PROGRESS]
     assert "node 2 of" in one.texts
     assert "node 2 to 4 of" in two.texts
-    assert one.findings[0].section == ("6.6.2" if version == "3.0.0" else "6.10.2")
+    assert one.findings[0].section == ("6.6.2" if version >= "3" else "6.10.2")
 
 
 def test_several_nodes_may_be_reached_between_two_states() -> None:

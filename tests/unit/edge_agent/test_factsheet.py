@@ -106,6 +106,19 @@ def test_it_fits_the_official_schema() -> None:
     assert json.loads(payload)["protocolFeatures"]["agvActions"]
 
 
+@pytest.mark.clause("6.2.3/pick", "6.10")
+@pytest.mark.parametrize(
+    ("version", "key"), [("2.1.0", "lhd"), ("3.0.0", "lhd"), ("3.0.1", "loadHandlingDevice")]
+)
+def test_the_load_handling_device_is_listed_as_the_version_calls_it(version: str, key: str) -> None:
+    pick = OperationSettings.model_validate(
+        {"action_type": "pick", "parameters": [{"key": "lhd", "type": "STRING"}, {"key": "side"}]}
+    )
+    actions = factsheet(pick, version=version).protocol_features.mobile_robot_actions
+    (listed,) = (each.action_parameters or () for each in actions if each.action_type == "pick")
+    assert [each.key for each in listed] == [key, "side"]
+
+
 @pytest.mark.clause("6.10/zones")
 @pytest.mark.parametrize(
     ("version", "driver", "zones"),

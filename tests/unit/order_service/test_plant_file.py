@@ -63,7 +63,7 @@ def test_robots_need_topics_of_their_own(tmp_path: Path) -> None:
 def test_a_plant_without_points_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "plant.xml"
     file.write_text('<model version="6.0.0" name="empty"/>')
-    assert "it has no points" in problems(file)
+    assert "model 'empty': has no points" in problems(file)
 
 
 def test_lif_and_own_json_are_read_too(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from nena_edge_agent.protocol.geometry import Footprint
 from nena_edge_agent.protocol.instant_actions import MESSAGE_LIMIT
 from nena_edge_agent.protocol.zone_sets import ZONES_IN_A_SET
 from nena_edge_agent.settings import DescriptionSettings, EdgeAgentSettings
-from nena_shared.vda5050.action import BlockingType
+from nena_shared.vda5050.action import LOAD_HANDLING_DEVICE, STATION_ACTIONS, BlockingType
 from nena_shared.vda5050.codec import MAXIMUM_PAYLOAD
 from nena_shared.vda5050.factsheet import (
     ActionParameterDescription,
@@ -33,6 +33,7 @@ from nena_shared.vda5050.factsheet import (
     Timing,
     TypeSpecification,
 )
+from nena_shared.vda5050.rules import Rules
 from nena_shared.vda5050.versions import RULES
 
 
@@ -98,7 +99,7 @@ def make_factsheet(
         protocol_limits=_limits(settings, capabilities.maximum_nodes),
         protocol_features=ProtocolFeatures(
             optional_parameters=supported(capabilities, limits.tolerance if limits else None),
-            mobile_robot_actions=tuple(_action(each) for each in _offered(capabilities)),
+            mobile_robot_actions=tuple(_action(each, capabilities.rules) for each in _offered(capabilities)),
         ),
         mobile_robot_geometry=_geometry(settings, limits.contour if limits else ()),
         load_specification=_loads(capabilities),
@@ -160,13 +161,15 @@ def _offered(capabilities: Capabilities) -> list[ActionDeclaration]:
     return [each for each in capabilities.actions.values() if not each.unavailable]
 
 
-def _action(declaration: ActionDeclaration) -> MobileRobotAction:
+def _action(declaration: ActionDeclaration, rules: Rules) -> MobileRobotAction:
     only_instant = declaration.scopes == (ActionScope.INSTANT,)
     return MobileRobotAction(
         action_type=declaration.action_type,
         action_description=declaration.description or None,
         action_scopes=declaration.scopes,
-        action_parameters=tuple(_parameter(each) for each in declaration.parameters),
+        action_parameters=tuple(
+            _parameter(each, _listed_key(declaration, each, rules)) for each in declaration.parameters
+        ),
         action_result=declaration.result or None,
         blocking_types=(BlockingType.NONE,) if only_instant else declaration.blocking_types,
         pause_allowed=declaration.pause_allowed,
@@ -174,9 +177,15 @@ def _action(declaration: ActionDeclaration) -> MobileRobotAction:
     )
 
 
-def _parameter(parameter: Parameter) -> ActionParameterDescription:
+def _listed_key(declaration: ActionDeclaration, parameter: Parameter, rules: Rules) -> str:
+    """Return the key of a parameter in the robot's version of VDA 5050."""
+    device = declaration.action_type in STATION_ACTIONS and parameter.key in LOAD_HANDLING_DEVICE
+    return rules.load_handling_device_key if device else parameter.key
+
+
+def _parameter(parameter: Parameter, key: str) -> ActionParameterDescription:
     return ActionParameterDescription(
-        key=parameter.key,
+        key=key,
         value_data_type=parameter.data_type,
         description=parameter.words or None,
         is_optional=not parameter.required,

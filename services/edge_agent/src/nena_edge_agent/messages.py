@@ -330,7 +330,7 @@ class Inbox:
                     for each in message.edges
                 ),
             }
-        return (message.model_copy(update=changes), tuple(dict.fromkeys(found))) if found else (message, ())
+        return message.model_copy(update=changes), tuple(dict.fromkeys(found))
 
     def _read_action(self, action: Action, at: str, found: list[Repair]) -> Action:
         declared = self._actions.get(action.action_type)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -12,6 +11,7 @@ from nena_shared.log import get_logger
 from nena_shared.plant import PlantModel, PlantModelError
 from nena_shared.plant.exchange import ImportReport
 from nena_shared.plant.files import read
+from nena_shared.plant.fleet_checks import find_fleet_errors
 from nena_shared.settings import ConfigurationError
 
 log = get_logger(__name__)
@@ -58,20 +58,6 @@ def read_plant(data: bytes, *, strict: bool) -> ImportReport:
         report = read(data, strict=strict)
     except PlantModelError as error:
         raise InvalidPlantError([str(problem) for problem in error.problems]) from error
-    if problems := tuple(_problems(report.model)):
-        raise InvalidPlantError(problems)
+    if problems := find_fleet_errors(report.model):
+        raise InvalidPlantError([str(problem) for problem in problems])
     return report
-
-
-def _problems(plant: PlantModel) -> Iterator[str]:
-    """Yield what the format allows and no fleet can work with."""
-    if not plant.points:
-        yield "it has no points"
-    owners: dict[str, str] = {}
-    for vehicle in plant.vehicles:
-        serial = vehicle.serial_number or vehicle.name
-        if any(sign in f"{vehicle.manufacturer}{serial}" for sign in "/+#"):
-            yield f"vehicle {vehicle.name!r}: manufacturer and serial number hold no '/', '+' or '#'"
-        other = owners.setdefault(serial, vehicle.name)
-        if other != vehicle.name:
-            yield f"vehicles {other!r} and {vehicle.name!r} have the same serial number {serial!r}"

@@ -27,6 +27,7 @@ from nena_shared.vda5050.deviations import Deviations
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.malformed import MalformedMessageError, problems_of
 from nena_shared.vda5050.message_reader import MessageReader
+from nena_shared.vda5050.repair import Repair
 from nena_shared.vda5050.robot_sources import RobotSources
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
@@ -74,11 +75,13 @@ class FleetSubscriber:
         self._epochs = EpochFilter()
         self._problems: dict[str, str] = {}
         self._sources = RobotSources()
-        deviations = Deviations(clock)
-        model.statistics.repaired = deviations.totals
+        self._deviations = Deviations(clock)
+        model.statistics.repaired = self._deviations.totals
+        self._repaired = False
+        """Whether the last message had to be repaired."""
         self._undated: dict[tuple[RobotKey, MessageKind], messages.Sequence] = {}
         """Of topics with timestamps that cannot be read."""
-        self._reader = MessageReader(deviations.note_message, strict=settings.strict)
+        self._reader = MessageReader(self._on_repaired, strict=settings.strict)
         self.mqtt = MqttLink(
             settings.mqtt,
             # several aggregators may use one broker; client IDs must be unique
@@ -149,6 +152,7 @@ class FleetSubscriber:
                     None,
                 )
                 return
+            self._repaired = False
             try:
                 message = self._reader.read(form, inbound.topic, inbound.payload, scheme.major_version)
             except MalformedMessageError as error:
@@ -158,8 +162,14 @@ class FleetSubscriber:
                 return
             if self._sources.accepts(key, scheme, message, retained=inbound.retained):
                 take(key, message, at, inbound)
+                if self._repaired:
+                    self._model.on_deviations(key, self._deviations.of(key))
 
         self.mqtt.subscribe(scheme.for_all(Topic(kind)), handle)
+
+    def _on_repaired(self, topic: str, repairs: tuple[Repair, ...]) -> None:
+        self._deviations.note_message(topic, repairs)
+        self._repaired = True
 
     def _is_next(self, key: RobotKey, kind: MessageKind, header_id: int) -> bool:
         """Return whether a message whose timestamp cannot be read is new by its headerId.

@@ -13,6 +13,9 @@ from nena_shared.plant.geometry import parse_transform
 from nena_shared.plant.model import NO_OPERATION, RECHARGE_OPERATION, PlantModel, transform_texts
 from nena_shared.plant.track import BACKWARD_SUFFIX, PointType
 
+LONGEST_NAME: Final = 200
+"""Characters of a name in requests: longer ones can be neither ordered nor commanded."""
+
 
 def find_errors(model: PlantModel) -> tuple[PlantProblem, ...]:
     """Return all errors that make the model unusable, such as dangling references."""
@@ -248,6 +251,9 @@ def _name_warnings(model: PlantModel) -> Iterator[PlantProblem]:
         if name != name.strip() or not name.isprintable():
             text = "the name has leading or trailing blanks or invisible characters; it is kept unchanged"
             yield PlantProblem("SUSPICIOUS_NAME", kind, name, text)
+        if len(name) > LONGEST_NAME:
+            text = f"the name has {len(name)} characters; requests can name objects of up to {LONGEST_NAME}"
+            yield PlantProblem("LONG_NAME", kind, name, text)
 
 
 def _track_warnings(model: PlantModel) -> Iterator[PlantProblem]:

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from enum import StrEnum
-from typing import Annotated
+from typing import Annotated, Final
 
 from pydantic import AfterValidator, JsonValue
 from pydantic_core import to_json
 
 from nena_shared.vda5050.base import CommandHeader, Identifier, WireObject, finite
+
+LOAD_HANDLING_DEVICE: Final = ("loadHandlingDevice", "lhd")
+"""What 3.0.1 and the versions before call the parameter of pick and drop for the load handling device."""
+
+STATION_ACTIONS: Final = frozenset({"pick", "drop"})
 
 
 class BlockingType(StrEnum):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from datetime import UTC, datetime
-from math import isfinite, pi
-from typing import Annotated, Any, Self, TypeVar
+from math import isfinite, pi, remainder
+from typing import Annotated, Any, Final, Self, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, JsonValue, PlainSerializer, WithJsonSchema
 from pydantic.alias_generators import to_camel
@@ -59,8 +59,28 @@ Timestamp = Annotated[
 """ISO 8601 in UTC with milliseconds; read with 0 to 9 decimals, and as UTC where no zone is given."""
 
 UInt32 = Annotated[int, Field(ge=0, le=2**32 - 1)]
-Angle = Annotated[float, Field(ge=-pi - 1e-6, le=pi + 1e-6)]
-"""Radians in [-π, π], a rounding error allowed."""
+ANGLE_LIMIT: Final = 3.1416 + 1e-4
+"""Greatest angle that is read, rad: 3.0.1 allows 3.1416, and robots round."""
+
+
+def _within_half_turn(angle: float) -> float:
+    """Return the same angle in [-π, π]: the schemas before 3.0.1 allow no more."""
+    return angle if -pi <= angle <= pi else remainder(angle, 2 * pi)
+
+
+Angle = Annotated[
+    float,
+    Field(ge=-ANGLE_LIMIT, le=ANGLE_LIMIT),
+    PlainSerializer(_within_half_turn, return_type=float, when_used="json"),
+]
+"""Radians in [-π, π]; read up to 3.1416, as 3.0.1 has it, and written within [-π, π]."""
+
+AllowedTurn = Annotated[
+    float,
+    Field(ge=0, le=ANGLE_LIMIT),
+    PlainSerializer(lambda turn: min(turn, pi), return_type=float, when_used="json"),
+]
+"""Deviation from a heading, rad; one of π allows every heading."""
 
 NotNegative = Annotated[float, Field(ge=0)]
 Percent = Annotated[float, Field(ge=0, le=100)]

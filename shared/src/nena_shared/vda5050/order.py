@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from math import pi
 from typing import Annotated
 
 from pydantic import Field
 
 from nena_shared.vda5050.action import Action
-from nena_shared.vda5050.base import Angle, CommandHeader, Identifier, NotNegative, UInt32, WireObject
+from nena_shared.vda5050.base import (
+    AllowedTurn,
+    Angle,
+    CommandHeader,
+    Identifier,
+    NotNegative,
+    UInt32,
+    WireObject,
+)
 
 
 class OrientationType(StrEnum):
@@ -52,7 +59,7 @@ class NodePosition(WireObject):
     theta: Angle | None = None
     map_id: Identifier
     allowed_deviation_xy: Annotated[AllowedDeviationXY | None, Field(alias="allowedDeviationXY")] = None
-    allowed_deviation_theta: Annotated[float, Field(ge=0, le=pi + 1e-6)] | None = None
+    allowed_deviation_theta: AllowedTurn | None = None
 
 
 class Node(WireObject):

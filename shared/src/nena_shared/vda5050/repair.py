@@ -30,7 +30,7 @@ from pydantic_core import PydanticSerializationError, to_json
 
 from nena_shared.clock import iso
 from nena_shared.vda5050.action import ActionState
-from nena_shared.vda5050.base import Header, Timestamp, WireObject
+from nena_shared.vda5050.base import ANGLE_LIMIT, Header, Timestamp, WireObject
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel
 from nena_shared.vda5050.malformed import quoted
 from nena_shared.vda5050.order import Trajectory
@@ -141,7 +141,6 @@ _NEVER_DROPPED: Final = (NodeState, EdgeState, ActionState, ErrorEntry, Load)
 _PERCENT: Final = 100.0
 _MUCH_BEYOND: Final = 50.0
 """A percentage farther beyond its limits is none, such as 255 for one that is not known."""
-_ANGLE: Final = pi + 1e-6
 _FULL_TURN: Final = 2 * pi + 1e-3
 _TIME: Final[TypeAdapter[datetime]] = TypeAdapter(Timestamp)
 
@@ -496,7 +495,9 @@ def _brought_into(number: float, shape: Shape, at: str, scope: Scope) -> tuple[f
         _Beyond: there is no sure way.
 
     """
-    if shape.most == _ANGLE and shape.least == -_ANGLE:
+    if shape.most == ANGLE_LIMIT and shape.least == 0:  # a deviation: 2.x allows less than 0
+        return min(max(number, 0.0), pi), RepairKind.CLAMPED
+    if shape.most == ANGLE_LIMIT and shape.least == -ANGLE_LIMIT:
         if scope is Scope.COMMAND and abs(number) > _FULL_TURN:
             raise _Beyond  # perhaps degrees
         return remainder(number, 2 * pi), RepairKind.ANGLE_WRAPPED

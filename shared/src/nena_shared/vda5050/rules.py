@@ -39,6 +39,8 @@ class Rules:
     wrong_stitching_node: ErrorType
     """The neutral error of an update that does not begin at the decision point; no version names it, and 2.x
     has one name for all errors of updates."""
+    load_handling_device_key: str = "lhd"
+    """Parameter of pick and drop for the load handling device (section 6.2.3)."""
     node_forgotten_in: frozenset[OperatingMode] = frozenset()
     """Modes that are entered with an empty lastNodeId (section 6.6.7)."""
     node_left_in: frozenset[OperatingMode] = frozenset()

@@ -18,7 +18,7 @@ from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.rules import Rules
 from nena_shared.vda5050.topics import TopicScheme
 
-_PACKAGE: Final = re.compile(r"v\d+_\d+", re.ASCII)
+_PACKAGE: Final = re.compile(r"v\d+_\d+(_\d+)?", re.ASCII)
 
 
 def find_codecs() -> dict[str, Codec]:

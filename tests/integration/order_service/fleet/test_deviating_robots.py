@@ -40,7 +40,7 @@ class DeviatingRobot(WiredRobot):
 
 
 def face_west(state: dict[str, Any]) -> None:
-    state["agvPosition"]["theta"] = 3.1416
+    state["agvPosition"]["theta"] = 3.142
 
 
 def be_sloppy(state: dict[str, Any]) -> None:

@@ -64,6 +64,29 @@ def test_people_are_told_what_is_allowed() -> None:
     assert SIDE.words == "one of left, right"
 
 
+PICK = ActionDeclaration(
+    "pick", (ActionScope.NODE,), parameters=(Parameter("lhd", ValueDataType.STRING, required=False),)
+)
+
+
+@pytest.mark.clause("6.2.3/pick")
+@pytest.mark.parametrize("key", ["lhd", "loadHandlingDevice"])
+def test_the_load_handling_device_is_read_by_either_name(key: str) -> None:
+    read = PICK.read(action("a", "HARD", "pick", side="left", **{key: "fork"}))
+    assert (read.parameter("lhd"), read.parameter("side")) == ("fork", "left")
+    assert PICK.problem(read, ActionScope.NODE) is None
+
+
+@pytest.mark.clause("6.2.3/pick")
+def test_two_load_handling_devices_are_refused() -> None:
+    both = action("a", "HARD", "pick", lhd="fork", loadHandlingDevice="belt")
+    assert "different load handling devices" in (PICK.problem(PICK.read(both), ActionScope.NODE) or "")
+    same = action("a", "HARD", "pick", lhd="fork", loadHandlingDevice="fork")
+    assert PICK.problem(PICK.read(same), ActionScope.NODE) is None
+    other = action("a", "HARD", "lift", lhd="fork", loadHandlingDevice="belt", height=1)
+    assert LIFT.problem(LIFT.read(other), ActionScope.NODE) is None
+
+
 @pytest.mark.parametrize(
     ("blocking", "scope", "height", "problem"),
     [

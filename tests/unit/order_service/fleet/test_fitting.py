@@ -282,8 +282,19 @@ def test_a_number_is_a_text_where_the_robot_wants_one(given: float | str, text: 
 
 @pytest.mark.clause("6.2.3/pick")
 @pytest.mark.parametrize("given", ["lhd", "loadHandlingDevice"])
-@pytest.mark.parametrize("listed", ["lhd", "loadHandlingDevice", None])
-def test_the_load_handling_device_has_the_name_that_the_robot_lists(given: str, listed: str | None) -> None:
+@pytest.mark.parametrize(
+    ("listed", "version", "sent"),
+    [
+        ("lhd", "3.0.1", "lhd"),
+        ("loadHandlingDevice", "2.1.0", "loadHandlingDevice"),
+        (None, "2.1.0", "lhd"),
+        (None, "3.0.0", "lhd"),
+        (None, "3.0.1", "loadHandlingDevice"),
+    ],
+)
+def test_the_load_handling_device_has_the_name_that_the_robot_lists_or_of_its_version(
+    given: str, listed: str | None, version: str, sent: str
+) -> None:
     action = Action(
         action_type="pick",
         action_id="p",
@@ -291,5 +302,6 @@ def test_the_load_handling_device_has_the_name_that_the_robot_lists(given: str, 
         action_parameters=(ActionParameter(key=given, value="fork"),),
     )
     kinds = {listed: ValueDataType.STRING} if listed else {}
-    (parameter,) = fitted_action(action, abilities(pick(**kinds))).action_parameters
-    assert (parameter.key, parameter.value) == (listed or given, "fork")
+    robot = Abilities(abilities(pick(**kinds)).factsheet.model_copy(update={"version": version}))
+    (parameter,) = fitted_action(action, robot).action_parameters
+    assert (parameter.key, parameter.value) == (sent, "fork")

@@ -1,8 +1,11 @@
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from nena_shared.vda5050.error import ErrorLevel, ErrorReference, ErrorType, error
+from support.reference import reference_dir
 
 
 @pytest.mark.clause("6.6.5.4", "6.6.5.1")
@@ -30,3 +33,13 @@ def test_references_are_camel_case_text_and_only_what_is_known() -> None:
         ErrorReference(reference_key="orderUpdateId", reference_value="3"),
         ErrorReference(reference_key="topic", reference_value="order"),
     )
+
+
+@pytest.mark.clause("6.6.5.4")
+def test_the_list_of_3_0_1_is_known_whole() -> None:
+    text = reference_dir("vda5050-3.0.1.md").read_text(encoding="utf-8")
+    section = text.split("errorType, complete list of the draft")[1].split("It stays extensible")[0]
+    listed = set(re.findall(r"[A-Z]+(?:_[A-Z]+)+", section))
+
+    assert len(listed) == 25
+    assert listed <= {each.value for each in ErrorType}

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 from datetime import UTC, datetime
+from math import pi
 from typing import Any
 
 import pytest
@@ -79,7 +80,7 @@ def test_an_unknown_minor_version_is_read_as_the_nearest_and_reported_once() -> 
 def test_a_command_is_repaired_only_where_its_meaning_is_certain(order: dict[str, Any]) -> None:
     now = datetime(2026, 1, 1, tzinfo=UTC)
     order["nodes"][1]["sequenceId"] = 2.0
-    order["nodes"][1]["nodePosition"]["theta"] = 3.1416
+    order["nodes"][1]["nodePosition"]["theta"] = 3.2
     read, repairs = read_command(Order, CODEC_2_1, json.dumps(order).encode(), now=now)
     assert read.nodes[1].sequence_id == 2
     assert {each.kind for each in repairs} == {RepairKind.WHOLE_NUMBER, RepairKind.ANGLE_WRAPPED}
@@ -87,6 +88,20 @@ def test_a_command_is_repaired_only_where_its_meaning_is_certain(order: dict[str
         edges = [order["edges"][0] | unsafe]
         with pytest.raises(MalformedMessageError):
             read_command(Order, CODEC_2_1, json.dumps(order | {"edges": edges}).encode(), now=now)
+
+
+@pytest.mark.clause("7.3/deviation")
+@pytest.mark.parametrize(("given", "meant"), [(-0.1, 0.0), (6.3, pi)])
+def test_a_deviation_beyond_a_half_turn_allows_every_heading_and_one_below_0_none(
+    order: dict[str, Any], given: float, meant: float
+) -> None:
+    order["nodes"][1]["nodePosition"]["allowedDeviationTheta"] = given
+    read, repairs = read_command(
+        Order, CODEC_2_1, json.dumps(order).encode(), now=datetime(2026, 1, 1, tzinfo=UTC)
+    )
+    assert read.nodes[1].node_position is not None
+    assert read.nodes[1].node_position.allowed_deviation_theta == meant
+    assert [each.kind for each in repairs] == [RepairKind.CLAMPED]
 
 
 def test_a_command_that_is_refused_is_answered_as_it_was_sent(order: dict[str, Any]) -> None:
@@ -105,7 +120,7 @@ def test_a_number_that_is_none_leaves_no_position_also_where_another_field_alway
 ) -> None:
     messages = MessageReader()
     turned = json.loads(CODEC_2_1.encode(state()))
-    position = {"x": 1.0, "y": 2.0, "theta": 3.1416, "mapId": "hall", "positionInitialized": True}
+    position = {"x": 1.0, "y": 2.0, "theta": 3.2, "mapId": "hall", "positionInitialized": True}
     turned["agvPosition"] = position
     assert messages.read(State, TOPIC, json.dumps(turned).encode(), "v2").mobile_robot_position
     turned["agvPosition"][field] = "HERE"

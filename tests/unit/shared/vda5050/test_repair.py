@@ -72,7 +72,8 @@ def read(payload: bytes) -> tuple[State, list[Repair]]:
 
 
 REPAIRED: list[tuple[str, Any, str | None, str, Any]] = [
-    ("agvPosition.theta", 3.1416, "angle_wrapped", "mobile_robot_position.theta", 3.1416 - 2 * pi),
+    ("agvPosition.theta", 3.1416, None, "mobile_robot_position.theta", 3.1416),
+    ("agvPosition.theta", 3.142, "angle_wrapped", "mobile_robot_position.theta", 3.142 - 2 * pi),
     ("agvPosition.theta", -3.2, "angle_wrapped", "mobile_robot_position.theta", 2 * pi - 3.2),
     ("agvPosition.theta", "0.5", "text_as_number", "mobile_robot_position.theta", 0.5),
     ("agvPosition.theta", nan, "left_out", "mobile_robot_position", None),

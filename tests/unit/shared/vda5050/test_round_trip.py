@@ -21,6 +21,8 @@ EACH_MESSAGE = pytest.mark.parametrize(
     [(codec, topic) for codec in CODECS.values() for topic in codec.kinds],
     ids=lambda value: value.version if isinstance(value, Codec) else value,
 )
+BOTH_OF_3_0 = ("3.0.0", "3.0.1")
+"""What is written for one of them fits the schemas of both: 3.0.1 only corrects 3.0.0."""
 
 
 @pytest.mark.clause("7.3", "7.4", "7.5", "7.6", "7.7", "7.8", "7.9", "7.10/message")
@@ -43,7 +45,8 @@ def test_message_arrives_as_the_nearest_that_the_version_can_say(
 def test_encoded_message_keeps_the_official_schema(codec: Codec, topic: Topic, data: st.DataObject) -> None:
     payload = codec.encode(data.draw(messages(codec.kinds[topic])))
 
-    assert schema_problems(codec.version, topic, payload) == []
+    for version in BOTH_OF_3_0 if codec.version in BOTH_OF_3_0 else (codec.version,):
+        assert schema_problems(version, topic, payload) == []
 
 
 @EACH_MESSAGE

@@ -17,13 +17,15 @@ from nena_shared.vda5050.versions import (
 )
 
 
-@pytest.mark.parametrize("version", ["2.0.0", "2.1.0", "3.0.0"])
+@pytest.mark.parametrize("version", ["2.0.0", "2.1.0", "3.0.0", "3.0.1"])
 def test_codec_of_a_version(version: str) -> None:
     assert codec_for(version).version == version
 
 
 def test_version_that_nobody_speaks_here_is_named_with_those_that_are() -> None:
-    with pytest.raises(UnknownVersionError, match=r"'1\.1\.0' .* 2\.0\.0, 2\.1\.0, 3\.0\.0") as caught:
+    with pytest.raises(
+        UnknownVersionError, match=r"'1\.1\.0' .* 2\.0\.0, 2\.1\.0, 3\.0\.0, 3\.0\.1"
+    ) as caught:
         codec_for("1.1.0")
 
     assert caught.value.version == "1.1.0"
@@ -57,7 +59,8 @@ def test_topics_of_an_unknown_version() -> None:
         ("2.1.0", "2.1.0"),
         ("2.10.0", "2.1.0"),
         ("3.0.0", "3.0.0"),
-        ("3.0.1", "3.0.0"),
+        ("3.0.1", "3.0.1"),
+        ("3.0.2", "3.0.1"),
     ],
 )
 def test_robot_is_met_in_the_nearest_older_version(version: str, spoken: str) -> None:
@@ -83,7 +86,8 @@ def test_message_without_a_version_that_could_be_spoken(payload: bytes) -> None:
         ("2.0.0", "v2", "2.0.0"),
         ("3.0.0", "v3", "3.0.0"),
         ("3.0.0", "v2", "2.1.0"),
-        ("2.0.0", "v3", "3.0.0"),
+        ("3.0.1", "v3", "3.0.1"),
+        ("2.0.0", "v3", "3.0.1"),
         ("unreadable", "v2", "2.1.0"),
     ],
 )
@@ -105,7 +109,14 @@ def test_version_is_read_from_the_top_of_the_message_alone() -> None:
 
 @pytest.mark.parametrize(
     ("text", "version"),
-    [("2.0", "2.0.0"), ("2.1", "2.1.0"), ("v3", "3.0.0"), (" 2.1.3 ", "2.1.0"), ("3.0.1", "3.0.0")],
+    [
+        ("2.0", "2.0.0"),
+        ("2.1", "2.1.0"),
+        ("v3", "3.0.0"),
+        (" 2.1.3 ", "2.1.0"),
+        ("3.0", "3.0.0"),
+        ("3.0.1", "3.0.1"),
+    ],
 )
 def test_a_version_as_people_write_it(text: str, version: str) -> None:
     assert codec_named(text).version == version

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from dataclasses import replace as replace_fields
 from datetime import UTC, datetime
 from enum import StrEnum
 from pathlib import Path
@@ -24,6 +25,7 @@ from nena_shared.plant import PlantModel, PlantModelError, PlantProblem, files, 
 from nena_shared.plant import nav2_route as nav2_route_graph
 from nena_shared.plant.exchange import JSON_LIMITS
 from nena_shared.plant.files import PlantFormat
+from nena_shared.plant.fleet_checks import find_fleet_errors
 from nena_shared.plant.lif import LifVersion
 
 STANDARD_STREAM = "-"
@@ -39,7 +41,7 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class PlantFile:
-    """A file that was read; ``model`` is None if it has errors."""
+    """A file that was read; ``model`` is None if it cannot be read."""
 
     name: str
     kind: PlantFormat | None
@@ -145,7 +147,7 @@ def findings_json(file: PlantFile, findings: Iterable[Finding], written: str | N
         {
             "file": file.name,
             "format": file.kind,
-            "usable": file.model is not None,
+            "usable": file.model is not None and not file.errors,
             "model": None if file.model is None else {"name": file.model.name, **counts(file.model)},
             "findings": [
                 {
@@ -217,9 +219,12 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print findings as one JSON
 
 @app.command()
 def check(file: Source, *, strict: Strict = False, as_json: AsJson = False) -> None:
-    """Check a plant model; the exit status is 1 if it has errors."""
+    """Check a plant model; the exit status is 1 if an order service would refuse it."""
     with _errors_reported():
         read = read_plant(file, strict=strict)
+    if read.model is not None:
+        errors = _findings(find_fleet_errors(read.model), are_errors=True)
+        read = replace_fields(read, findings=(*errors, *read.findings))
     if as_json:
         sys.stdout.write(findings_json(read, read.findings) + "\n")
     else:

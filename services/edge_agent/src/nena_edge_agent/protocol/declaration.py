@@ -12,7 +12,13 @@ from typing import Final
 
 from pydantic import JsonValue
 
-from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
+from nena_shared.vda5050.action import (
+    LOAD_HANDLING_DEVICE,
+    STATION_ACTIONS,
+    Action,
+    ActionStatus,
+    BlockingType,
+)
 from nena_shared.vda5050.factsheet import ActionScope, ValueDataType
 from nena_shared.vda5050.rules import Rules
 
@@ -153,14 +159,20 @@ class ActionDeclaration:
         if scope is not ActionScope.INSTANT and action.blocking_type not in self.blocking_types:
             return f"action '{self.action_type}' cannot have the blocking type {action.blocking_type}"
         problems = (each.problem(action.parameter(each.key)) for each in self.parameters)
-        found = next((each for each in problems if each), None)
+        found = _two_devices(action) or next((each for each in problems if each), None)
         if found is None and self.check is not None:
             found = self.check(action)
         return found and f"action '{self.action_type}': {found}"
 
     def read(self, action: Action) -> Action:
-        """Return the action with its parameters as :meth:`Parameter.read` returns them."""
+        """Return the action with its parameters as :meth:`Parameter.read` returns them.
+
+        The load handling device of pick and drop gets the key that is declared: 3.0.1 has renamed it.
+        """
         declared = {each.key: each for each in self.parameters}
+        key = next((each for each in LOAD_HANDLING_DEVICE if each in declared), None)
+        if key is not None and action.action_type in STATION_ACTIONS:
+            action = _with_device_key(action, key)
         return action.with_values(
             lambda each: declared[each.key].read(each.value) if each.key in declared else each.value
         )
@@ -172,6 +184,26 @@ class ActionDeclaration:
         if self.load is LoadChange.GIVE and not loaded:
             return f"action '{self.action_type}' gives a load, but the robot carries none"
         return None
+
+
+def _two_devices(action: Action) -> str | None:
+    """Return what is wrong with a pick or drop that names two load handling devices, by both keys."""
+    given = [action.parameter(each) for each in LOAD_HANDLING_DEVICE]
+    if action.action_type not in STATION_ACTIONS or None in given or given[0] == given[1]:
+        return None
+    return f"parameters {' and '.join(LOAD_HANDLING_DEVICE)} name different load handling devices"
+
+
+def _with_device_key(action: Action, key: str) -> Action:
+    if all(each.key == key or each.key not in LOAD_HANDLING_DEVICE for each in action.action_parameters):
+        return action
+    if _two_devices(action):
+        return action  # refused later
+    parameters = tuple(
+        each.model_copy(update={"key": key}) if each.key in LOAD_HANDLING_DEVICE else each
+        for each in action.action_parameters
+    )
+    return action.model_copy(update={"action_parameters": parameters})
 
 
 _PYTHON_TYPES: dict[ValueDataType, tuple[type, ...]] = {

@@ -6,7 +6,6 @@ Each action is judged separately, and none runs twice.
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import pi
 
 from nena_edge_agent.driver.port import Pose, PositionInitialized
 from nena_edge_agent.protocol import actions, driving, orders, zones
@@ -30,6 +29,7 @@ from nena_edge_agent.protocol.events import SendFactsheet, SetPosition, StartAct
 from nena_edge_agent.protocol.order_acceptance import EPOCH_HINT, map_list
 from nena_edge_agent.protocol.robot_state import INSTANT_ACTIONS_SHOWN, PositionRequest, RobotState
 from nena_shared.vda5050.action import Action, ActionStatus, InstantActions
+from nena_shared.vda5050.base import ANGLE_LIMIT
 from nena_shared.vda5050.error import ErrorType, error
 from nena_shared.vda5050.factsheet import ActionScope
 
@@ -245,7 +245,7 @@ def _position_problem(robot: RobotState, action: Action) -> str | None:
     node_id, map_id = _text(action, "lastNodeId"), _text(action, "mapId")
     if map_id not in robot.map_ids:
         return f"the robot has {map_list(robot.map_ids)}, not '{map_id}'"
-    if abs(_number(action, "theta")) > pi + 1e-6:
+    if abs(_number(action, "theta")) > ANGLE_LIMIT:
         return "theta must be within -π and π"
     if robot.goal.moving and not _waits_for_navigation(robot):
         return "the robot drives; pause it or cancel its order first"

@@ -14,14 +14,15 @@ from pydantic import BaseModel, JsonValue, ValidationError
 from pydantic_core import from_json
 
 from nena_order_service.fleet.robot import Abilities
-from nena_order_service.fleet.vda_order import (
-    GOAL_PREFIX,
+from nena_order_service.fleet.vda_order import GOAL_PREFIX, STATION_PARAMETERS, VdaOrder
+from nena_shared.vda5050.action import (
     LOAD_HANDLING_DEVICE,
     STATION_ACTIONS,
-    STATION_PARAMETERS,
-    VdaOrder,
+    Action,
+    ActionParameter,
+    InstantActions,
+    text_of,
 )
-from nena_shared.vda5050.action import Action, ActionParameter, InstantActions, text_of
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.factsheet import (
     ActionParameterDescription,
@@ -79,20 +80,22 @@ def fitted_action(action: Action, abilities: Abilities) -> Action:
     wanted = abilities.parameters(action)
     parameters = tuple(
         _typed(each, wanted.get(each.key))
-        for each in _with_listed_name(action, wanted)
+        for each in _with_listed_name(action, wanted, abilities)
         if not wanted or each.key in wanted or each.key not in STATION_PARAMETERS
     )
     return _changed(action, {"action_parameters": parameters})
 
 
 def _with_listed_name(
-    action: Action, wanted: Mapping[str, ActionParameterDescription]
+    action: Action, wanted: Mapping[str, ActionParameterDescription], abilities: Abilities
 ) -> Iterator[ActionParameter]:
     """Yield the parameters of an action, the load handling device under the name that the robot lists.
 
-    3.0.1 renames ``lhd`` of pick and drop. A robot that lists neither name gets what the host has given.
+    3.0.1 renames ``lhd`` of pick and drop. A robot that lists neither name gets that of its version.
     """
     listed = next((each for each in LOAD_HANDLING_DEVICE if each in wanted), None)
+    if listed is None and abilities.codec:
+        listed = abilities.codec.rules.load_handling_device_key
     for each in action.action_parameters:
         renamed = action.action_type in STATION_ACTIONS and each.key in LOAD_HANDLING_DEVICE
         yield each.model_copy(update={"key": listed}) if renamed and listed else each

@@ -31,6 +31,7 @@ from nena_shared.clock import Clock
 from nena_shared.log import get_logger
 from nena_shared.mqtt import Inbound, MqttLink, Outbound
 from nena_shared.plant import Vehicle
+from nena_shared.plant.fleet_checks import KEY_LENGTH
 from nena_shared.settings import ConfigurationError, TopicPrefix
 from nena_shared.tasks import forever
 from nena_shared.vda5050.action import Action, InstantActions, text_of
@@ -50,9 +51,6 @@ from nena_shared.vda5050.versions import UnknownVersionError, codec_named, neare
 from nena_shared.vda5050.zone_set import ZoneSet, ZoneSetTransfer
 
 log = get_logger(__name__)
-
-KEY_LENGTH: Final = 400
-"""Characters of manufacturer and serial number together, with a sign between, that the store can hold."""
 
 _INTERFACE_NAME: Final[TypeAdapter[str | None]] = TypeAdapter(TopicPrefix | None)
 

@@ -26,7 +26,7 @@ from nena_shared.fleet_api.transport_order import Coordinate
 from nena_shared.plant import DirectedEdge, Location, MapPlace, PlantModel, PlantPlace
 from nena_shared.plant.geometry import normalized
 from nena_shared.plant.track import DeviationBounds, VehicleTypeAtPoint, VehicleTypeOnPath
-from nena_shared.vda5050.action import Action, ActionParameter, BlockingType
+from nena_shared.vda5050.action import STATION_ACTIONS, Action, ActionParameter, BlockingType
 from nena_shared.vda5050.base import Identifier, WireObject
 from nena_shared.vda5050.order import AllowedDeviationXY, Edge, Node, NodePosition
 from nena_shared.vda5050.state import State
@@ -87,9 +87,6 @@ RECHARGE_ACTION: Final = "startCharging"
 PICK: Final = "pick"
 DROP: Final = "drop"
 
-STATION_ACTIONS: Final = frozenset({PICK, DROP})
-"""Actions that pick up and drop loads, at a station."""
-
 DEFAULT_ACTION_TYPES: Final[Mapping[str, str]] = MappingProxyType(
     {
         "Load cargo": "pick",
@@ -106,9 +103,6 @@ DEFAULT_ACTION_TYPES: Final[Mapping[str, str]] = MappingProxyType(
 
 STATION_PARAMETERS: Final = frozenset({"stationType", "stationName", "loadType"})
 """Parameters of pick and drop for place and load, set in any case."""
-
-LOAD_HANDLING_DEVICE: Final = ("loadHandlingDevice", "lhd")
-"""What 3.0.1 and the versions before call the parameter of pick and drop for the load handling device."""
 
 UNSPECIFIED_LOAD: Final = "unspecified"
 """The loadType if none is given; 2.1 requires the parameter of pick and drop."""

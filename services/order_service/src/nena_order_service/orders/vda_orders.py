@@ -13,7 +13,6 @@ from nena_order_service.fleet.robot import RobotView
 from nena_order_service.fleet.type_rules import TypeRules
 from nena_order_service.fleet.vda_order import (
     DROP,
-    LOAD_HANDLING_DEVICE,
     PICK,
     OperationMap,
     SpeedLimit,
@@ -32,6 +31,7 @@ from nena_order_service.traffic.traffic_control import Journey, RouteRequest
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.plant import BACKWARD_SUFFIX, DirectedEdge, PlantModel, UnknownObjectError
 from nena_shared.plant.track import MM_PER_M
+from nena_shared.vda5050.action import LOAD_HANDLING_DEVICE
 from nena_shared.vda5050.topics import RobotKey
 
 

@@ -8,9 +8,9 @@ from heapq import merge
 from itertools import islice
 from typing import NamedTuple
 
-from nena_order_service.fleet.vda_order import LOAD_HANDLING_DEVICE
 from nena_order_service.orders.transport_order import TransportOrder, Urgency
 from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.vda5050.action import LOAD_HANDLING_DEVICE
 
 
 class OrderKind(NamedTuple):
@@ -88,13 +88,17 @@ class WaitingOrders:
         return min(self._urgencies, default=None)
 
     def put(self, order: TransportOrder) -> None:
-        """Note an order exactly while it is dispatchable; its urgency and its kind never change meanwhile."""
+        """Note an order exactly while it is dispatchable; meanwhile only its intended vehicle may change."""
         number, waits = order.number, order.state is TransportOrderState.DISPATCHABLE
         if waits and number not in self._urgencies:
             self._urgencies[number] = order.urgency
             insort(self._queue, order.urgency)
         if waits and not order.held:
-            if number not in self._kind_of:
+            known_kind = self._kind_of.get(number)
+            if known_kind is not None and known_kind.intended_vehicle != order.status.intended_vehicle:
+                self._take_back(number, self._kind_of.pop(number))
+                known_kind = None
+            if known_kind is None:
                 self._offer(number, kind_of(order))
         elif number in self._kind_of:
             self._take_back(number, self._kind_of.pop(number))

@@ -16,6 +16,7 @@ from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.plant.model import PlantModel
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet
+from nena_shared.vda5050.repair import Repair
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.visualization import Visualization
@@ -209,6 +210,13 @@ class FleetModel:
         robot = self._count_and_find(key, MessageKind.ROBOT_MAP, at)
         if robot is not None:
             robot.map = self._maps.shared(found) if found else None
+
+    def on_deviations(self, key: RobotKey, deviations: tuple[Repair, ...]) -> None:
+        """Apply how a known robot's messages deviate from the standard."""
+        robot = self.robots.get(key)
+        if robot is not None and robot.deviations != deviations:
+            robot.deviations = deviations
+            self._touch(key)
 
     def on_malformed(
         self, kind: MessageKind, topic: str, problem: str, at: Timestamp, *, key: RobotKey | None = None

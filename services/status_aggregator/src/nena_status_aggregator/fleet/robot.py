@@ -17,6 +17,7 @@ from nena_shared.plant.model import map_transforms
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.own_actions import transforms_itself
+from nena_shared.vda5050.repair import Repair
 from nena_shared.vda5050.state import MobileRobotPosition, State, Velocity
 from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.visualization import Visualization
@@ -200,6 +201,8 @@ class Robot:
         self.unreadable = ""
         """What is wrong with its last state; empty if it was readable."""
         self.unreadable_at = -inf
+        self.deviations: tuple[Repair, ...] = ()
+        """How its messages deviate from the standard, and how they were read."""
         self.condition = Condition.SILENT
         self.condition_since = seen.utc
         self.reason = Reason("stateless")

@@ -99,6 +99,7 @@ def view_robot(
         "vehicle": _vehicle(robot.vehicle, chain) if robot.vehicle else None,
         "malformed": robot.malformed,
         "problem": short(robot.problem) or None,
+        "deviations": [short(str(each)) or "" for each in robot.deviations],
     }
 
 

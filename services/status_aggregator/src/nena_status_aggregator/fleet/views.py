@@ -222,6 +222,8 @@ class RobotView(TypedDict):
     vehicle: VehicleView | None
     malformed: int
     problem: str | None
+    deviations: list[str]
+    """How its messages deviate from VDA 5050, and how they were read, in words."""
 
 
 class DestinationView(TypedDict):

@@ -69,6 +69,8 @@ def parse(data: bytes, limits: Limits) -> Element:
         raise _refusal("LIMIT_EXCEEDED", f"the file has {len(data)} bytes, more than {limits.size_bytes}")
     if any(each.group().count(b"=") > limits.attributes for each in _LONG_TAG.finditer(data)):
         raise _refusal("LIMIT_EXCEEDED", f"an element has more than {limits.attributes} attributes")
+    if data.startswith(_BINARY_FORMATS):
+        raise _old_format()
     parser = DefusedXMLParser(target=_BoundedTreeBuilder(limits), forbid_dtd=True)
     try:
         parser.feed(data)
@@ -79,9 +81,26 @@ def parse(data: bytes, limits: Limits) -> Element:
         raise _refusal("FORBIDDEN_XML", f"DTDs and entities are not allowed: {error}") from error
     except (ParseError, LookupError, ValueError) as error:
         raise _refusal("MALFORMED_XML", f"the XML is not well-formed: {error}") from error
+    if root.tag in _EDITOR_ROOTS:
+        raise _old_format()
     if root.tag != "model":
         raise _refusal("NOT_A_PLANT_MODEL", f"the root element is {root.tag!r} instead of 'model'")
     return root
+
+
+_BINARY_FORMATS: Final = (b"\xac\xed\x00\x05", b"PK\x03\x04")
+"""How Java objects and archives begin: models that openTCS's plant overview saved before it wrote XML."""
+
+_EDITOR_ROOTS: Final = frozenset({"courseModel", "java", "object-stream"})
+"""Roots of the plant overview's own files (.opentcs), which are no plant models of the kernel."""
+
+
+def _old_format() -> PlantModelError:
+    text = (
+        "this is a file of openTCS's plant overview from before it saved plant models as XML; open it in "
+        f"openTCS 4 and save it as XML. Readable: {_READABLE}"
+    )
+    return _refusal("OLD_OPENTCS_FORMAT", text)
 
 
 def _refusal(code: str, text: str) -> PlantModelError:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import pi
+from math import ceil, pi
 from typing import Annotated, Self
 
 from pydantic import (
@@ -284,11 +284,24 @@ class ProtocolFeaturesV30(ProtocolFeatures):
     mobile_robot_actions: tuple[MobileRobotActionV30, ...]
 
 
+def _whole(seconds: float) -> float:
+    return float(ceil(seconds))
+
+
+class BatteryChargingV30(BatteryCharging):
+    """When to charge (section 7.10); written in whole seconds, as 3.0.1 wants it."""
+
+    minimum_charging_time: (
+        Annotated[NotNegative, PlainSerializer(_whole, return_type=float, when_used="json")] | None
+    ) = None
+
+
 class MobileRobotConfigurationV30(MobileRobotConfiguration):
     """Configuration of this robot (section 7.10); the schema of 3.0.0 has a blank behind one name."""
 
     battery_charging: Annotated[
-        BatteryCharging | None, Field(validation_alias=AliasChoices("batteryCharging", "batteryCharging "))
+        BatteryChargingV30 | None,
+        Field(validation_alias=AliasChoices("batteryCharging", "batteryCharging ")),
     ] = None
 
 

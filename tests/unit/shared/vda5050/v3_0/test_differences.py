@@ -19,6 +19,7 @@ from nena_shared.vda5050.responses import GrantType, Responses
 from nena_shared.vda5050.state import OperatingMode, State
 from nena_shared.vda5050.v2_1 import CODEC as CODEC_2_1
 from nena_shared.vda5050.v3_0 import CODEC
+from nena_shared.vda5050.versions import CODECS
 from nena_shared.vda5050.zone_set import ZoneReleaseLossBehavior, ZoneSetTransfer
 from support.json_messages import JsonMessages
 from support.reference import reference_dir
@@ -134,6 +135,29 @@ def test_ellipse_is_turned_by_at_most_a_quarter(order: JsonObject, turn: float, 
     sent = written(message.model_copy(update={"nodes": nodes}))["nodes"][1]["nodePosition"]
 
     assert sent["allowedDeviationXY"] == {"a": 2.0, "b": 1.0, "theta": pytest.approx(told)}
+
+
+@pytest.mark.clause("7.1/types", "7.3/theta")
+@pytest.mark.parametrize("version", CODECS)
+def test_the_angle_limit_of_3_0_1_is_read_in_every_version_and_written_within_a_half_turn(
+    order: JsonObject, version: str
+) -> None:
+    codec = CODECS[version]
+    message = read(Order, order)
+    theta = {"theta": 3.1416, "allowed_deviation_theta": 3.1416}
+    position = message.nodes[1].node_position.model_copy(update=theta)
+    nodes = (message.nodes[0], message.nodes[1].model_copy(update={"node_position": position}))
+
+    payload = codec.encode(message.model_copy(update={"nodes": nodes}))
+
+    assert schema_problems(version, "order", payload) == []
+    sent = json.loads(payload)
+    assert sent["nodes"][1]["nodePosition"]["theta"] == pytest.approx(3.1416 - 2 * pi)
+    sent["nodes"][1]["nodePosition"] |= {"theta": 3.1416, "allowedDeviationTheta": 3.1416}
+    assert codec.decode(Order, json.dumps(sent).encode()).nodes[1].node_position.theta == 3.1416
+    sent["nodes"][1]["nodePosition"]["theta"] = 3.142
+    with pytest.raises(MalformedMessageError, match="theta"):
+        codec.decode(Order, json.dumps(sent).encode())
 
 
 @pytest.mark.clause("7.3/trajectory")

@@ -1,4 +1,4 @@
-// The page of a robot: why it is not moving, commands, order, errors, actions, goals and details.
+// The page of a robot: why it is not moving, commands, order, errors, actions, goals, details and deviations.
 
 import { button, element, foreign, progressBar, refill, setAttribute, setText, verbatim } from "./dom.js";
 import { adviceForError, causesOfRobot, conditionText, nodeName, orderOf } from "./explanations.js";
@@ -41,6 +41,7 @@ class RobotPage extends HTMLElement {
     this.errors = this.#section("robot.errors");
     this.actions = this.#section("robot.actions");
     this.goals = this.#section("robot.goals");
+    this.deviations = this.#section("robot.deviations");
     this.gone = element("p", { class: "hint" }, t("robot.gone"));
     const toMap = button(t("robot.toMap"), () => this.dispatchEvent(new CustomEvent("reveal", { detail: this.#id })));
     const head = element("header", { class: "head" }, back(), this.heading, this.chip, toMap);
@@ -48,7 +49,7 @@ class RobotPage extends HTMLElement {
     const whySection = element("section", {}, this.whyTitle, this.why);
     const commandSection = element("section", {}, element("h3", {}, t("robot.commands")), this.commands);
     const factSection = element("section", {}, element("h3", {}, t("robot.facts")), this.facts);
-    this.body = element("div", {}, whySection, commandSection, this.order, this.errors, this.actions, this.goals, factSection);
+    this.body = element("div", {}, whySection, commandSection, this.order, this.errors, this.actions, this.goals, factSection, this.deviations);
     this.replaceChildren(head, this.gone, this.body);
     this.commands.show(this.fleet, this.#id);
     this.#update();
@@ -78,6 +79,8 @@ class RobotPage extends HTMLElement {
     fillList(this.actions, robot.actions, action);
     const goals = goalsOf(robot);
     fillList(this.goals, goals, (each) => goal(each, goals));
+    const deviations = robot.problem ? [...robot.deviations, robot.problem] : robot.deviations;
+    fillList(this.deviations, deviations, (each) => element("li", {}, foreign("p", each)));
   }
 
   #updateOrder(robot) {

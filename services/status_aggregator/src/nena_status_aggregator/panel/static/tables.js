@@ -164,6 +164,7 @@ function marks(robot) {
     robot.loads?.length && plural("robots.loads", robot.loads.length),
     robot.clockSkew !== null && t("robots.skew", { seconds: number(robot.clockSkew) }),
     robot.malformed && plural("robots.unreadable", robot.malformed),
+    robot.deviations.length && t("robots.deviates"),
   ].filter(Boolean);
 }
 

@@ -1,0 +1,51 @@
+"""Find what a plant model's format allows and no fleet can work with: the order service refuses it."""
+
+from collections.abc import Iterator
+from typing import Final
+
+from pydantic import TypeAdapter, ValidationError
+
+from nena_shared.plant import property_keys as keys
+from nena_shared.plant.errors import ObjectKind, PlantProblem
+from nena_shared.plant.model import PlantModel, Vehicle
+from nena_shared.settings import TopicPrefix
+from nena_shared.vda5050.versions import UnknownVersionError, codec_named
+
+KEY_LENGTH: Final = 400
+"""Characters of manufacturer and serial number together, with a sign between, that the store can hold."""
+
+_INTERFACE_NAME: Final[TypeAdapter[str | None]] = TypeAdapter(TopicPrefix | None)
+
+
+def find_fleet_errors(model: PlantModel) -> tuple[PlantProblem, ...]:
+    """Return why an order service does not start with this plant model; empty if it does."""
+    found = [] if model.points else [PlantProblem("NO_POINTS", ObjectKind.MODEL, model.name, "has no points")]
+    owners: dict[str, str] = {}
+    for vehicle in model.vehicles:
+        serial = vehicle.serial_number or vehicle.name
+        found += _topic_errors(vehicle, serial)
+        other = owners.setdefault(serial, vehicle.name)
+        if other != vehicle.name:
+            text = f"{other!r} and {vehicle.name!r} have the same serial number {serial!r}"
+            found.append(PlantProblem("SAME_SERIAL_NUMBER", ObjectKind.VEHICLE, vehicle.name, text))
+    return tuple(found)
+
+
+def _topic_errors(vehicle: Vehicle, serial: str) -> Iterator[PlantProblem]:
+    """Yield why a vehicle can have no topics of VDA 5050."""
+    kind, name = ObjectKind.VEHICLE, vehicle.name
+    if len(vehicle.manufacturer or "") + len(serial) >= KEY_LENGTH:
+        text = f"manufacturer and serial number have more than {KEY_LENGTH} characters together"
+        yield PlantProblem("NOT_IN_TOPICS", kind, name, text)
+    if any(sign in f"{vehicle.manufacturer}{serial}" for sign in "/+#"):
+        text = f"manufacturer and serial number hold no '/', '+' or '#', but are {vehicle.manufacturer!r} "
+        yield PlantProblem("NOT_IN_TOPICS", kind, name, f"{text}and {serial!r}")
+    try:
+        codec_named(vehicle.properties.get(keys.VDA5050_VERSION) or "2.1.0")
+    except UnknownVersionError as error:
+        yield PlantProblem("UNKNOWN_VDA5050_VERSION", kind, name, f"{keys.VDA5050_VERSION}: {error}")
+    try:
+        _INTERFACE_NAME.validate_python(vehicle.interface_name or None)
+    except ValidationError as error:
+        text = f"{keys.VDA5050_INTERFACE_NAME}: {error.errors()[0]['msg']}"
+        yield PlantProblem("NOT_IN_TOPICS", kind, name, text)
