@@ -14,7 +14,7 @@ import signal
 import sys
 import tempfile
 import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import AsyncExitStack, ExitStack, asynccontextmanager
 from dataclasses import dataclass
 from datetime import timedelta
@@ -50,6 +50,8 @@ DISK_MB = 4
 RIVAL_ENDS_WITHIN = PATIENCE
 JUMPS = (-18_000, -40, 90, 10_800)
 """Seconds that clocks jump."""
+DRIFTS = (-0.2, -0.02, 0.02, 0.2)
+"""Seconds that clocks gain in each second, a thousand times as much as bad ones do."""
 
 
 class Kind(StrEnum):
@@ -72,6 +74,8 @@ class Kind(StrEnum):
     STORE_PAUSED = "store paused"
     CLOCKS_OF_SERVICES = "clocks of services jump"
     CLOCKS_OF_ROBOTS = "clocks of robots jump"
+    SERVICES_DRIFT = "clocks of services drift"
+    ROBOTS_DRIFT = "clocks of robots drift"
     DISK_FULL = "robots' disk full"
     TWO_LEADERS = "two leaders"
 
@@ -89,9 +93,14 @@ PART = {
     Kind.STORE_PAUSED: "store",
     Kind.CLOCKS_OF_SERVICES: "clocks",
     Kind.CLOCKS_OF_ROBOTS: "clocks",
+    Kind.SERVICES_DRIFT: "clocks",
+    Kind.ROBOTS_DRIFT: "clocks",
 }
 """Two faults of one part do not come together; those that are not here are of lines."""
 LINES = (*NAMES, "loopback")
+ON_LINES = {Kind.CUT_ONE_WAY, Kind.SLOW, Kind.REORDERED, Kind.REPEATED, Kind.NOTHING_DELIVERED}
+SERVICES_CLOCK = {Kind.CLOCKS_OF_SERVICES, Kind.SERVICES_DRIFT}
+ROBOTS_CLOCK = {Kind.CLOCKS_OF_ROBOTS, Kind.ROBOTS_DRIFT}
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +111,7 @@ class Fault:
     line: str = ""
     way: Way = Way.TO_BROKER
     strength: float = 0.0
-    """Seconds of a delay or jump, or a share of the messages."""
+    """Seconds of a delay or jump, or a share of the messages or of the time."""
 
     def __str__(self) -> str:
         where = f" at {self.line}" if self.line else ""
@@ -158,20 +167,25 @@ def _part(fault: Fault) -> str:
     return PART.get(fault.kind) or fault.line
 
 
+STRENGTHS: Mapping[Kind, Sequence[float]] = {
+    Kind.SLOW: (0.05, 0.3, 1.0),
+    Kind.REORDERED: (0.1, 0.5),
+    Kind.REPEATED: (0.1, 0.5),
+    Kind.CLOCKS_OF_SERVICES: JUMPS,
+    Kind.CLOCKS_OF_ROBOTS: JUMPS,
+    Kind.SERVICES_DRIFT: DRIFTS,
+    Kind.ROBOTS_DRIFT: DRIFTS,
+}
+
+
 def _fault(chance: Random, kind: Kind) -> Fault:
     line, way = chance.choice(LINES), chance.choice(list(Way))
-    match kind:
-        case Kind.CUT_ONE_WAY:
-            return Fault(kind, line, way)
-        case Kind.NOTHING_DELIVERED:
-            return Fault(kind, line)
-        case Kind.SLOW:
-            return Fault(kind, line, strength=chance.choice((0.05, 0.3, 1.0)))
-        case Kind.REORDERED | Kind.REPEATED:
-            return Fault(kind, line, strength=chance.choice((0.1, 0.5)))
-        case Kind.CLOCKS_OF_SERVICES | Kind.CLOCKS_OF_ROBOTS:
-            return Fault(kind, strength=chance.choice(JUMPS))
-    return Fault(kind)
+    return Fault(
+        kind,
+        line if kind in ON_LINES else "",
+        way if kind is Kind.CUT_ONE_WAY else Way.TO_BROKER,
+        chance.choice(STRENGTHS[kind]) if kind in STRENGTHS else 0.0,
+    )
 
 
 class NemesisSite(PairSite):
@@ -183,11 +197,8 @@ class NemesisSite(PairSite):
         self._means = ExitStack()
         self._postgres = postgres
         self.lines: dict[str, MqttLine] = {}
-        self._clocks: dict[Kind, ShiftedClock | None] = {
-            kind: self._clock(folder, kind)
-            for kind in (Kind.CLOCKS_OF_SERVICES, Kind.CLOCKS_OF_ROBOTS)
-            if kind in plan.kinds
-        }
+        self._services_clock = self._clock(folder / "services-clock", SERVICES_CLOCK & plan.kinds)
+        self._robots_clock = self._clock(folder / "robots-clock", ROBOTS_CLOCK & plan.kinds)
         self._disk = self._small_disk(folder) if Kind.DISK_FULL in plan.kinds else None
         library = find_spec("vda5050") is not None and Kind.BROKER_RESTARTED not in plan.kinds
         super().__init__(
@@ -196,10 +207,10 @@ class NemesisSite(PairSite):
             library=library,  # it does not come back to a broker that was away
             persistence=plan.persistence,
             data=self._disk.folder if self._disk else None,
-            services_in=self._environment(Kind.CLOCKS_OF_SERVICES),
-            robots_in=self._environment(Kind.CLOCKS_OF_ROBOTS),
+            services_in=self._services_clock.environment if self._services_clock else {},
+            robots_in=self._robots_clock.environment if self._robots_clock else {},
         )
-        self.clocks_jumped = Kind.CLOCKS_OF_ROBOTS in plan.kinds
+        self.clocks_jumped = bool(ROBOTS_CLOCK & plan.kinds)
         self.lines = {
             name: self.stack.enter_context(mqtt_line(self.broker, seed=plan.seed)) for name in LINES
         }
@@ -254,15 +265,20 @@ class NemesisSite(PairSite):
         setattr(conduct, name, value)
         return partial(setattr, conduct, name, getattr(Conduct(), name))
 
-    def _begin(self, kind: Kind, seconds: float) -> Callable[[], object]:
+    def _begin(self, kind: Kind, strength: float) -> Callable[[], object]:
         """Start a fault of programs, clocks or disks; return a function that ends it."""
         begin: Callable[[], object]
         undo: Callable[[], object]
-        if clock := self._clocks.get(kind):
-            begin, undo = (
-                partial(clock.jump_to, timedelta(seconds=seconds)),
-                partial(clock.jump_to, timedelta()),
+        if kind in SERVICES_CLOCK | ROBOTS_CLOCK:
+            clock = self._services_clock if kind in SERVICES_CLOCK else self._robots_clock
+            assert clock is not None
+            drifts = kind in (Kind.SERVICES_DRIFT, Kind.ROBOTS_DRIFT)
+            begin = (
+                partial(clock.drift, strength)
+                if drifts
+                else partial(clock.jump_to, timedelta(seconds=strength))
             )
+            undo = partial(clock.jump_to, timedelta())
         elif kind is Kind.STORE_PAUSED:
             frozen = self._postgres.frozen()
             begin, undo = frozen.__enter__, partial(frozen.__exit__, None, None, None)
@@ -317,18 +333,16 @@ class NemesisSite(PairSite):
             rival.kill()
         assert not taken, f"the rival took {taken}"
 
-    def _clock(self, folder: Path, kind: Kind) -> ShiftedClock | None:
-        own = folder / kind.replace(" ", "-")
-        own.mkdir()
-        try:
-            return ShiftedClock(own)
-        except pytest.skip.Exception as why:
-            self.skipped[kind] = str(why)
+    def _clock(self, folder: Path, kinds: set[Kind]) -> ShiftedClock | None:
+        """Return a clock for faults of these kinds; None if there are none, or no clock can be made here."""
+        if not kinds:
             return None
-
-    def _environment(self, kind: Kind) -> dict[str, str]:
-        clock = self._clocks.get(kind)
-        return clock.environment if clock else {}
+        folder.mkdir()
+        try:
+            return ShiftedClock(folder)
+        except pytest.skip.Exception as why:
+            self.skipped |= dict.fromkeys(kinds, str(why))
+            return None
 
     def _small_disk(self, folder: Path) -> SmallDisk | None:
         try:

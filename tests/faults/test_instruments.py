@@ -21,9 +21,14 @@ from support.small_disk import small_disk
 
 PORT = 7007
 DELAY = 0.2
-TIME_OF_DAY = (
-    "import time, datetime; print(time.time(), datetime.datetime.now().timestamp(), time.monotonic())"
+TIMES = "import time, datetime; print(time.time(), datetime.datetime.now().timestamp(), time.monotonic())"
+FOREVER = (
+    "import sys, time\n"
+    "for _ in sys.stdin: print(time.time(), time.clock_gettime(time.CLOCK_BOOTTIME), time.monotonic(), "
+    "flush=True)"
 )
+FAST = 100.0
+"""Seconds that a clock gains in each second: more than any machine delays a reading."""
 
 
 async def answer_time(found: Line, seconds: float = 20) -> float:
@@ -81,7 +86,7 @@ def test_a_clock_jumps_for_its_programs_alone(tmp_path: Path) -> None:
     clock = ShiftedClock(tmp_path)
     clock.jump_to(timedelta(hours=-3))
     out = subprocess.run(
-        [sys.executable, "-c", TIME_OF_DAY],
+        [sys.executable, "-c", TIMES],
         env=os.environ | clock.environment,
         check=True,
         timeout=90,
@@ -92,6 +97,44 @@ def test_a_clock_jumps_for_its_programs_alone(tmp_path: Path) -> None:
     assert of_day == pytest.approx(time.time() - 3 * 3600, abs=60)
     assert of_date == pytest.approx(of_day, abs=60)
     assert monotonic == pytest.approx(time.monotonic(), abs=60)
+
+
+def test_a_clock_drifts_while_its_program_runs_and_is_set_right_again(tmp_path: Path) -> None:
+    clock = ShiftedClock(tmp_path)
+    command = [sys.executable, "-c", FOREVER]
+    with subprocess.Popen(
+        command, env=os.environ | clock.environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as program:
+        assert program.stdin is not None
+        assert program.stdout is not None
+
+        def ahead() -> tuple[float, float, float]:
+            """Return what each clock of the program is ahead of this one's by, about."""
+            assert program.stdin is not None
+            assert program.stdout is not None
+            program.stdin.write("\n")
+            program.stdin.flush()
+            told = map(float, program.stdout.readline().split())
+            own = (time.time(), time.clock_gettime(time.CLOCK_BOOTTIME), time.monotonic())
+            day, boot, monotonic = (theirs - ours for theirs, ours in zip(told, own, strict=True))
+            return day, boot, monotonic
+
+        ahead()  # it runs
+        begun = time.monotonic()
+        clock.drift(FAST)
+        day, boot, monotonic = ahead()
+        passed = time.monotonic() - begun
+        assert 0 < boot <= (FAST + 1) * passed
+        assert day == pytest.approx(boot, abs=passed * FAST + 1)
+        assert abs(monotonic) < passed + 1
+
+        clock.jump_to(timedelta())
+        kept = ahead()
+        again = ahead()
+        program.stdin.close()
+    assert abs(kept[0]) < 1, "the time of day is right"
+    assert kept[1] >= boot - 1, "the time since boot does not go back"
+    assert again[1] == pytest.approx(kept[1], abs=1), "it does not drift any more"
 
 
 @pytest.mark.parametrize(

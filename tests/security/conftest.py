@@ -27,6 +27,8 @@ DESCRIPTIONS = {
     "order-service": ("/openapi.json", "/opentcs/openapi.json"),
     "status-aggregator": ("/api/v1/openapi.json",),
 }
+FILES = 512
+"""Files that a service may have open: so few that one machine could use them up."""
 OPEN = ("/healthz", "/readyz")
 """Paths for which no token is needed, by docs/security.md."""
 
@@ -149,6 +151,7 @@ class TlsSite:
                 *("--mqtt.tls.certificate", own / "certificate.pem", "--mqtt.tls.key", own / "key.pem"),
                 *arguments,
                 log=self.folder / f"{name}.log",
+                before=("sh", "-c", f'ulimit -n {FILES} && exec "$@"', "sh"),
             )
         )
 

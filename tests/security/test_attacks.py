@@ -15,7 +15,7 @@ import httpx
 import pytest
 
 from nena_shared.fleet_api.base import Role
-from security.conftest import OPEN, SERVICES, TlsSite
+from security.conftest import FILES, OPEN, SERVICES, TlsSite
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker, pytest.mark.timeout(600)]
 
@@ -227,7 +227,7 @@ async def test_an_xml_bomb_of_an_administrator_is_refused_at_once(site: TlsSite,
 @pytest.mark.parametrize("service", SERVICES)
 async def test_connections_that_say_nothing_keep_nobody_out(site: TlsSite, service: str) -> None:
     with ExitStack() as stack:
-        for _ in range(400):
+        for _ in range(FILES + 100):
             stack.enter_context(
                 socket.create_connection(("127.0.0.1", site.ports[service]), source_address=(ATTACKER, 0))
             )

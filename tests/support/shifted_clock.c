@@ -1,5 +1,8 @@
-/* The time of day of one program, shifted by the nanoseconds that a file holds: the first eight bytes of
-   the one that SHIFTED_CLOCK names. Put before a program by LD_PRELOAD. Durations stay true. */
+/* The time of day of one program, as a file says: LD_PRELOAD this library and name the file in SHIFTED_CLOCK.
+   The file holds the number of the reading that counts, and two readings: a shift of the time of day (ns), what
+   the program's oscillator has gained until `since` (ns), `since` (ns since boot), and what it gains from then
+   on (ns per 1,000,000 ns). What it gains, the time since boot shows too; the shift is of the time of day alone.
+   Waits and CLOCK_MONOTONIC stay true. */
 
 #define _GNU_SOURCE
 #include <fcntl.h>
@@ -11,9 +14,18 @@
 #include <time.h>
 #include <unistd.h>
 
-static const int64_t NONE = 0;
+struct reading {
+    int64_t shift, gained, since, rate;
+};
+
+struct readings {
+    int64_t counts;
+    struct reading each[2];
+};
+
+static const struct readings NONE;
+static volatile const struct readings *readings = &NONE;
 static const int64_t SECOND = 1000000000;
-static volatile const int64_t *shift = &NONE;
 
 __attribute__((constructor)) static void begin(void)
 {
@@ -21,17 +33,28 @@ __attribute__((constructor)) static void begin(void)
     int file = name ? open(name, O_RDONLY | O_CLOEXEC) : -1;
     if (file < 0)
         return;
-    void *found = mmap(0, sizeof(int64_t), PROT_READ, MAP_SHARED, file, 0);
+    void *found = mmap(0, sizeof(struct readings), PROT_READ, MAP_SHARED, file, 0);
     close(file);
     if (found != MAP_FAILED)
-        shift = found;
+        readings = found;
+}
+
+static int64_t gain(volatile const struct reading *now)
+{
+    struct timespec boot;
+    if (now->rate == 0 || syscall(SYS_clock_gettime, CLOCK_BOOTTIME, &boot) != 0)
+        return now->gained;
+    int64_t since = boot.tv_sec * SECOND + boot.tv_nsec - now->since;
+    return now->gained + since / 1000000 * now->rate + since % 1000000 * now->rate / 1000000;
 }
 
 int clock_gettime(clockid_t clock, struct timespec *out)
 {
     int result = syscall(SYS_clock_gettime, clock, out);
-    if (result == 0 && (clock == CLOCK_REALTIME || clock == CLOCK_REALTIME_COARSE)) {
-        int64_t all = out->tv_sec * SECOND + out->tv_nsec + *shift;
+    int of_day = clock == CLOCK_REALTIME || clock == CLOCK_REALTIME_COARSE;
+    if (result == 0 && (of_day || clock == CLOCK_BOOTTIME)) {
+        volatile const struct reading *now = &readings->each[readings->counts & 1];
+        int64_t all = out->tv_sec * SECOND + out->tv_nsec + gain(now) + (of_day ? now->shift : 0);
         out->tv_sec = all / SECOND;
         out->tv_nsec = all % SECOND;
     }
