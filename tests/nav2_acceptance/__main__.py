@@ -50,7 +50,9 @@ def _real_site(options: argparse.Namespace, stack: ExitStack) -> Nav2Site:
         obstacle=options.obstacle,
         edge=options.edge,
     )
-    return Nav2Site(bench, course, options.namespace, kill=options.kill, revive=options.revive)
+    return Nav2Site(
+        bench, course, options.namespace, kill=options.kill, revive=options.revive, pose=options.pose
+    )
 
 
 def _place(text: str) -> Place:
@@ -68,6 +70,12 @@ def _options() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--end", type=_place, default=(4.0, 0.0), help="x,y of the other end, 4 m away or more"
+    )
+    parser.add_argument(
+        "--pose",
+        type=_place,
+        default=None,
+        help="x,y of a robot that does not know where it is; default: none",
     )
     parser.add_argument("--beside", type=_place, default=(2.0, 1.0), help="x,y of a free place beside it")
     for name, words in (

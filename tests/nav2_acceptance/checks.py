@@ -42,6 +42,9 @@ def error_codes(state: dict[str, Any]) -> str:
 
 
 async def doctor(site: Nav2Site) -> str:
+    if site.pose is not None:
+        async with site.agent():
+            pass  # it is placed where it is, if it does not know that
     settings = RosSettings(domain_id=site.bench.domain_id, namespace=site.namespace, call_timeout=1.0)
     findings = judge_robot(await look(settings), settings)
     missing = [f"{each.link}: {each.text}" for each in findings if each.verdict is LinkVerdict.MISSING]

@@ -6,6 +6,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from nav2_acceptance.site import Course, SimulatedSite
 from support.broker import Broker
@@ -19,13 +20,13 @@ COURSE = Course(
 
 
 @contextmanager
-def simulated_site(*, time_factor: float = 1.0) -> Iterator[SimulatedSite]:
-    """Run the simulator and yield what the suite needs of it."""
+def simulated_site(*, time_factor: float = 1.0, **robot: Any) -> Iterator[SimulatedSite]:
+    """Run the simulator and yield what the suite needs of it; ``robot`` has fields of its settings."""
     with tempfile.TemporaryDirectory() as folder, own_domain_id() as domain_id, RosPeer(domain_id) as peer:
         broker = Broker()
         bench = Bench(broker, "nav2", ros=peer, domain_id=domain_id, folder=Path(folder))
         try:
-            with bench.mqtt, bench.simulator(*LIKE_NAV2, time_factor=time_factor, drive=REGULATED):
+            with bench.mqtt, bench.simulator(*LIKE_NAV2, time_factor=time_factor, drive=REGULATED, **robot):
                 bench.fault("stuck", active=False)
                 yield SimulatedSite(bench, COURSE)
         finally:

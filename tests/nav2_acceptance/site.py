@@ -20,6 +20,9 @@ Place = tuple[float, float]
 FORGIVING = 0.6
 """Metres that nodes of the course allow."""
 
+NO_POSE = "no pose received"
+"""Part of the error of a robot that does not know where it is."""
+
 
 class LeftOutError(Exception):
     """A check that cannot run on this Nav2; the text says what is missing."""
@@ -47,13 +50,17 @@ class Course:
 
 @dataclass
 class Nav2Site:
-    """A Nav2 in reach. ``kill`` and ``revive`` are shell commands with ``{server}``; empty: not possible."""
+    """A Nav2 in reach. ``kill`` and ``revive`` are shell commands with ``{server}``; empty: not possible.
+
+    A robot that does not know where it is, as in a simulation that has just started, is placed at ``pose``.
+    """
 
     bench: Bench
     course: Course
     namespace: str = "/"
     kill: str = ""
     revive: str = ""
+    pose: Place | None = None
     _orders: Any = field(default_factory=lambda: count(1))
 
     async def die(self, server: str) -> None:
@@ -89,8 +96,18 @@ class Nav2Site:
         ros |= changes.pop("ros", {})
         begun = len(self.bench.fleet.states)
         async with self.bench.agent(ros=ros, **changes) as fleet:
-            await self.when(ready, since=begun)
+            await self._located(begun)
             yield fleet
+
+    async def _located(self, begun: int) -> None:
+        """Wait until the robot can be sent somewhere."""
+        if self.pose is not None:
+            state = await self.when(
+                lambda state: ready(state) or NO_POSE in str(state["errors"]), since=begun
+            )
+            if not ready(state):
+                await self.put_at(self.pose)
+        await self.when(ready, since=begun)
 
     async def when(self, accept: Any, *, since: int, within: float = 60.0) -> dict[str, Any]:
         """Wait for a state after the first ``since`` for which ``accept`` is true."""

@@ -23,6 +23,16 @@ async def test_the_simulator_passes() -> None:
     assert [each.letter for each in findings if each.verdict != OK] == [], as_markdown(findings)
 
 
+@pytest.mark.ros
+@pytest.mark.broker
+async def test_a_robot_that_does_not_know_where_it_is_is_placed() -> None:
+    """As in a simulation that has just started, such as nav2_loopback_sim."""
+    with simulated_site(localisation={"known_at_start": False}) as site:
+        site.pose = (0.0, 0.0)
+        (finding,) = await run(site, "a")
+    assert finding.verdict == OK, finding.text
+
+
 async def test_a_check_that_fails_is_told_and_the_next_one_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     async def fail(_: Nav2Site) -> str:
         message = "it drove | on\nand on"

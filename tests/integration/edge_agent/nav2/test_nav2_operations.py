@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 import pytest
+from action_msgs.srv import CancelGoal
 
 from support.action_types import needs_nav2_types
 from support.edge_agent import FleetControl, status_of
@@ -70,7 +71,7 @@ async def test_a_dock_that_is_unknown_fails_with_the_reason(bench: Bench) -> Non
 
 
 async def test_it_turns_on_the_spot(bench: Bench) -> None:
-    with bench.simulator():
+    with bench.simulator(time_factor=1.0):  # faster, a pause of the simulator turns it too far
         async with bench.agent(operations=OPERATIONS) as fleet:
             await fleet.state(ready)
             fleet.send(at_n1("turn", "turn", angle=math.pi / 2))
@@ -78,6 +79,36 @@ async def test_it_turns_on_the_spot(bench: Bench) -> None:
             assert status_of(state, "turn") == "FINISHED"
             assert abs(state["agvPosition"]["theta"] - math.pi / 2) < 0.4
             assert abs(state["agvPosition"]["x"] - 2.0) < 0.5
+
+
+async def test_it_drives_straight_ahead(bench: Bench) -> None:
+    with bench.simulator():
+        async with bench.agent(operations=OPERATIONS) as fleet:
+            await fleet.state(ready)
+            fleet.send(at_n1("ahead", "ahead", distance=1.0))
+            state = await done(fleet, "ahead")
+            assert status_of(state, "ahead") == "FINISHED"
+            await until(lambda: bench.places[-1] > 2.6, what="the robot a metre ahead")
+
+
+async def test_a_persons_assisted_teleoperation_is_ended(bench: Bench) -> None:
+    """As docs/actions.md has it, by the cancel service of Nav2's action."""
+    asked: list[CancelGoal.Request] = []
+
+    def cancel(request: CancelGoal.Request, response: CancelGoal.Response) -> CancelGoal.Response:
+        asked.append(request)
+        return response
+
+    name = "assisted_teleop/_action/cancel_goal"
+    bench.ros.node.create_service(CancelGoal, name, cancel)
+    call = {"service": name, "type": "action_msgs/srv/CancelGoal", "expect": {"return_code": 0}}
+    off = {"kind": "service", "action_type": "assistedTeleopOff", "call": call}
+    with bench.simulator():
+        async with bench.agent(operations=[off]) as fleet:
+            await fleet.state(ready)
+            fleet.send(at_n1("off", "assistedTeleopOff"))
+            state = await done(fleet, "off")
+            assert (status_of(state, "off"), len(asked)) == ("FINISHED", 1)
 
 
 async def test_an_order_that_is_cancelled_stops_a_behaviour(bench: Bench) -> None:

@@ -22,6 +22,7 @@ from nena_edge_agent.nav2.action_tracker import (
     ActionTracker,
     FeedbackFilter,
     FeedbackReading,
+    SilenceWatch,
     WayDriven,
 )
 from nena_edge_agent.nav2.commands import AskResult, CancelGoal, Command, PublishGoal, Report, SendGoal
@@ -470,6 +471,53 @@ def test_another_drive_is_told_of_at_once() -> None:
     told = FeedbackFilter()
     told.progress(READING, "hall", 0.0)
     assert told.progress(replace(READING, goal_id="bb"), "hall", 0.01) == DriveProgress(7.0, 0, "hall")
+
+
+class Silence:
+    """A watch that hears odometry each 50 ms, and what it reports."""
+
+    def __init__(self) -> None:
+        self.watch, self.now = SilenceWatch(), 10.0
+        self.reported: list[float] = []
+        self.watch.heard(self.now)
+
+    def passes(self, seconds: float, *, driving: bool = True, period: float = 0.05) -> None:
+        for _ in range(round(seconds / period)):
+            self.now += period
+            if silent := self.watch.on_velocity(self.now, driving=driving):
+                self.reported.append(silent)
+
+
+def test_a_silence_is_reported_as_it_grows_and_each_time_once() -> None:
+    silence = Silence()
+    silence.passes(0.4)
+    assert silence.reported == []
+    silence.passes(3.0)
+    assert silence.reported == pytest.approx([0.5, 1.0, 2.0], abs=0.06)
+    silence.watch.heard(silence.now)
+    silence.passes(0.4)
+    assert len(silence.reported) == 3
+    silence.passes(0.2)
+    assert len(silence.reported) == 4
+
+
+def test_a_gap_in_which_nothing_comes_is_not_the_navigators() -> None:
+    silence = Silence()
+    silence.passes(0.2)
+    silence.passes(1.5, period=1.5)
+    assert silence.reported == []
+    silence.passes(0.3)
+    assert len(silence.reported) == 1
+
+
+def test_a_robot_without_a_goal_expects_no_feedback() -> None:
+    silence = Silence()
+    silence.passes(5.0, driving=False)
+    silence.passes(5.0)
+    assert silence.reported == [], "the next goal has had none yet"
+    silence.watch.heard(silence.now)
+    silence.passes(0.6)
+    assert len(silence.reported) == 1
 
 
 pytestmark = pytest.mark.ros

@@ -12,7 +12,7 @@ import pytest
 from nena_edge_agent.driver.map_port import MapDriverEvent, MapGoal, MapPose, MapPoseReport
 from nena_edge_agent.driver.port import DriveFailed, DriveFailure, NavigationReport
 from nena_edge_agent.nav2 import driver as driver_module
-from nena_edge_agent.nav2 import presence
+from nena_edge_agent.nav2 import goal_tracker, presence
 from nena_edge_agent.nav2.action_tracker import FeedbackReading
 from nena_edge_agent.nav2.driver import Nav2Driver, Nav2Options
 from nena_edge_agent.nav2.goals import GoalEntry
@@ -101,11 +101,16 @@ class Station:
         self.let_answer = asyncio.Event()
         self.asked: list[str] = []
         self.goals: list[MapPose] = []
+        self.stopped = 0
         monkeypatch.setattr(MapServer, "_load_in_turn", self._load)
         self.server = MapServer(RosSettings(), "hall")
 
     async def stop_motion(self) -> bool:
+        self.stopped += 1
         return True
+
+    def prepare_stop(self) -> None:
+        """Find no servers: there are none."""
 
     async def _load(self, file: str) -> None:
         self.asked.append(file)
@@ -230,6 +235,7 @@ async def test_a_navigator_that_falls_silent_is_noticed_between_two_looks(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(driver_module, "FEEDBACK_TIMEOUT", 0.05)
+    monkeypatch.setattr(goal_tracker, "GIVEN_UP_AFTER", 0.05)
     station, told = Station(monkeypatch), list[MapDriverEvent]()
     async with started(monkeypatch, told, Nav2Options()) as driver:
         monkeypatch.setattr(driver, "_node", station)
@@ -243,3 +249,51 @@ async def test_a_navigator_that_falls_silent_is_noticed_between_two_looks(
         monkeypatch.setattr(driver, "_node", None)
     (failed,) = (each for each in told if isinstance(each, DriveFailed))
     assert failed.failure is DriveFailure.NAVIGATION_GONE
+
+
+async def test_a_navigator_that_hangs_is_stopped_by_the_odometry_before_the_drive_is_given_up(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    station, told, clock = Station(monkeypatch), list[MapDriverEvent](), ManualClock()
+    async with started(monkeypatch, told, Nav2Options()) as driver:
+        monkeypatch.setattr(driver, "_node", station)
+        monkeypatch.setattr(driver, "_clock", clock)
+        driver._on_statuses([])
+        available(driver)
+        driver.go_to(MapGoal(1, MapPose(1.0, 0.0, 0.0, "hall"), 0.3, None))
+        driver._on_statuses([GoalEntry("a" * 32, GoalStatus.EXECUTING)])
+        driver._on_feedback(FeedbackReading("a" * 32, 0.0, 0.0, 0.0, "map", 1.0, 0))
+        stopped_at = 0.0
+        for tick in range(1, 16):
+            clock.advance(0.05)
+            driver._on_velocity((0.5, 0.0))
+            await turn_passes()
+            if station.stopped and not stopped_at:
+                stopped_at = 0.05 * tick
+        assert stopped_at == pytest.approx(0.5, abs=0.06)
+        assert not any(isinstance(each, DriveFailed) for each in told), "it may only be busy"
+        for _ in range(10):
+            clock.advance(0.05)
+            driver._on_velocity((0.5, 0.0))
+        await turn_passes()
+        monkeypatch.setattr(driver, "_node", None)
+    (failed,) = (each for each in told if isinstance(each, DriveFailed))
+    assert failed.failure is DriveFailure.NAVIGATION_GONE
+
+
+async def test_a_navigator_that_leaves_the_graph_is_noticed_between_two_looks(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    station, told = Station(monkeypatch), list[MapDriverEvent]()
+    monkeypatch.setattr(driver_module, "GLANCE", 0.01)
+    async with started(monkeypatch, told, Nav2Options()) as driver:
+        monkeypatch.setattr(driver, "_settings", RosSettings(watch_period=60.0))
+        monkeypatch.setattr(station, "servers", frozenset, raising=False)
+        driver._on_statuses([])
+        available(driver)
+        driver.go_to(MapGoal(1, MapPose(1.0, 0.0, 0.0, "hall"), 0.3, None))
+        driver._on_statuses([GoalEntry("a" * 32, GoalStatus.EXECUTING)])
+        monkeypatch.setattr(driver, "_node", station)
+        await until(lambda: any(isinstance(each, DriveFailed) for each in told), what="its absence")
+        await until(lambda: station.stopped, what="the stop")
+        monkeypatch.setattr(driver, "_node", None)

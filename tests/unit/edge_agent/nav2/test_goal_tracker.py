@@ -815,6 +815,34 @@ class TestNavigationGone:
         assert talk.motion_stopped == 1
         assert talk.failure().failure is DriveFailure.NAVIGATION_GONE
 
+    def test_a_navigator_that_was_only_busy_is_given_its_goal_again(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.rolls(0.5)
+        talk.said += talk.tracker.on_silence(0.5, talk.now)
+        assert (talk.motion_stopped, talk.events) == (1, [])
+        talk.stands()
+        talk.said += talk.tracker.on_silence(1.0, talk.now)
+        assert talk.events == [], "it stands"
+        talk.array("A:4")
+        assert (talk.events, talk.given) == ([], [1, 1])
+
+    def test_a_robot_that_does_not_become_slower_fails_its_drive_sooner(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.rolls(0.5)
+        talk.said += talk.tracker.on_silence(0.5, talk.now)
+        talk.rolls(0.5)
+        talk.said += talk.tracker.on_silence(1.0, talk.now)
+        assert talk.failure().failure is DriveFailure.NAVIGATION_GONE
+
+    def test_a_goal_that_is_not_accepted_yet_leaves_the_one_before_active(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.go_to(goal(2, 9.0))
+        assert not talk.tracker.driving
+        assert talk.tracker.active, "it drives to the goal before"
+
     def test_a_goal_of_an_earlier_run_whose_navigator_is_gone_is_stopped(self) -> None:
         talk = Conversation()
         talk.tracker.reclaim(MapOwnGoals(("A",), MapPose(5.0, 0.0, 0.0, "hall")))

@@ -126,6 +126,35 @@ def test_a_robot_outside_of_its_corridor_stops_until_it_is_back(corridor: Corrid
     assert (bench.errors, len(bench.goals)) == ([], given + 1)
 
 
+def test_an_edge_of_the_horizon_has_no_corridor_to_leave() -> None:
+    bench = robot()
+    bench.send(edges({}, {"trajectory": ON, "corridor": WIDE}, released=2))
+    bench.do(at(10.0, 10.0, 0.8))
+    bench.arrive()
+    assert bench.state.last_node_id == "n1"
+    bench.do(at(15.0, 12.0, 0.8))
+    assert bench.errors == []
+
+
+def test_a_trajectory_that_returns_to_its_start_is_refused() -> None:
+    """Nav2's controller would count it as driven at once, and a retry drive it twice."""
+    ring = Trajectory(
+        degree=1,
+        control_points=tuple(ControlPoint(x=x, y=y) for x, y in ((0, 0), (4, 0), (4, 4), (0, 4), (0, 0.05))),
+    )
+    bench = robot()
+    bench.send(edges({"trajectory": ring}, positions={"n1": position(0, 0)}))
+    assert (bench.errors, bench.goals) == (["UNSUPPORTED_PARAMETER"], [])
+    assert "divide the edge" in str(bench.state.errors)
+
+
+def test_a_short_straight_trajectory_is_driven() -> None:
+    short = Trajectory(degree=1, control_points=(ControlPoint(x=0, y=0), ControlPoint(x=0.3, y=0)))
+    bench = robot()
+    bench.send(edges({"trajectory": short}, positions={"n1": position(0.3, 0)}))
+    assert bench.goal.path
+
+
 def test_a_corridor_that_needs_a_release_is_not_used() -> None:
     bench = robot()
     asks = Corridor(left_width=5.0, right_width=5.0, release_required=True)

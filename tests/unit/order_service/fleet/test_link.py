@@ -15,7 +15,7 @@ from nena_shared.settings import ConfigurationError, MqttSettings
 from nena_shared.vda5050.action import Action, ActionParameter, BlockingType, InstantActions
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.connection import ConnectionState
-from nena_shared.vda5050.order import Order
+from nena_shared.vda5050.order import NodePosition, Order
 from nena_shared.vda5050.records import read_record
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
@@ -189,3 +189,29 @@ def test_nodes_that_a_robot_keeps_at_the_last_node_are_done(
 
     assert (dialect.understood(state).node_states == ()) is empty
     assert STANDARD.understood(state) is state
+
+
+@pytest.mark.parametrize(
+    ("heading", "wanted", "allowed", "done"),
+    [
+        (0.0, 1.57, None, False),
+        (1.5, 1.57, None, True),
+        (-3.1, 3.1, None, True),
+        (1.2, 1.57, 0.2, False),
+        (0.0, None, None, True),
+    ],
+)
+def test_a_robot_that_is_to_turn_at_its_last_node_is_done_when_it_has_turned(
+    heading: float, wanted: float | None, allowed: float | None, *, done: bool
+) -> None:
+    """Its lastNodeSequenceId may be that of the order before, which ended there."""
+    dialect = addresses(keepsLastNodeStates="true").dialect(ROBOT)
+    robot = HonestRobot(key=ROBOT)
+    robot.nodes = list(make_vda_order("m", "B", "B").nodes[1:])
+    robot.last_node_id, robot.last_sequence_id, robot.paused = "B", 2, True
+    robot.position = (1.0, 0.0, heading)
+    place = NodePosition(x=1.0, y=0.0, theta=wanted, map_id="hall", allowed_deviation_theta=allowed)
+    state = robot.state()
+    nodes = tuple(each.model_copy(update={"node_position": place}) for each in state.node_states)
+
+    assert (dialect.understood(state.model_copy(update={"node_states": nodes})).node_states == ()) is done

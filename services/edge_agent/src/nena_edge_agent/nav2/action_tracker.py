@@ -15,7 +15,13 @@ from nena_edge_agent.driver.map_port import MapGoal, MapPose
 from nena_edge_agent.driver.port import DriveFailure, DriveProgress
 from nena_edge_agent.nav2.commands import AskResult, Command, SendGoal
 from nena_edge_agent.nav2.error_codes import Meaning, meaning_of
-from nena_edge_agent.nav2.goal_tracker import GoalDrive, GoalTracker
+from nena_edge_agent.nav2.goal_tracker import (
+    GIVEN_UP_AFTER,
+    OBEYED_AFTER,
+    STOPPED_AFTER,
+    GoalDrive,
+    GoalTracker,
+)
 from nena_edge_agent.nav2.goals import GoalEntry, GoalIdPrefix, PrefixedGoalRegistry
 from nena_edge_agent.nav2.poses import agrees, near
 from nena_edge_agent.nav2.settings import GoalSettings, Navigation, RosSettings
@@ -106,12 +112,53 @@ class FeedbackReading:
     places_left: int = 1
 
 
+SILENCES = (STOPPED_AFTER, OBEYED_AFTER, GIVEN_UP_AFTER)
+COUNTED = 0.2
+"""Seconds between two velocities that count as silence at most: after more, everything was held up."""
+
+
+class SilenceWatch:
+    """Detects that the server that drives sends no feedback any more; times are monotonic seconds.
+
+    Only the time in which odometry arrives is counted: then network, computer and this program work, and the
+    silence is the server's own.
+    """
+
+    def __init__(self) -> None:
+        self._heard_at: float | None = None
+        self._odometry_at = -math.inf
+        self._alone = 0.0
+        self._reported = 0
+
+    def heard(self, now: float) -> None:
+        """Note feedback of a goal of ours."""
+        self._heard_at, self._alone, self._reported = now, 0.0, 0
+
+    def on_velocity(self, now: float, *, driving: bool) -> float:
+        """Note that odometry has come; return the seconds of a silence that is to be handled now, or 0."""
+        before, self._odometry_at = self._odometry_at, now
+        if not driving:
+            self._heard_at = None
+        if self._heard_at is None:
+            return 0.0
+        self._alone += min(now - max(before, self._heard_at), COUNTED)
+        passed = sum(self._alone >= each for each in SILENCES)
+        if passed <= self._reported:
+            return 0.0
+        self._reported = passed
+        return self._alone
+
+    def silent_for(self, now: float) -> float:
+        """Return the seconds since the last feedback; 0 before the first of a drive."""
+        return 0.0 if self._heard_at is None else now - self._heard_at
+
+
 class FeedbackFilter:
     """Passes on relevant changes of feedback; times are monotonic seconds."""
 
-    def __init__(self) -> None:
+    def __init__(self, silence: SilenceWatch | None = None) -> None:
+        self._silence = silence or SilenceWatch()
         self._heard_at = -math.inf
-        self._heard_of = ""
         self._place = (math.inf, math.inf)
         self._yaw = 0.0
         self._progress_at = -math.inf
@@ -121,17 +168,14 @@ class FeedbackFilter:
         """Return whether feedback is arriving now."""
         return now - self._heard_at < FRESH
 
-    def silent_for(self, goal_id: str | None, now: float) -> float:
-        """Return the seconds since the last feedback of a goal; 0 before the first."""
-        return now - self._heard_at if goal_id is not None and goal_id == self._heard_of else 0.0
-
-    def heard(self, goal_id: str, now: float) -> None:
+    def heard(self, now: float) -> None:
         """Note feedback that tells no place."""
-        self._heard_at, self._heard_of = now, goal_id
+        self._heard_at = now
+        self._silence.heard(now)
 
     def moved(self, reading: FeedbackReading, now: float) -> bool:
         """Return whether the position is to be reported."""
-        self.heard(reading.goal_id, now)
+        self.heard(now)
         here = (reading.x, reading.y)
         turned = abs(math.remainder(reading.yaw - self._yaw, math.tau))
         if math.dist(here, self._place) < POSE_STEP and turned < YAW_STEP:

@@ -36,7 +36,7 @@ from nena_edge_agent.driver.port import (
     SessionState,
 )
 from nena_edge_agent.nav2 import presence
-from nena_edge_agent.nav2.action_tracker import ActionSide, FeedbackFilter, FeedbackReading
+from nena_edge_agent.nav2.action_tracker import ActionSide, FeedbackFilter, FeedbackReading, SilenceWatch
 from nena_edge_agent.nav2.commands import (
     AskResult,
     CancelGoal,
@@ -48,7 +48,7 @@ from nena_edge_agent.nav2.commands import (
     SendGoal,
     StopMotion,
 )
-from nena_edge_agent.nav2.goal_tracker import STALE_XY
+from nena_edge_agent.nav2.goal_tracker import GIVEN_UP_AFTER, STALE_XY
 from nena_edge_agent.nav2.goals import GoalEntry, GoalIdPrefix
 from nena_edge_agent.nav2.keep_out import KeepOutMask
 from nena_edge_agent.nav2.localisation import (
@@ -90,10 +90,12 @@ if TYPE_CHECKING:
 
 TICK = 0.05
 """Seconds between two checks of the time while something is awaited."""
-FEEDBACK_TIMEOUT = 2.0
-"""Seconds without feedback of a drive, each 10 ms as a rule, after which bt_navigator counts as dead."""
+FEEDBACK_TIMEOUT = GIVEN_UP_AFTER
+"""Seconds without feedback of a drive after which bt_navigator counts as dead also without odometry."""
 HELD_UP = 0.3
 """Tolerated delay of the event loop, seconds; beyond it, unread feedback may be waiting."""
+GLANCE = 0.2
+"""Seconds between two checks of whether the server that drives is still in the ROS graph."""
 READINGS = 5
 """Times that Nav2's parameters are read at most while none of them is the controller's speed."""
 
@@ -148,8 +150,10 @@ class Nav2Driver:
         self._action = ActionSide(
             self._tracker.navigator, apply=self._apply, on_feedback=self._on_feedback, clock=clock
         )
-        self._paths = self._path_side() if nav2_offers(settings).follows_paths else None
-        self._feedback, self._path_feedback = FeedbackFilter(), FeedbackFilter()
+        paths = PathSide(self._tracker, apply=self._apply, on_feedback=self._on_path_feedback, clock=clock)
+        self._paths = paths if nav2_offers(settings).follows_paths else None
+        self._silence = SilenceWatch()
+        self._feedback, self._path_feedback = FeedbackFilter(self._silence), FeedbackFilter(self._silence)
         self._initial_position = InitialPosition(settings.localisation)
         self._battery = Battery(settings.battery_scale)
         self._looking_since = -inf
@@ -164,11 +168,6 @@ class Nav2Driver:
         self._ticking: asyncio.TimerHandle | None = None
         self._listening: asyncio.TimerHandle | None = None
         self._halted, self._stopped = asyncio.Event(), False
-
-    def _path_side(self) -> PathSide:
-        return PathSide(
-            self._tracker, apply=self._apply, on_feedback=self._on_path_feedback, clock=self._clock
-        )
 
     async def start(self) -> None:
         """Join the ROS graph, if the settings say so, and start to search for Nav2; it may appear later.
@@ -191,6 +190,7 @@ class Nav2Driver:
         await self._begin_session()
         await self._stack.enter_async_context(self._tasks)
         self._tasks.start("watch Nav2", forever("watch Nav2", self._watch), vital=False)
+        self._tasks.start("watch the drive", forever("watch the drive", self._glance), vital=False)
 
     async def stop(self) -> None:
         """Stop the robot if it still drives for us, then leave the ROS graph; no more events follow."""
@@ -399,6 +399,12 @@ class Nav2Driver:
                 self._watch_drive()
         await asyncio.sleep(self._settings.watch_period)
 
+    async def _glance(self) -> None:
+        """Check between two looks at Nav2 whether the server that drives is there: it is stopped soon."""
+        await asyncio.sleep(GLANCE)
+        if self._node is not None and self._tracker.active:
+            self._see_servers(self._node.servers())
+
     def _look_at_transforms(self) -> None:
         lost = bool(self._transforms.problem)
         self._transforms.look()
@@ -462,15 +468,17 @@ class Nav2Driver:
         self._tell(DriveLimits(tolerance, hand_over, self._map_id, told.contour))
 
     def _on_navigation(self, servers: frozenset[str], report: NavigationReport) -> None:
-        now = self._clock.monotonic()
-        controllers: frozenset[str] = frozenset()
-        if self._paths is not None and self._node is not None:
-            controllers = self._paths.servers()
-        self._apply(self._tracker.on_servers(servers, controllers, now))
-        self._apply(self._tracker.on_navigation(report, now))
+        self._see_servers(servers)
+        self._apply(self._tracker.on_navigation(report, self._clock.monotonic()))
         if report.available:
             self._looking_since = -inf
         self._report_navigation(report)
+
+    def _see_servers(self, servers: frozenset[str]) -> None:
+        controllers: frozenset[str] = frozenset()
+        if self._paths is not None and self._node is not None:
+            controllers = self._paths.servers()
+        self._apply(self._tracker.on_servers(servers, controllers, self._clock.monotonic()))
 
     def _report_navigation(self, report: NavigationReport) -> None:
         if report != self._navigation:
@@ -560,7 +568,7 @@ class Nav2Driver:
             self._limiter.drives(now)
         if self._listening is None:
             self._listen(FEEDBACK_TIMEOUT)
-        self._path_feedback.heard(reading.goal_id, now)
+        self._path_feedback.heard(now)
         if progress := self._path_feedback.progress(reading, self._map_id, now):
             self._tell(progress)
 
@@ -573,10 +581,9 @@ class Nav2Driver:
         """Stop the robot if the navigator has become silent; after a delay of the loop itself, wait again."""
         self._listening = None
         now = self._clock.monotonic()
-        if not self._tracker.driving or self._stopped:
+        if not self._tracker.active or self._stopped:
             return
-        filters = (self._feedback, self._path_feedback)
-        silent = max(each.silent_for(self._tracker.goal_id, now) for each in filters)
+        silent = self._silence.silent_for(now)
         if self._loop.time() - due > HELD_UP:
             self._listen(HELD_UP)
         elif silent >= FEEDBACK_TIMEOUT:
@@ -589,6 +596,8 @@ class Nav2Driver:
         velocity = without_noise(measured, self._settings.goals.standstill_noise)
         for watcher in (self._tracker, self._movement, self._pose_watch):
             watcher.on_velocity(*velocity, now)
+        if silent := self._silence.on_velocity(now, driving=self._tracker.active):
+            self._apply(self._tracker.on_silence(silent, now))
         if self._localisation.on_velocity(velocity, now):
             self._tell(self._localisation.velocity)
             self._report_pose()
@@ -640,8 +649,10 @@ class Nav2Driver:
             case PublishGoal(goal):
                 node.publish_goal(goal.pose)
                 self._log.info("goal given", generation=goal.generation, x=goal.pose.x, y=goal.pose.y)
+                self._loop.call_soon(node.prepare_stop)
             case SendGoal(goal, goal_id):
                 self._tasks.start("send a goal", self._action.send(goal, goal_id), vital=False)
+                self._loop.call_soon(node.prepare_stop)
             case AskResult(goal_id):
                 self._action.ask_result(goal_id)
             case PublishInitialPose(pose):

@@ -107,6 +107,12 @@ RECLAIM_TIME = 10.0
 """Seconds after a restart in which the order may still request Nav2's current goal."""
 OBEYED_WITHIN = 0.5
 """Seconds after a halt in which the navigator has the robot slow down; then its controller is stopped."""
+STOPPED_AFTER = 0.5
+"""Seconds without feedback, which Nav2 sends each 10 ms, after which the controller is stopped."""
+OBEYED_AFTER = 1.0
+"""Seconds without feedback after which a robot that has not become slower fails its drive."""
+GIVEN_UP_AFTER = 2.0
+"""Seconds without feedback after which the drive fails also where the robot has stopped."""
 RECLAIM_SERVER_WAIT = 5.0
 """Seconds for the navigator to appear that drives to a goal of an earlier run; then the robot is stopped."""
 
@@ -170,6 +176,11 @@ class GoalTracker:
         """Whether Nav2 drives for the goal that is wanted."""
         drive = self._drive
         return drive is not None and drive.goal_id is not None and drive.reached_at is None
+
+    @property
+    def active(self) -> bool:
+        """Whether a goal of ours has not ended: the one that is wanted, or one before it."""
+        return self.driving or bool(self._registry.live)
 
     @property
     def wanted(self) -> MapGoal | None:
@@ -259,11 +270,19 @@ class GoalTracker:
         return self._advance(now)
 
     def on_silence(self, seconds: float, now: float) -> list[Command]:
-        """Note that the navigator drives for us and has sent no feedback for ``seconds``."""
-        drive = self._drive
-        if drive is not None:
-            self._run_away(now)
-            text = f"{self.server} has sent no feedback for {seconds:g} s; stopping its controller"
+        """Note that the server that drives for us has sent no feedback for ``seconds``; stop the controller.
+
+        At first the goal stays: a server that was only busy takes the stop for success, and is given the goal
+        again.
+        """
+        self._run_away(now)
+        drive, standstill = self._drive, self._standstill
+        if drive is None:
+            return self._advance(now)
+        drive.interrupted = True
+        obeys = standstill.stands(now) or now - standstill.slowed_at < OBEYED_WITHIN
+        if seconds >= GIVEN_UP_AFTER or (seconds >= OBEYED_AFTER and not obeys):
+            text = f"{self.server} has sent no feedback for {seconds:.1f} s; stopping its controller"
             self._fail(drive, DriveFailure.NAVIGATION_GONE, text)
         return self._advance(now)
 

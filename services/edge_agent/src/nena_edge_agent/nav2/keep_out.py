@@ -98,23 +98,13 @@ class KeepOutMask:
         self._wanted: list[tuple[Point, ...]] = []
         """What the newest mask is made of, or is to be."""
         self._session: RosSession | None = None
+        self._node: Any = None
+        self._masks: Any = None
         self._info: Any = None
 
     def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401 - rclpy carries no types
-        """Publish on a new node."""
-        from nav_msgs.msg import OccupancyGrid  # noqa: PLC0415 - the loopback needs no ROS
-
-        from nena_edge_agent.nav2.node import LATCHED, NO_EVENTS  # noqa: PLC0415
-
-        names = self._settings.names
-        self._grid, self._info = OccupancyGrid, interface(FILTER_INFO)
-        self._masks = node.create_publisher(
-            OccupancyGrid, names.zone_mask, LATCHED, event_callbacks=NO_EVENTS
-        )
-        self._infos = node.create_publisher(
-            self._info, names.zone_filter_info, LATCHED, event_callbacks=NO_EVENTS
-        )
-        self._session = session
+        """Use a new node; publish on it once there is a mask."""
+        self._session, self._node, self._masks = session, node, None
         if self._mask is not None:
             self._publish(self._mask)
 
@@ -136,7 +126,19 @@ class KeepOutMask:
         if self._session is not None and self._session.state is SessionState.ACTIVE:
             self._publish(self._mask)
 
+    def _create_publishers(self) -> None:
+        from nav_msgs.msg import OccupancyGrid  # noqa: PLC0415 - the loopback needs no ROS
+
+        from nena_edge_agent.nav2.node import LATCHED, NO_EVENTS  # noqa: PLC0415
+
+        names, create = self._settings.names, self._node.create_publisher
+        self._grid, self._info = OccupancyGrid, interface(FILTER_INFO)
+        self._masks = create(OccupancyGrid, names.zone_mask, LATCHED, event_callbacks=NO_EVENTS)
+        self._infos = create(self._info, names.zone_filter_info, LATCHED, event_callbacks=NO_EVENTS)
+
     def _publish(self, mask: Mask) -> None:
+        if self._masks is None:
+            self._create_publishers()
         grid = self._grid()
         grid.header.frame_id = self._settings.frame
         grid.info.resolution, grid.info.width, grid.info.height = mask.resolution, mask.width, mask.height

@@ -81,9 +81,10 @@ class MapServer:
         self._session, self._node = session, node
         self._publishers = frozenset()
         self._load = node.create_client(interface(LOAD_MAP), f"{names.map_server}/load_map")
-        self._parameters = node.create_client(GetParameters, f"{names.map_server}/get_parameters")
-        kind = interface(CLEAR_COSTMAP)
-        self._clear = [node.create_client(kind, each) for each in names.clear_costmaps]
+        self._parameters = session.late_client(node, GetParameters, f"{names.map_server}/get_parameters")
+        kind: Any = interface(CLEAR_COSTMAP)
+        self._clear = [(each, session.late_client(node, kind, each)) for each in names.clear_costmaps]
+        self._clear_request = kind.Request
 
     @property
     def problem(self) -> str:
@@ -176,7 +177,7 @@ class MapServer:
         if session is None:
             message = "the robot's ROS session is not active"
             raise MapNotLoadedError(message)
-        self._own_file = self._own_file or await self._file_of_server(session)
+        self._own_file = self._own_file or await self._file_of_server()
         path = file or self._own_file
         if not path:
             message = "map_server has no file for the robot's own map (yaml_filename)"
@@ -191,12 +192,13 @@ class MapServer:
             message = f"map_server did not load {path}: {reason}"
             raise MapNotLoadedError(message)
         log.info("map loaded", map_id=self.map_id, file=path)
-        for client in self._clear:
-            request = client.srv_type.Request()
-            if await session.call(client, request, seconds=self._settings.call_timeout) is None:
-                log.warning("a costmap was not cleared", service=client.srv_name)
+        for name, client in self._clear:
+            if await client.call(self._clear_request(), seconds=self._settings.call_timeout) is None:
+                log.warning("a costmap was not cleared", service=name)
 
-    async def _file_of_server(self, session: RosSession) -> str:
-        request = self._parameters.srv_type.Request(names=["yaml_filename"])
-        answer = await session.call(self._parameters, request, seconds=self._settings.call_timeout)
+    async def _file_of_server(self) -> str:
+        from rcl_interfaces.srv import GetParameters  # noqa: PLC0415 - the loopback needs no ROS
+
+        request = GetParameters.Request(names=["yaml_filename"])
+        answer = await self._parameters.call(request, seconds=self._settings.call_timeout)
         return str(answer.values[0].string_value) if answer is not None and answer.values else ""

@@ -108,13 +108,22 @@ class Nav2Node:
 
     async def stop_motion(self) -> bool:
         """Cancel all goals of the servers that move the robot; return whether the controller has answered."""
-        request = messages.cancel_all_request()
-        answers = await asyncio.gather(*(self._call(client, request) for client in self._motions))
-        return answers[0] is not None
+        request, seconds = messages.cancel_all_request(), self._settings.call_timeout
+        answered, *_ = await asyncio.gather(
+            self._call(self._controller, request),
+            *(client.call(request, seconds=seconds) for client in self._motions),
+        )
+        return answered is not None
+
+    def prepare_stop(self) -> None:
+        """Find the servers that may move the robot, so that a stop does not wait for that."""
+        for client in self._motions:
+            client.prepare()
 
     async def request_pose(self) -> bool:
         """Make the localisation send a pose at standstill; return whether it has agreed."""
-        return await self._call(self._fresh_pose, Empty.Request()) is not None
+        seconds = self._settings.call_timeout
+        return await self._fresh_pose.call(Empty.Request(), seconds=seconds) is not None
 
     async def presence(self) -> Presence:
         """Return whether Nav2 is present; takes at most the timeout of a call."""
@@ -124,7 +133,7 @@ class Nav2Node:
         )
         self._hear_localiser_that_does_not_latch()
         return Presence(
-            servers=self._publishers(status_of(self._settings.action)),
+            servers=self.servers(),
             goal_listeners=self._goals.get_subscription_count(),
             lifecycle=self._lifecycle_watch.judge(
                 there=there, active=None if active is None else bool(active.success)
@@ -135,6 +144,10 @@ class Nav2Node:
                 active=None if state is None else state.current_state.id == State.PRIMARY_STATE_ACTIVE,
             ),
         )
+
+    def servers(self) -> frozenset[str]:
+        """Return the endpoint IDs of the status array's publishers."""
+        return self._publishers(status_of(self._settings.action))
 
     def _publishers(self, topic: str) -> frozenset[str]:
         """Return the endpoint IDs of a topic's publishers."""
@@ -152,10 +165,10 @@ class Nav2Node:
             PoseWithCovarianceStamped, names.initial_pose, RELIABLE, event_callbacks=NO_EVENTS
         )
         self._cancel = node.create_client(CancelGoal, f"{self._settings.action}/_action/cancel_goal")
-        self._motions = [
-            node.create_client(CancelGoal, f"{action}/_action/cancel_goal") for action in names.motions
-        ]
-        self._fresh_pose = node.create_client(Empty, names.fresh_pose)
+        controller, *others = (f"{action}/_action/cancel_goal" for action in names.motions)
+        self._controller = node.create_client(CancelGoal, controller)
+        self._motions = [self._session.late_client(node, CancelGoal, each) for each in others]
+        self._fresh_pose = self._session.late_client(node, Empty, names.fresh_pose)
         self._lifecycle = node.create_client(Trigger, names.lifecycle)
         self._localiser = node.create_client(GetState, names.localiser)
         self._listen(node)

@@ -11,7 +11,7 @@ from typing import Any
 from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import GetParameters
 
-from nena_edge_agent.nav2.session import RosSession
+from nena_edge_agent.nav2.session import LateClient, RosSession
 from nena_edge_agent.nav2.settings import RosSettings
 
 Value = float | int | str | list[str] | None
@@ -60,12 +60,11 @@ class ParameterReader:
     def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401 - rclpy carries no types
         """Build the clients."""
         names = self._settings.names
-        self._session = session
         self._controller, self._navigator = (
-            node.create_client(GetParameters, f"{server}/get_parameters")
+            session.late_client(node, GetParameters, f"{server}/get_parameters")
             for server in (names.controller, names.navigator)
         )
-        self._costmap = node.create_client(GetParameters, f"{names.costmap}/get_parameters")
+        self._costmap = session.late_client(node, GetParameters, f"{names.costmap}/get_parameters")
 
     async def read(self) -> Nav2Parameters:
         """Read all of them; takes at most two timeouts of a call."""
@@ -90,19 +89,19 @@ class ParameterReader:
         )
         return contour_of(text if isinstance(text, str) else "", radius)
 
-    async def _first(self, client: Any, name: str, default: str) -> str:  # noqa: ANN401
+    async def _first(self, client: LateClient, name: str, default: str) -> str:
         """Return the first of a list of plug-ins."""
         value = await self._ask(client, name)
         return value[0] if isinstance(value, list) and value else default
 
-    async def _number(self, client: Any, name: str) -> float | None:  # noqa: ANN401
+    async def _number(self, client: LateClient, name: str) -> float | None:
         value = await self._ask(client, name)
         return float(value) if isinstance(value, int | float) else None
 
-    async def _ask(self, client: Any, name: str) -> Value:  # noqa: ANN401
+    async def _ask(self, client: LateClient, name: str) -> Value:
         """Read one parameter; with several names, a server that lacks one of them returns none."""
         request = GetParameters.Request(names=[name])
-        answer = await self._session.call(client, request, seconds=self._settings.call_timeout)
+        answer = await client.call(request, seconds=self._settings.call_timeout)
         found = None if answer is None or not answer.values else answer.values[0]
         if found is None:
             return None

@@ -77,6 +77,11 @@ class Trackers:
         return self._current.driving
 
     @property
+    def active(self) -> bool:
+        """Whether a goal of ours has not ended at the server that drives."""
+        return self._current.active
+
+    @property
     def goal_id(self) -> str | None:
         """The goal that Nav2 drives to for us, once it has taken it."""
         return self._current.goal_id

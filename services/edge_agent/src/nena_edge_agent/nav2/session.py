@@ -168,6 +168,10 @@ class RosSession:
         finally:
             client.remove_pending_request(future)
 
+    def late_client(self, node: Any, kind: Any, name: str) -> LateClient:  # noqa: ANN401
+        """Return a client that is created with its first call."""
+        return LateClient(self, lambda: node.create_client(kind, name))
+
     def post(self, function: Callable[[], None]) -> None:
         """Call ``function`` in the event loop; it is dropped if the loop has ended."""
         try:
@@ -176,9 +180,10 @@ class RosSession:
             log.debug("the event loop has ended before ROS")
 
     def _end_thread(self) -> None:
-        self._stop.set()
-        if self._executor is not None:
-            self._executor.create_task(lambda: None)  # wakes the thread to check the event
+        if self._executor is None:
+            self._stop.set()
+        else:  # in the thread: one that had noticed the event before this call would have closed the executor
+            self._executor.create_task(self._stop.set)
 
     def _run(self, populate: Callable[[Any], None]) -> None:
         """Live in the thread: open, spin, close."""
@@ -224,6 +229,42 @@ class RosSession:
         self._ended.set()
         if not asked:
             self._on_failure(reason)
+
+
+LOOKS = 30
+"""Looks of a new client for its server before its first call."""
+LOOK_PERIOD = 0.01
+"""Seconds between two of them."""
+
+
+class LateClient:
+    """A client of a service that is seldom called: each one costs milliseconds of every session's start."""
+
+    def __init__(self, session: RosSession, create: Callable[[], Any]) -> None:
+        self._session = session
+        self._create = create
+        self._client: Any = None
+        self._looks = LOOKS
+
+    def prepare(self) -> None:
+        """Create the client, so that it has found its server by its first call."""
+        if self._client is None and self._session.state is SessionState.ACTIVE:
+            self._client = self._create()
+
+    async def call(self, request: Any, *, seconds: float) -> Any:  # noqa: ANN401 - rclpy carries no types
+        """Call the service and return its answer; None if it is missing or silent for ``seconds``."""
+        self.prepare()
+        if self._client is None:
+            return None
+        for _ in range(self._looks):
+            if self._found():
+                break
+            await asyncio.sleep(LOOK_PERIOD)
+        self._looks = 0
+        return await self._session.call(self._client, request, seconds=seconds)
+
+    def _found(self) -> bool:
+        return self._session.state is not SessionState.ACTIVE or bool(self._client.service_is_ready())
 
 
 def _events(qos: QoSProfile) -> SubscriptionEventCallbacks:

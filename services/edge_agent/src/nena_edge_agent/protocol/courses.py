@@ -30,6 +30,8 @@ LONGEST = 1000.0
 """Metres of the longest path that is driven as one."""
 MOST_POINTS = 10_000
 """Control points of a trajectory, times its degree squared, at most: what it costs to compute it."""
+DETOUR = 0.5
+"""Metres by which a path that returns to its start is longer than the way between its ends."""
 CORNER = 0.02
 """Metres by which a path may be off the straight lines that stand for it."""
 OFF_TRAJECTORY = 0.5
@@ -104,7 +106,14 @@ def _curve_fault(trajectory: Trajectory, start: NodePosition | None, end: NodePo
             hint = f"let the trajectory {which} at the node, within {ENDS_WITHIN:g} m"
             return Fault(ErrorType.VALIDATION_FAILURE, text, hint)
     # a curve is never longer than the straight lines between its control points
-    return _length_fault(sum(hypot(b.x - a.x, b.y - a.y) for a, b in pairwise(points)))
+    if too_long := _length_fault(sum(hypot(b.x - a.x, b.y - a.y) for a, b in pairwise(points))):
+        return too_long
+    away = dist(first, last)
+    if away <= DETOUR and _length(curve.steps(drawn, STEP)) > away + DETOUR:
+        # a controller counts a path as driven as soon as the robot is near its end
+        text = f"its trajectory ends {away:.2f} m from its start"
+        return Fault(ErrorType.UNSUPPORTED_PARAMETER, text, "divide the edge by a node halfway")
+    return None
 
 
 def _curve(trajectory: Trajectory) -> PathTrajectory:
@@ -188,6 +197,10 @@ def beginning(path: Sequence[Point], length: float) -> tuple[Point, ...]:
         if length <= 0:
             break
     return tuple(kept)
+
+
+def _length(path: Sequence[Point]) -> float:
+    return sum(dist(a, b) for a, b in pairwise(path))
 
 
 def poses(path: Sequence[Point], map_id: str, theta: float | None = None) -> tuple[Pose, ...]:

@@ -66,7 +66,7 @@ def outside_of_corridor(robot: RobotState) -> ErrorEntry | None:
 
 def _metres_outside(robot: RobotState) -> float:
     pose, path = robot.reports.localized_pose, path_of(robot)
-    if pose is None or not path:
+    if pose is None or not path or not robot.progress.edges[0].released:
         return 0.0
     if any(_at(robot, pose, node) for node in (robot.progress.last_node, robot.progress.next_node)):
         return 0.0

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import partial
+from math import pi, remainder, tau
 from typing import Any, Final, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
@@ -45,7 +46,7 @@ from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.records import changed
 from nena_shared.vda5050.responses import Responses
 from nena_shared.vda5050.robot_sources import Dated, RobotSources
-from nena_shared.vda5050.state import State
+from nena_shared.vda5050.state import NodeState, State
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.versions import UnknownVersionError, codec_named, nearest_codec
 from nena_shared.vda5050.zone_set import ZoneSet, ZoneSetTransfer
@@ -111,7 +112,22 @@ class Dialect:
         last = state.node_states[-1]
         if (last.node_id, last.sequence_id) != (state.last_node_id, state.last_node_sequence_id):
             return state
+        if _has_to_turn(state, last):
+            return state
         return changed(state, node_states=(), edge_states=())
+
+
+TURNED_WITHIN: Final = pi / 4
+"""Radians that a robot at its last node may be off the heading there, where the order allows none itself."""
+
+
+def _has_to_turn(state: State, node: NodeState) -> bool:
+    """Return whether a robot at ``node`` has not the heading of the node, as before a turn on the spot."""
+    robot, place = state.mobile_robot_position, node.node_position
+    if robot is None or place is None or place.theta is None:
+        return False
+    allowed = place.allowed_deviation_theta or TURNED_WITHIN
+    return abs(remainder(robot.theta - place.theta, tau)) > allowed
 
 
 def _as_text(actions: tuple[Action, ...]) -> tuple[Action, ...]:
