@@ -14,8 +14,9 @@ from std_msgs.msg import String
 
 from nena_edge_agent.settings import EdgeAgentSettings
 from support.broker import Broker, MqttPeer
-from support.edge_agent import AgentProcess, FleetControl, agent_settings, running_agent
+from support.edge_agent import AgentProcess, FleetControl, agent_settings, running_agent, status_of
 from support.nav2_driver import PATIENT
+from support.robot_core import action
 from support.ros import BEST_EFFORT, Inbox, RosPeer
 from support.simulator import SimulatorProcess, publisher_to
 from support.waiting import until
@@ -91,6 +92,15 @@ class Bench:
     async def moves(self) -> None:
         """Wait until the robot drives; then navigation has taken its goal."""
         await until(lambda: self.speed > 0.5, what="the robot on its way")
+
+    async def killed_while_pausing(self, agent: AgentProcess) -> None:
+        """Pause the drive, kill the agent meanwhile, and check that the pause ends with the robot at rest."""
+        self.fleet.instant(action("p", "NONE", "startPause"))
+        await self.fleet.state(lambda state: status_of(state, "p") == "RUNNING")
+        agent.kill()
+        agent.restart()
+        stopped = await self.fleet.state(lambda state: status_of(state, "p") == "FINISHED")
+        assert await self.speed_at(stopped) == 0.0
 
     def fault(self, kind: str, **fields: Any) -> None:
         """Start a fault of the robot, or end it (``active=False``)."""

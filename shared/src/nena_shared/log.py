@@ -84,7 +84,7 @@ def _rendering(settings: LogSettings, *, colours: bool) -> tuple[Processor, ...]
 
 
 def _formatter_for_libraries(rendering: tuple[Processor, ...]) -> logging.Formatter:
-    """Return a formatter that gives log lines of libraries, by the standard library, the form of our own."""
+    """Return a formatter that writes the standard library's log lines in the form of our own."""
     return structlog.stdlib.ProcessorFormatter(
         foreign_pre_chain=[_name_module, *COMMON],
         processors=[structlog.stdlib.ProcessorFormatter.remove_processors_meta, _remember, *rendering],

@@ -1,6 +1,6 @@
 """Metrics of a program as a table: each is defined once, with its help, its labels, and how it is read.
 
-Values are read from the state at a scrape if they are there; only durations are counted where they happen, in
+Values are read from the state at a scrape if it has them; only durations are counted where they happen, in
 a :class:`Histogram`.
 """
 
@@ -37,7 +37,7 @@ LabelValues = str | tuple[str, ...]
 """Of one label, or of several in their order."""
 
 Reading = float | Histogram | Mapping[Any, float] | Mapping[Any, Histogram] | None
-"""The value of a metric without labels, or the values by :data:`LabelValues`; None: none at present."""
+"""The value of a metric without labels, or the values by :data:`LabelValues`; None: currently none."""
 
 
 @dataclass(frozen=True, slots=True)

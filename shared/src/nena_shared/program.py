@@ -40,7 +40,7 @@ class Supervision:
         seconds = int(watchdog) / 1e6 if watchdog.isdecimal() and int(watchdog) else 2 * BEAT
         return cls(environment.get("NOTIFY_SOCKET"), Path(file) if file else None, min(BEAT, seconds / 2))
 
-    def tell(self, text: str) -> None:
+    def notify(self, text: str) -> None:
         """Send ``text`` to systemd, in the form of sd_notify(3).
 
         Raises:
@@ -54,8 +54,8 @@ class Supervision:
             sender.sendto(text.encode(), "\0" + address[1:] if address.startswith("@") else address)
 
     def beat(self) -> None:
-        """Send one heartbeat; raises as :meth:`tell`."""
-        self.tell("WATCHDOG=1")
+        """Send one heartbeat; raises as :meth:`notify`."""
+        self.notify("WATCHDOG=1")
         if self.file:
             self.file.touch()
 
@@ -69,27 +69,27 @@ async def signs_of_life(
     if supervision.notify_socket is None and supervision.file is None:
         yield
         return
-    work = asyncio.create_task(_give_signs(supervision, stop), name="signs of life")
+    work = asyncio.create_task(_send_signs(supervision, stop), name="signs of life")
     try:
         yield
     finally:
         await end(work)
 
 
-async def _give_signs(supervision: Supervision, stop: asyncio.Event) -> None:
+async def _send_signs(supervision: Supervision, stop: asyncio.Event) -> None:
     """Send heartbeats until cancelled, also while the program shuts down, which may take long."""
-    news, well = "READY=1", True
+    message, well = "READY=1", True
     while True:
         try:
-            if news:
-                supervision.tell(news)
+            if message:
+                supervision.notify(message)
             supervision.beat()
             well = True
         except OSError as error:
             if well:
                 log.warning("cannot notify the watchdog", reason=str(error))
             well = False
-        news = "STOPPING=1" if await _stopped_within(supervision.period, stop) else ""
+        message = "STOPPING=1" if await _stopped_within(supervision.period, stop) else ""
 
 
 async def _stopped_within(seconds: float, stop: asyncio.Event) -> bool:
@@ -132,8 +132,8 @@ def run(
             sys.stderr.write(f"{program}: setting {problem}\n")
         return EXIT_MISCONFIGURED
     except (StartError, TaskFailedError) as error:
-        told = f"{error}: {error.__cause__}" if isinstance(error.__cause__, StartError) else str(error)
-        sys.stderr.write(f"{program}: {told}\n")
+        text = f"{error}: {error.__cause__}" if isinstance(error.__cause__, StartError) else str(error)
+        sys.stderr.write(f"{program}: {text}\n")
         return EXIT_FAILED
     return 0
 

@@ -53,7 +53,7 @@ def interface(name: str) -> Any | None:  # noqa: ANN401 - rclpy carries no types
 @contextmanager
 def joined_domain(domain_id: int) -> Iterator[Context]:
     """Join a ROS domain with a participant of its own; its nodes must have been destroyed before the end."""
-    import rclpy  # noqa: PLC0415 - as the module says
+    import rclpy  # noqa: PLC0415 - see the module's docstring
     from rclpy.context import Context  # noqa: PLC0415
     from rclpy.signals import SignalHandlerOptions  # noqa: PLC0415
 

@@ -89,7 +89,7 @@ class Supervisor:
 async def end(*tasks: asyncio.Task[Any], again_after: float = AGAIN_AFTER) -> None:
     """Cancel tasks and wait until all have ended, regardless of their results.
 
-    ``asyncio.wait_for`` of Python 3.11 loses a cancellation that comes together with the awaited result. A
+    ``asyncio.wait_for`` of Python 3.11 loses a cancellation that arrives together with the awaited result. A
     task that has not ended after ``again_after`` seconds, the time for an orderly end, is therefore cancelled
     again.
     """

@@ -166,7 +166,7 @@ async def test_an_abstract_socket_is_understood() -> None:
         listener.bind(f"\0nena-test-{os.getpid()}")
         listener.settimeout(0)
 
-        Supervision.of({"NOTIFY_SOCKET": f"@nena-test-{os.getpid()}"}).tell("READY=1")
+        Supervision.of({"NOTIFY_SOCKET": f"@nena-test-{os.getpid()}"}).notify("READY=1")
 
         assert gather(listener, []) == ["READY=1"]
 

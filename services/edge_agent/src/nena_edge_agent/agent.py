@@ -148,7 +148,7 @@ class Vitals:
     link: LinkState
     inbox: InboxCounts
     dropped: int
-    """Messages of fleet control dropped because too many came at once."""
+    """Messages of fleet control dropped because too many arrived at once."""
     statistics: AgentStatistics
     journal_problem: str
     journal_seconds: Histogram

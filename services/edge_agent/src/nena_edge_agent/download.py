@@ -109,7 +109,7 @@ class _Reach(StrEnum):
     NETWORK = "the network"
     ROBOT = "the robot itself"
     LINK = "a link-local address"
-    NOBODY = "no single machine"
+    MULTICAST = "a multicast address"
 
     @classmethod
     def of(cls, address: str) -> _Reach:
@@ -121,7 +121,7 @@ class _Reach(StrEnum):
             return cls.ROBOT
         if found.is_link_local:
             return cls.LINK
-        return cls.NOBODY if found.is_multicast else cls.NETWORK
+        return cls.MULTICAST if found.is_multicast else cls.NETWORK
 
 
 class _Journey:
@@ -142,7 +142,7 @@ class _Journey:
 
         """
         reach = _Reach.of(address)
-        if reach in (_Reach.LINK, _Reach.NOBODY):
+        if reach in (_Reach.LINK, _Reach.MULTICAST):
             message = f"downloads from {address} are not allowed: it is {reach}"
             raise DownloadError(message)
         if self._first is None:

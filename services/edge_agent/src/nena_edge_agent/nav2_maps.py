@@ -71,7 +71,7 @@ class Nav2MapStore(FolderMapStore):
         placed = not self._server.unplaced
         try:
             if map_id != self._server.map_id:
-                self._put(self._folder / UNPLACED, b"")  # first, because a restart may come at any time
+                self._put(self._folder / UNPLACED, b"")  # first, because a restart may happen at any time
             await self._server.use(map_id, self._file(map_id, map_version))
         except MapNotLoadedError as error:
             if placed:

@@ -85,7 +85,7 @@ class Mailbox:
         await set_within(self._filled, seconds)
 
     def _keep_order(self, event: Event) -> None:
-        """Put ``event`` after the pose that came before it: an arrival is judged by its own pose."""
+        """Put ``event`` after the pose that arrived before it: an arrival is judged by its own pose."""
         self._flush_newest()
         self._events.append(event)
 

@@ -176,7 +176,7 @@ class EdgeAgentSettings(ServiceSettings):
     )
     topic_prefix: TopicPrefix = Field(
         "nena/v1",
-        description="Prefix of NeNa's own topics, as in the services; the robot's own map is there.",
+        description="Prefix of NeNa's own topics, as in the services; also of the robot's map.",
     )
     qos: Literal[0, 1] = Field(
         1,

@@ -158,7 +158,7 @@ class Unconfigured(Lasting):
 class ServerDied(Lasting):
     """One process of Nav2 has died: it leaves the ROS graph.
 
-    Without bt_navigator the controller drives its path to the end. A process comes back without its goals,
+    Without bt_navigator the controller drives its path to the end. A process restarts without its goals,
     and AMCL without its pose.
     """
 

@@ -113,12 +113,12 @@ def costmap_services(session: RosSession, cleared: Callable[[str], None]) -> Non
 def costmap_parameters(session: RosSession, footprint: str) -> None:
     """Serve the parameters of the local costmap: none, unless all requested ones exist."""
 
-    def tell(request: GetParameters.Request, response: GetParameters.Response) -> None:
+    def answer(request: GetParameters.Request, response: GetParameters.Response) -> None:
         if footprint and set(request.names) == {"footprint"}:
             kind = ParameterType.PARAMETER_STRING
             response.values = [ParameterValue(type=kind, string_value=footprint)]
 
-    session.serve(GetParameters, "local_costmap/local_costmap/get_parameters", tell)
+    session.serve(GetParameters, "local_costmap/local_costmap/get_parameters", answer)
 
 
 class Offers:

@@ -104,7 +104,7 @@ class Robot:
         """Velocity that a behaviour or the docking server commands, m/s and rad/s; None: neither does."""
         self.docked = False
         self._stuck_for = self._unlocalised_for = 0.0
-        self._places_told = 1
+        self._poses_left = 1
         self._advanced_at = self._commanded_at = now
         self._recovery_time = simulator.recovery_time
         self._replan_period = simulator.replan_period / simulator.time_factor
@@ -201,7 +201,7 @@ class Robot:
             left=drive.left(self.pose) if seconds >= NO_PATH_YET else 0.0,
             speed=self.velocity[0],
             recoveries=recoveries,
-            places_left=self._places_told,
+            places_left=self._poses_left,
         )
 
     def use_map(self, hall: GridMap) -> None:
@@ -384,7 +384,7 @@ class Robot:
         if drive is None or drive.target != target or planless:
             drive = self._drive = self._planned(target, several=several, now=now)
             self._stuck_for = 0.0
-        self._places_told = drive.places_left
+        self._poses_left = drive.places_left
 
     def _follow_path(self, target: Target) -> None:
         """Drive along a path that the controller was given, from its nearest place on; it needs no plan."""

@@ -98,12 +98,12 @@ class ServerEndpoints:
         return found
 
     def _manager(self, manager: Server) -> Any:  # noqa: ANN401
-        def tell(_request: Trigger.Request, answer: Answer) -> None:
+        def respond(_request: Trigger.Request, answer: Answer) -> None:
             awake = self._robot.servers.runs(manager) and not self._robot.faults.on(faults.BringUp)
             if awake:
                 answer(Trigger.Response(success=self._robot.servers.group_active(manager)))
 
-        return self._session.serve_later(Trigger, f"{manager}/is_active", tell)
+        return self._session.serve_later(Trigger, f"{manager}/is_active", respond)
 
     def _answer_state(self, server: Server, response: GetState.Response) -> None:
         state = self._robot.servers.state(server)

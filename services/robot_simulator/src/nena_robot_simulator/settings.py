@@ -127,7 +127,7 @@ class MapSettings(SettingsGroup):
     @model_validator(mode="after")
     def _has_room(self) -> Self:
         width, height = self.max_x - self.min_x, self.max_y - self.min_y
-        if not (0 < width <= 1000 and 0 < height <= 1000):  # noqa: PLR2004 - said in the message
+        if not (0 < width <= 1000 and 0 < height <= 1000):  # noqa: PLR2004 - named in the message
             message = "width and height of the hall must be above 0 m and at most 1000 m"
             raise ValueError(message)
         return self

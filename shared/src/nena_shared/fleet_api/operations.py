@@ -573,7 +573,7 @@ OPERATIONS: Final[tuple[Operation[Any], ...]] = (
     SUMMARISE,
     SHOW_TRAFFIC_PLAN,
 )
-"""The operations served alike; a route that could match another one's path comes after it."""
+"""The operations served alike; a route that could match another one's path is listed after it."""
 
 COMMANDS: Final[Mapping[str, Operation[Any]]] = {each.name: each for each in OPERATIONS if each.result}
 """Those of MQTT commands, by the commands' names."""

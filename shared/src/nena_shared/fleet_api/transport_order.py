@@ -64,7 +64,7 @@ def _ends_once(steps: tuple[FailureStep, ...]) -> tuple[FailureStep, ...]:
 
 
 FailurePolicy = Annotated[tuple[FailureStep, ...], Field(max_length=20), AfterValidator(_ends_once)]
-"""Steps that are tried in turn; one that does not apply to a failure is skipped, and FAIL comes last."""
+"""Steps that are tried in turn; one that does not apply to a failure is skipped, and FAIL is the last one."""
 
 Seconds = Annotated[float, Field(gt=0, le=31_536_000)]
 
@@ -187,7 +187,7 @@ class TransportOrderRequest(Request):
     priority: Annotated[int, Field(ge=-1000, le=1000)] = 0
     """Greater is more urgent."""
     deadline: Moment | None = None
-    """Orders that are due earlier come first; one that is not finished by then is ``late``."""
+    """Orders that are due earlier are served first; one that is not finished by then is ``late``."""
     dispensable: bool = False
     """Whether it may be dropped when its vehicle is needed for another order, like parking."""
     peripheral_reservation_token: Annotated[str, Field(min_length=1, max_length=200)] | None = None

@@ -14,7 +14,7 @@ ANY_TYPE: Final = "*"
 """Accepted by it, an order may be of any type."""
 
 OrderType = Annotated[str, Field(min_length=1, max_length=100)]
-"""Free text; ``Transport``, ``Charge`` and ``Park`` are customary, ``-`` is an order that says none."""
+"""Free text; ``Transport``, ``Charge`` and ``Park`` are customary, ``-`` stands for an order without one."""
 
 
 class AcceptableOrderType(Request):

@@ -227,7 +227,7 @@ class Client:
         self._reading = False
         """Whether what is sent waits for the end of a reading."""
         self._awaits_socket = False
-        self._heard = False
+        self._arriving = False
         """Whether anything has arrived since the last check of the keep-alive."""
         self._maker = _StreamMaker(tls_context(settings.tls))
         self._paho = self._make_paho(client_id, will)
@@ -427,7 +427,7 @@ class Client:
     def _read_packets(self, stream: _Stream) -> None:
         reader = stream.reader
         if not reader.ready and reader.fill():
-            self._heard = True
+            self._arriving = True
         received = []
         for _ in range(READ_AT_ONCE):
             if message := reader.next_message():
@@ -510,8 +510,8 @@ class Client:
         stream = self._maker.stream
         while stream and not self._ended.done():
             await asyncio.sleep(KEEP_ALIVE_INTERVAL)
-            heard, self._heard = self._heard, False
-            if not (heard and stream.ping_sent):
+            arriving, self._arriving = self._arriving, False
+            if not (arriving and stream.ping_sent):
                 self._paho.loop_misc()
                 self._flush()
 
@@ -584,4 +584,4 @@ class Client:
 
 
 def _ignore(_message: Inbound) -> None:
-    """Ignore a message that comes while the connection is closed."""
+    """Ignore a message that arrives while the connection is closed."""

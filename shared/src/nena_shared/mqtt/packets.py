@@ -69,18 +69,18 @@ class PacketReader:
         Call it only when no packet is ready, so that no more than needed is buffered here.
         """
         try:
-            came = self._receive(CHUNK)
+            received = self._receive(CHUNK)
         except BlockingIOError:
             return False
         except OSError as error:
             self.why_ended = f"the connection broke: {error}"
             return False
-        if not came:
+        if not received:
             self.why_ended = "the broker closed the connection"
         del self._data[: self._at]
         self._at = self._offered = 0
-        self._data += came
-        return bool(came)
+        self._data += received
+        return bool(received)
 
     def next_message(self) -> Published | None:
         """Remove and return the next packet, if it is complete and a plain message."""

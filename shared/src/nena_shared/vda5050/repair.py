@@ -1,6 +1,6 @@
 """Repairs messages that deviate from the standard but whose meaning is clear (VDA 5050 3.0 section 7.1).
 
-Messages are first read strictly. Only one that a strict reader refuses comes here. Each value that violates
+Messages are first read strictly. Only one that a strict reader refuses is repaired. Each value that violates
 its field's type or limits is
 
 - repaired if its meaning is clear: an angle is wrapped to [-π, π], a percentage clamped, a number written as
@@ -211,10 +211,10 @@ def _repair_header(
 ) -> None:
     """Repair version and timestamp (section 7.2)."""
     required = _required(form)
-    said = content.get("version")
-    if ("version" in content or "version" in required) and not _is_version(said):
-        content["version"] = version_number(said) or version
-        found["version", RepairKind.VERSION_NUMBER] = quoted(said)
+    stated = content.get("version")
+    if ("version" in content or "version" in required) and not _is_version(stated):
+        content["version"] = version_number(stated) or version
+        found["version", RepairKind.VERSION_NUMBER] = quoted(stated)
     time = content.get("timestamp")
     if ("timestamp" in content or "timestamp" in required) and not _is_time(time):
         content["timestamp"] = iso(now)

@@ -32,7 +32,7 @@ class RobotSources:
     """Remembers for each robot the topics on which it publishes.
 
     A robot that has changed its version or interface name leaves its retained messages under the old topics,
-    and maybe a last will that is yet to come. They are outdated once the robot publishes elsewhere; while
+    and maybe a last will that is still to arrive. They are outdated once the robot publishes elsewhere; while
     only such messages are known of it, the newest of them decides.
     """
 

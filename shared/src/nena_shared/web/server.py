@@ -38,7 +38,7 @@ BODY_TIMEOUT = 60.0
 """Seconds for the body of a request, from the end of its head on."""
 
 PER_ADDRESS = 256
-"""Connections of one address, counted from accept on; not behind a proxy, from whose address all come.
+"""Connections of one address, counted from accept on; not behind a proxy, which has one address.
 Without a limit one machine could use up all file descriptors of the process, 1024 by default."""
 
 RESERVED_FILES = 128

@@ -92,7 +92,7 @@ _END: Message = {"type": "http.response.body", "body": b"", "more_body": False}
 class LastingAnswer:
     """Sits between an application and the server for one request.
 
-    Each part of the answer that comes a second or more after the last check is sent only if ``allowed``
+    Each part of the answer that follows a second or more after the last check is sent only if ``allowed``
     returns True; otherwise the answer ends before it, and the application sees that the client has
     disconnected.
     """
@@ -118,7 +118,7 @@ class LastingAnswer:
         await self._send(message)
 
     async def receive(self) -> Message:
-        """Return what comes from the client; after the end, its disconnection."""
+        """Return what the client sends; after the end, its disconnection."""
         coming = asyncio.ensure_future(self._receive())
         over = asyncio.ensure_future(self._over.wait())
         try:

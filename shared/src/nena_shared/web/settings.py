@@ -141,7 +141,7 @@ def check_exposure(settings: HttpSettings) -> None:
     """
     problems = []
     if (settings.tls_certificate is None) is not (settings.tls_key is None):
-        problems.append("http.tls_certificate and http.tls_key belong together: give both, or none.")
+        problems.append("http.tls_certificate and http.tls_key belong together: set both or neither.")
     if not is_loopback(settings.host):
         where = f"http.host: {settings.host} is reached from other machines"
         if settings.tls_certificate is None and not settings.reverse_proxy:

@@ -135,19 +135,19 @@ def make_first_user(path: Path) -> Path | None:
     if path.exists():
         return None
     token, draft = new_token(), path.with_name(f".{path.name}.{secrets.token_hex(8)}")
-    told, secret = draft.with_name(f"{draft.name}.token"), path.with_name(f"{path.name}.token")
+    token_file, secret = draft.with_name(f"{draft.name}.token"), path.with_name(f"{path.name}.token")
     try:
         write_users(draft, [User(name="admin", role=Role.ADMIN, token_sha256=hash_of(token))])
-        _write(told, f"{token}\n", 0o600)
+        _write(token_file, f"{token}\n", 0o600)
         os.link(draft, path)
-        told.replace(secret)
+        token_file.replace(secret)
     except FileExistsError:
         return None
     except OSError as error:
         raise ConfigurationError([f"http.users: {path}: {error.strerror}"]) from error
     finally:
         draft.unlink(missing_ok=True)
-        told.unlink(missing_ok=True)
+        token_file.unlink(missing_ok=True)
     return secret
 
 

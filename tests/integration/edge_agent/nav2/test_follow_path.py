@@ -156,12 +156,7 @@ async def test_a_pause_holds_although_the_agent_was_killed_meanwhile(bench: Benc
         await bench.fleet.state(ready)
         bench.fleet.send(edges(ALONG))
         await bench.moves()
-        bench.fleet.instant(action("p", "NONE", "startPause"))
-        await bench.fleet.state(lambda state: status_of(state, "p") == "RUNNING")
-        agent.kill()
-        agent.restart()
-        stopped = await bench.fleet.state(lambda state: status_of(state, "p") == "FINISHED")
-        assert await bench.speed_at(stopped) == 0.0
+        await bench.killed_while_pausing(agent)
 
 
 async def test_a_robot_that_is_outside_of_its_corridor_stops_until_it_is_back(

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 from action_msgs.msg import GoalStatusArray
 
-from support.edge_agent import ended, error_types, status_of
+from support.edge_agent import ended, error_types
 from support.nav2_agent import Bench, ready
-from support.robot_core import action, order
+from support.robot_core import order
 from support.ros import LATCHED
 from support.simulator import trace
 from support.waiting import until
@@ -41,12 +41,5 @@ async def test_an_order_that_was_being_cancelled_is_stopped_after_the_restart(be
         await bench.fleet.state(ready)
         bench.fleet.send(order("n0", "n3"))
         await bench.moves()
-        bench.fleet.instant(action("p", "NONE", "startPause"))
-        await bench.fleet.state(lambda state: status_of(state, "p") == "RUNNING")
-        agent.kill()
-        agent.restart()
-
-        stopped = await bench.fleet.state(lambda state: status_of(state, "p") == "FINISHED")
-
-        assert await bench.speed_at(stopped) == 0.0
+        await bench.killed_while_pausing(agent)
         await until(lambda: trace(arrays.messages)[-1:] == ["A:5"], what="the end of the goal")

@@ -121,12 +121,12 @@ async def test_each_who_waits_gets_the_answer_that_is_for_it() -> None:
 
 async def test_failure_and_progress_are_told_apart() -> None:
     ros, answer = listening(failed={"data": ["jam", "no power"]}, progress={"data": "half"})
-    heard: list[str] = []
-    waiting = answer.expect({"actionId": "a1"}, heard.append)
+    wait_for_subscriber: list[str] = []
+    waiting = answer.expect({"actionId": "a1"}, wait_for_subscriber.append)
     for text in ("other", "half", "no power", "done a1"):
         ros.say("said", data=text)
 
-    assert heard == ["half"]
+    assert wait_for_subscriber == ["half"]
     with pytest.raises(WorkFailedError, match="no power"):
         await waiting
 
@@ -208,10 +208,10 @@ async def test_somebody_must_listen_unless_nobody_need() -> None:
     ros = ScriptedRos()
     ros.listeners = 0
     with pytest.raises(WorkFailedError, match="no node subscribes to level"):
-        await command(ros, listener_timeout=0.1).heard()
-    await command(ros, listener_timeout=0).heard()
+        await command(ros, listener_timeout=0.1).wait_for_subscriber()
+    await command(ros, listener_timeout=0).wait_for_subscriber()
     ros.listeners = 1
-    await command(ros).heard()
+    await command(ros).wait_for_subscriber()
 
 
 async def test_a_command_is_sent_and_its_answer_ends_the_action() -> None:

@@ -133,7 +133,7 @@ async def test_a_failure_without_a_reason_gets_one() -> None:
     trial = Trial(Puppet())
     trial.plugin.report(ActionReport("a", ActionStatus.FAILED))
 
-    assert await trial.fails() == "the plug-in gave no reason"
+    assert await trial.fails() == "the plug-in reported no reason"
 
 
 @pytest.mark.parametrize("given", [None, object()])

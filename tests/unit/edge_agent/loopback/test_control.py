@@ -112,7 +112,7 @@ async def test_while_the_robot_does_not_run_a_command_is_refused() -> None:
         ('{"command": "pose", "x": 1e999, "y": 0}', "pose.x: Input should be a finite number"),
         ('{"command": "battery", "stateOfCharge": 101}', "less than or equal to 100"),
         ('{"command": "battery", "state_of_charge": 10}', "battery.stateOfCharge: is missing"),
-        ('{"command": "unreachable", "x": 1}', "give both x and y, or neither"),
+        ('{"command": "unreachable", "x": 1}', "specify both x and y, or neither"),
     ],
 )
 def test_a_wrong_command_says_what_is_wrong(text: str, problem: str) -> None:

@@ -56,7 +56,7 @@ def test_a_policy_that_is_used_up_or_empty_fails() -> None:
         (Situation(K.ACTION), M.REPLAN, "the drive has not failed"),
         (Situation(K.DRIVE, other_way=False), M.REPLAN, "no other route"),
         (Situation(K.DRIVE, carrying=True), M.OTHER_VEHICLE, "carries a load"),
-        (Situation(K.NOT_TAKEN, heard=False), M.OTHER_VEHICLE, "silent"),
+        (Situation(K.NOT_TAKEN, online=False), M.OTHER_VEHICLE, "silent"),
         (Situation(K.DRIVE, others=False), M.OTHER_VEHICLE, "no other suitable vehicle"),
         (Situation(K.DRIVE), M.SKIP, "no operation has failed"),
         (Situation(K.UNCLEAR), M.RETRY, "unknown"),

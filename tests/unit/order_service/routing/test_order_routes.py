@@ -86,8 +86,8 @@ def test_locks_of_hosts_are_told_from_ways_that_there_are_not() -> None:
     assert finder.is_locked("B --- C")
     assert not finder.is_locked("B --- D")
     assert not finder.is_locked("no path")
-    assert finder.only_locks_close("A", [at("D")])
-    assert not finder.only_locks_close("A", [at("C")])
+    assert finder.only_locks_close("A", [at("D")], None, ())
+    assert not finder.only_locks_close("A", [at("C")], None, ())
 
 
 NAMES = "ABCDEF"

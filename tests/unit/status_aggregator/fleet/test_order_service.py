@@ -15,10 +15,10 @@ class Bench:
         self.clock = ManualClock()
         self.watch = OrderServiceWatch()
 
-    def hear(self, *, online: bool, ahead: float = 0.0, retained: bool = False) -> None:
+    def receive(self, *, online: bool, ahead: float = 0.0, retained: bool = False) -> None:
         sent = self.clock.now() + timedelta(seconds=ahead)
         status = ServiceStatus(online=online, timestamp=sent, store_ready=online)
-        self.watch.hear(status, Timestamp.of(self.clock), retained=retained)
+        self.watch.receive(status, Timestamp.of(self.clock), retained=retained)
 
     def up(self) -> bool | None:
         return self.watch.up(Timestamp.of(self.clock))
@@ -31,34 +31,34 @@ def test_of_none_that_was_heard_nothing_is_said() -> None:
 
 def test_it_is_up_while_it_gives_signs_of_life() -> None:
     bench = Bench()
-    bench.hear(online=True)
+    bench.receive(online=True)
     bench.clock.advance(LOST_AFTER - 0.1)
     assert bench.up() is True
     bench.clock.advance(0.2)
     assert bench.up() is False
-    bench.hear(online=True)
+    bench.receive(online=True)
     assert bench.up() is True
 
 
 def test_its_last_will_ends_it_at_once() -> None:
     bench = Bench()
-    bench.hear(online=True)
-    bench.hear(online=False)
+    bench.receive(online=True)
+    bench.receive(online=False)
     assert bench.up() is False
     assert bench.watch.store_ready is False
 
 
 def test_without_the_broker_nothing_is_known() -> None:
     bench = Bench()
-    bench.hear(online=True, ahead=3.0)
+    bench.receive(online=True, ahead=3.0)
     bench.watch.lose()
     assert (bench.up(), bench.watch.store_ready, bench.watch.skew.seconds) == (None, None, None)
 
 
 def test_its_clock_is_measured_by_signs_of_life_that_are_new() -> None:
     bench = Bench()
-    bench.hear(online=True, ahead=-600.0, retained=True)
-    bench.hear(online=False, ahead=-600.0)
+    bench.receive(online=True, ahead=-600.0, retained=True)
+    bench.receive(online=False, ahead=-600.0)
     assert bench.watch.skew.seconds is None
-    bench.hear(online=True, ahead=3.0)
+    bench.receive(online=True, ahead=3.0)
     assert bench.watch.skew.seconds == 3.0

@@ -188,7 +188,7 @@ def show_contents(file: PlantFile, console: Console) -> None:
 
 
 def show_findings(findings: Iterable[Finding], console: Console) -> None:
-    """Print a table of findings. Names and texts come from the file, so markup in them is not interpreted."""
+    """Print a table of findings. Names and texts are from the file, so markup in them is not interpreted."""
     table = Table("severity", "code", "object", "finding", title="Findings", title_justify="left")
     for finding in findings:
         severity, problem = _severity(finding), finding.problem
@@ -279,7 +279,7 @@ def convert(
     """Convert a plant model to openTCS XML 7.0.0, LIF 1.0.0 or 2.0.0, or a route graph, and list losses."""
     options = LifOptions(map_id, tuple(vehicle_type or ()))
     if (target is None) is not nav2_route:
-        fail("give either --format or --nav2-route")
+        fail("use either --format or --nav2-route")
     with _errors_reported():
         read = read_plant(file, strict=strict)
         model = read.model or _reject(read, as_json=as_json)

@@ -206,7 +206,7 @@ def _skipped(now: State, order: StitchedOrder) -> Iterator[Problem]:
 
 
 def _steps(before: State, now: State, order: StitchedOrder) -> Iterator[Problem]:
-    """Compare two states of one order: no node comes back."""
+    """Compare two states of one order: no node reappears."""
     number = now.last_node_sequence_id
     known = order.released().get(number)
     if known and now.last_node_id and known[0] != now.last_node_id:

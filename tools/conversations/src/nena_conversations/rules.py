@@ -119,7 +119,7 @@ class Rule(Enum):
     ECHO = "echo", _both("6.10.6", "7.8")
     """A state has an order and update that were sent, and never returns to an older update."""
     PROGRESS = "progress", _both("6.10.2", "6.6.2")
-    """Nodes are those of the order; they disappear in order, without gaps, and never come back."""
+    """Nodes are those of the order; they disappear in order, without gaps, and never reappear."""
     FIRST_NODE = "firstNode", _only_3("6.6.1")
     """The first node of an order counts as reached immediately."""
     ACTION_LOST = "actionLost", _both("6.11", "6.6.9")

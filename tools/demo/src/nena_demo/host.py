@@ -66,7 +66,7 @@ class Host:
         """Create an order over MQTT and wait for the answer; ``request`` needs an idempotency key.
 
         Raises:
-            RefusedError: with the order service's text, or because no answer came.
+            RefusedError: with the order service's text, or because there was no answer.
 
         """
         key = request.idempotency_key or ""

@@ -54,7 +54,7 @@ Backlog = Annotated[
     int,
     typer.Option(help="Number of orders kept waiting at all times, drawn by the relations' rates.", min=0),
 ]
-Seed = Annotated[int, typer.Option(help="Random seed; the same seed gives the same result.")]
+Seed = Annotated[int, typer.Option(help="Random seed; the same seed leads to the same result.")]
 Speed = Annotated[float, typer.Option(help="Speed of the robots, m/s.", min=0.01)]
 Work = Annotated[float, typer.Option(help="Time to pick or drop, seconds.", min=0)]
 WarmUp = Annotated[float, typer.Option(help="Minutes that do not count.", min=0)]

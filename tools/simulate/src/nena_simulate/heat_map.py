@@ -46,9 +46,9 @@ class _View:
         for drawn in sorted(self._plant.paths, key=lambda each: waiting[each.name]):
             name, value = drawn.name, waiting[drawn.name]
             (x1, y1), (x2, y2) = self._place(drawn.source), self._place(drawn.destination)
-            told = f"<title>{escape(name)}: {value:.1f}</title>"
+            tooltip = f"<title>{escape(name)}: {value:.1f}</title>"
             ends = f'x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}"'
-            yield f"<line {ends} {_pen(value, most)}>{told}</line>"
+            yield f"<line {ends} {_pen(value, most)}>{tooltip}</line>"
 
     def points(self, waiting: Mapping[str, float], most: float) -> Iterator[str]:
         """Draw stations, and points at which robots wait."""
@@ -63,10 +63,10 @@ class _View:
             if value := waiting[point.name]:
                 x, y = self._place(point.name)
                 share = value / most
-                told = f"<title>{escape(point.name)}: {value:.1f}</title>"
+                tooltip = f"<title>{escape(point.name)}: {value:.1f}</title>"
                 yield (
                     f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{3 + 7 * share:.1f}" fill="{_colour(share)}">'
-                    f"{told}</circle>"
+                    f"{tooltip}</circle>"
                 )
 
     def _place(self, point: str) -> tuple[float, float]:

@@ -47,7 +47,7 @@ def simulate_all(cases: Iterable[Case], *, jobs: int) -> list[Figures]:
 
 @contextmanager
 def _sets_in_one_order() -> Iterator[None]:
-    """Give processes started meanwhile the same hash seed, which Python otherwise chooses at random."""
+    """Start processes with a fixed hash seed, which Python otherwise chooses at random."""
     before = os.environ.get(HASH_SEED)
     os.environ[HASH_SEED] = "0"
     try:

@@ -30,7 +30,7 @@ class _Selector(selectors.SelectSelector):
         self.now = 0.0
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
-        """Advance the time by ``timeout`` seconds; nothing comes from outside.
+        """Advance the time by ``timeout`` seconds; no event arrives from outside.
 
         Each turn of the loop takes some time, as on a real machine: code that sets a timer shorter than the
         clock's resolution would otherwise repeat it for ever.

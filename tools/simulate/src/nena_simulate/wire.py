@@ -70,7 +70,7 @@ class Broker:
         inbound = Inbound(message.topic, message.payload, retained, message.qos)
         if not self._under_way:
             loop.call_later(self._conditions.delay, self._deliver)
-        self._under_way.append((loop.time() + self._conditions.delay, lambda: link.hear(inbound)))
+        self._under_way.append((loop.time() + self._conditions.delay, lambda: link.receive(inbound)))
 
     def _deliver(self) -> None:
         """Deliver what has arrived; all are under way equally long, so the oldest arrives first."""
@@ -120,7 +120,7 @@ class Link(MqttLink):
         """Return whether the program has subscribed to a topic."""
         return bool(self._handlers_of(topic))
 
-    def hear(self, message: Inbound) -> None:
+    def receive(self, message: Inbound) -> None:
         """Receive a message from the broker."""
         if not self.state.connected:
             return

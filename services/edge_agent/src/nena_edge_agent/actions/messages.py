@@ -279,7 +279,7 @@ EXAMPLES: Final = {
 
 
 class UnknownTypeError(Exception):
-    """The message or service type is not installed here; the text says so, and what to do."""
+    """The message or service type is not installed here; the text names it and the remedy."""
 
 
 @lru_cache(maxsize=200)

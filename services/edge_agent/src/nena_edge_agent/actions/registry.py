@@ -83,7 +83,7 @@ def make(name: str, context: PluginContext) -> tuple[ActionPlugin, ...]:
         raise PluginBrokenError(message) from error
     for plugin in found:
         if not _is_plugin(plugin):
-            message = f"plug-in '{name}' gives {plugin!r}, which lacks declaration or start"
+            message = f"plug-in '{name}' returned {plugin!r}, which lacks declaration or start"
             raise PluginBrokenError(message)
     return found
 

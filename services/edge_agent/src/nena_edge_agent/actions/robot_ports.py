@@ -148,9 +148,9 @@ class LoadSensor:
         self._reported: bool | None = None
         self._reported_at = -inf
         self.on_reading: Callable[[LoadSensed], None] | None = None
-        port.subscribe(settings.topic, settings.type, self._heard, qos=settings.qos)
+        port.subscribe(settings.topic, settings.type, self._on_message, qos=settings.qos)
 
-    def _heard(self, message: Fields) -> None:
+    def _on_message(self, message: Fields) -> None:
         loaded, now = matches(message, self._loaded), asyncio.get_running_loop().time()
         if self.on_reading and (loaded is not self._reported or now - self._reported_at >= AGAIN_AFTER):
             self._reported, self._reported_at = loaded, now
@@ -179,13 +179,13 @@ class RobotPorts:
         """Return a maker of drivers whose events are also observed on their way to the core."""
 
         def make(put: Put, last_place: Pose | None) -> Driver:
-            def heard(event: Event) -> None:
+            def on_event(event: Event) -> None:
                 self.drive.observe(event)
                 put(event)
 
             if self._sensor:
                 self._sensor.on_reading = put
-            driver = make_driver(heard, last_place)
+            driver = make_driver(on_event, last_place)
             self.drive.attach(driver)
             return driver
 

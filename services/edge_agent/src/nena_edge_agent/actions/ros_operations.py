@@ -186,7 +186,7 @@ class Answer:
         self._progress = template(settings.progress, "progress")
         self._waiting: dict[int, Callable[[Fields], None]] = {}
         self._last: Fields | None = None
-        port.subscribe(settings.topic, settings.type, self._heard, qos=settings.qos)
+        port.subscribe(settings.topic, settings.type, self._on_message, qos=settings.qos)
 
     @property
     def words(self) -> str:
@@ -236,7 +236,7 @@ class Answer:
         value = value_at(message, self._settings.result) if self._settings.result else None
         return None if value in (None, "") else str(value)
 
-    def _heard(self, message: Fields) -> None:
+    def _on_message(self, message: Fields) -> None:
         self._last = message
         for look in list(self._waiting.values()):
             look(message)
@@ -343,7 +343,7 @@ class Command:
             if each:
                 each.filled(values)
 
-    async def heard(self) -> None:
+    async def wait_for_subscriber(self) -> None:
         """Wait until a node subscribes.
 
         Raises:
@@ -466,7 +466,7 @@ class _Running(BackgroundAction):
     async def _work(self) -> ActionReport:
         try:
             if self._steps.command:
-                await self._steps.command.heard()
+                await self._steps.command.wait_for_subscriber()
             result = await self._do()
         except (RosError, FieldError) as error:
             raise WorkFailedError(str(error)) from error

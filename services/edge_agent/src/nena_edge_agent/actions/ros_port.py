@@ -211,11 +211,11 @@ class _Subscription:
             self._topic,
             profiles[self._qos],
             read=read,
-            handle=self._heard,
+            handle=self._on_message,
             limit=MESSAGES_WAITING,
         )
 
-    def _heard(self, fields: Fields) -> None:
+    def _on_message(self, fields: Fields) -> None:
         self._last = fields
         for handle in self._handlers:
             self._deliver(handle, fields)

@@ -143,7 +143,7 @@ LONGEST_RESULT = 1000
 class Run:
     """One running action. An exception of its plug-in only fails this action, with a reason.
 
-    Reports may come from any thread. Valid ones are passed to ``on_report`` in the event loop's thread,
+    Reports may arrive from any thread. Valid ones are passed to ``on_report`` in the event loop's thread,
     and none after the end of the action.
     """
 
@@ -160,7 +160,7 @@ class Run:
         self._running: RunningAction | None = None
         self._status = ActionStatus.INITIALIZING
         self._progress = _Progress(self._loop, self._send)
-        self._heard = ""
+        self._last_result = ""
         self._answer: asyncio.TimerHandle | None = None
         self._limit = _Stopwatch(self._loop, plugin.declaration.timeout, self._over_time)
         self.ended = False
@@ -172,7 +172,7 @@ class Run:
         self._guarded(lambda: self._begin(loads))
 
     def pause(self) -> None:
-        """Pause; if the plug-in does not, the action continues and its result says so."""
+        """Pause; if the plug-in does not, the action continues and its result mentions it."""
         if self._running is None:
             return
         text = f"the plug-in did not pause within {self._timeouts.obey:g} s"
@@ -228,7 +228,7 @@ class Run:
             self._fail(f"the plug-in reported {flaw}")
         elif report.status is ActionStatus.FAILED:
             self._end()
-            self._send(replace(report, result=report.result or "the plug-in gave no reason"))
+            self._send(replace(report, result=report.result or "the plug-in reported no reason"))
         elif report.status.ended:
             self._end()
             self._send(report)
@@ -237,7 +237,7 @@ class Run:
 
     def _go_on(self, report: ActionReport) -> None:
         before, self._status = self._status, report.status
-        self._heard = report.result or self._heard
+        self._last_result = report.result or self._last_result
         if report.status is before is ActionStatus.RUNNING:
             self._progress.take(report)
             return
@@ -248,7 +248,7 @@ class Run:
         self._send(report)
 
     def _over_time(self) -> None:
-        last = f"; last progress: {self._heard}" if self._heard else ""
+        last = f"; last progress: {self._last_result}" if self._last_result else ""
         self._fail(f"the action took longer than {self._plugin.declaration.timeout:g} s{last}")
 
     def _fail(self, reason: str) -> None:

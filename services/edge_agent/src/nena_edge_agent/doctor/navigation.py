@@ -101,7 +101,7 @@ NODES_SHOWN = 3
 def judge_robot(view: RosView, settings: RosSettings) -> list[LinkFinding]:
     """Judge domain, namespace, localisation and Nav2; links behind a missing one are not judged.
 
-    The localisation comes first: Nav2's planner does not become active without a pose.
+    The localisation is checked first: Nav2's planner does not become active without a pose.
     """
     findings = [_domain(view, settings)]
     if findings[-1].verdict is LinkVerdict.OK:
@@ -180,7 +180,7 @@ def _navigation(view: RosView, settings: RosSettings) -> LinkFinding:
         return missing(Link.NAVIGATION, f"Nav2 {state}, and the robot has no pose", POSE_FIRST)
     if view.lifecycle is Lifecycle.INACTIVE:
         remedy = "activate it: ros2 service call .../manage_nodes, or autostart: true in Nav2's parameters"
-        return missing(Link.NAVIGATION, f"{names.lifecycle} says that Nav2 is not active", remedy)
+        return missing(Link.NAVIGATION, f"{names.lifecycle} reports that Nav2 is not active", remedy)
     if view.lifecycle is Lifecycle.SILENT:
         return missing(Link.NAVIGATION, f"{names.lifecycle} does not answer", "Nav2 hangs: restart it")
     if not view.goal_listeners:

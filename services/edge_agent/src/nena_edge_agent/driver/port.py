@@ -1,6 +1,6 @@
 """The port between the protocol core and the driver of the robot.
 
-Commands go in as method calls that return at once; everything that happens comes out as events, through the
+Commands go in as method calls that return at once; everything that happens is reported as events, through the
 callback given to the driver, in the event loop's thread. Poses are in the plant's frame: m, rad,
 anti-clockwise, with the map ID. A driver whose robot has its own map works behind
 :mod:`nena_edge_agent.driver.map_port`, in the frame of that map.
@@ -353,7 +353,7 @@ class Mover(Protocol):
     """What of a driver is the same in each frame."""
 
     async def start(self) -> None:
-        """Start to work; events may come from now on.
+        """Start; events may be emitted from now on.
 
         Raises:
             nena_shared.program.StartError: it cannot work here; the text says what to do.

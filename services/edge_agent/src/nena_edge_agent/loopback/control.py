@@ -84,7 +84,7 @@ class _Area(_Command):
     @model_validator(mode="after")
     def _whole_place(self) -> Self:
         if (self.x is None) is not (self.y is None):
-            message = "give both x and y, or neither"
+            message = "specify both x and y, or neither"
             raise ValueError(message)
         return self
 
@@ -295,7 +295,7 @@ class SimulationControl:
 def _make_safe(
     robot: _Robot, command: SwitchFieldViolation | PressEmergencyStop | AcknowledgeEmergencyStop
 ) -> None:
-    """Stop the robot before its core hears of it, as safety circuits do."""
+    """Stop the robot before its core receives the event, as safety circuits do."""
     match command:
         case SwitchFieldViolation(active=active):
             robot.safety = replace(robot.safety, field_violation=active)

@@ -1,1 +1,1 @@
-"""The driver for Nav2: goals, localisation, the ROS session, and what it hears from the robot."""
+"""The driver for Nav2: goals, localisation, the ROS session, and what the robot publishes."""

@@ -1,4 +1,4 @@
-"""Nav2's action in the ROS graph, to one place or over several: its goals, results and feedback.
+"""Nav2's action in the ROS graph, to one position or through several: its goals, results and feedback.
 
 Built from the action's hidden services and topic: so goals can have IDs of our own, answers have timeouts,
 and the result of an earlier run's goal can be requested. Statuses and cancelling are in the node, which also
@@ -57,19 +57,21 @@ def action_type(navigation: Navigation) -> Any | None:  # noqa: ANN401 - rclpy c
 
 
 class ActionClient:
-    """Speaks to the action's server; a extension on one node, which it enters before all else."""
+    """Client of an action server; an extension of one node, entered before any other call."""
 
     def __init__(self, settings: RosSettings, types: Any, listeners: ActionListeners) -> None:  # noqa: ANN401
         self._settings = settings
         self._types = types
         self._listeners = listeners
+        self._name = settings.action
+        self._read_feedback = feedback_reading
         self._asked: Any = None
         self._feedback_due_at = 0.0
 
     def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401
-        """Build the clients and the subscription."""
-        self._session = session
-        services, hidden = self._types.Impl, f"{self._settings.action}/_action"
+        """Create the clients and the subscription."""
+        self._session, self._node = session, node
+        services, hidden = self._types.Impl, f"{self._name}/_action"
         self._goals = node.create_client(services.SendGoalService, f"{hidden}/send_goal")
         self._results = node.create_client(services.GetResultService, f"{hidden}/get_result")
         session.subscribe(
@@ -77,7 +79,7 @@ class ActionClient:
             services.FeedbackMessage,
             f"{hidden}/feedback",
             FEEDBACK,
-            read=feedback_reading,
+            read=self._read_feedback,
             handle=self._listeners.feedback,
             due=self._feedback_due,
         )
@@ -88,23 +90,30 @@ class ActionClient:
         return bool(self._goals.service_is_ready() and self._results.service_is_ready())
 
     async def send(self, goal_id: str, way: Sequence[MapPose], tree: str = "") -> bool | None:
-        """Send a goal over the places of ``way``; NavigateToPose uses the first alone.
+        """Send a goal through the positions of ``way``; NavigateToPose uses only the first.
 
         ``tree`` is the name of a behaviour tree of the settings; "": Nav2's own.
 
         Return whether the server has accepted it, None: it did not answer in time.
         """
-        request = self._types.Impl.SendGoalService.Request()
-        request.goal_id.uuid = list(bytes.fromhex(goal_id))
-        places = [messages.goal_message(pose, self._settings.frame) for pose in way]
+        request = self._goal_request(goal_id)
+        poses = [messages.goal_message(pose, self._settings.frame) for pose in way]
         if hasattr(request.goal, "pose"):
-            request.goal.pose = places[0]
+            request.goal.pose = poses[0]
         elif hasattr(request.goal.poses, "goals"):  # from Kilted on
             request.goal.poses.header.frame_id = self._settings.frame
-            request.goal.poses.goals = places
+            request.goal.poses.goals = poses
         else:
-            request.goal.poses = places
+            request.goal.poses = poses
         request.goal.behavior_tree = self._settings.behavior_trees.get(tree, "")
+        return await self._send(request)
+
+    def _goal_request(self, goal_id: str) -> Any:  # noqa: ANN401
+        request = self._types.Impl.SendGoalService.Request()
+        request.goal_id.uuid = list(bytes.fromhex(goal_id))
+        return request
+
+    async def _send(self, request: Any) -> bool | None:  # noqa: ANN401
         answer = await self._session.call(self._goals, request, seconds=self._settings.call_timeout)
         return None if answer is None else bool(answer.accepted)
 
@@ -139,19 +148,19 @@ def feedback_reading(message: Any) -> FeedbackReading:  # noqa: ANN401
     """Read the feedback of a drive.
 
     Raises:
-        UnusablePoseError: the place is not finite or the orientation no unit quaternion.
+        UnusablePoseError: the position is not finite or the orientation no unit quaternion.
 
     """
     feedback = message.feedback
-    place, turn = feedback.current_pose.pose.position, feedback.current_pose.pose.orientation
+    position, turn = feedback.current_pose.pose.position, feedback.current_pose.pose.orientation
     yaw = yaw_of(turn.x, turn.y, turn.z, turn.w)
-    if yaw is None or not math.isfinite(place.x + place.y + feedback.distance_remaining):
-        text = f"x {place.x}, y {place.y}, distance {feedback.distance_remaining}"
+    if yaw is None or not math.isfinite(position.x + position.y + feedback.distance_remaining):
+        text = f"x {position.x}, y {position.y}, distance {feedback.distance_remaining}"
         raise UnusablePoseError(text)
     return FeedbackReading(
         goal_id=bytes(message.goal_id.uuid).hex(),
-        x=place.x,
-        y=place.y,
+        x=position.x,
+        y=position.y,
         yaw=yaw,
         frame=feedback.current_pose.header.frame_id,
         left=feedback.distance_remaining,

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 
 WITHOUT_REASON = (
-    "it gives no reason. Probably its lifecycle manager deactivated or paused it, or one of its servers "
+    "no reason reported. Probably its lifecycle manager deactivated or paused it, or one of its servers "
     "did not answer in time: default_server_timeout of bt_navigator is 20 ms, too short for a loaded computer"
 )
 """What to think of a goal that is aborted with error code 0."""
@@ -158,7 +158,7 @@ class FeedbackFilter:
 
     def __init__(self, silence: SilenceWatch | None = None) -> None:
         self._silence = silence or SilenceWatch()
-        self._heard_at = -math.inf
+        self._received_at = -math.inf
         self._place = (math.inf, math.inf)
         self._yaw = 0.0
         self._progress_at = -math.inf
@@ -166,16 +166,16 @@ class FeedbackFilter:
 
     def fresh(self, now: float) -> bool:
         """Return whether feedback is arriving now."""
-        return now - self._heard_at < FRESH
+        return now - self._received_at < FRESH
 
-    def heard(self, now: float) -> None:
-        """Note feedback that tells no place."""
-        self._heard_at = now
+    def received(self, now: float) -> None:
+        """Note that feedback has arrived."""
+        self._received_at = now
         self._silence.heard(now)
 
     def moved(self, reading: FeedbackReading, now: float) -> bool:
         """Return whether the position is to be reported."""
-        self.heard(now)
+        self.received(now)
         here = (reading.x, reading.y)
         turned = abs(math.remainder(reading.yaw - self._yaw, math.tau))
         if math.dist(here, self._place) < POSE_STEP and turned < YAW_STEP:
@@ -199,7 +199,7 @@ class FeedbackFilter:
 log = get_logger(__name__)
 
 REASON_WAIT = 1.0
-"""Seconds that the result of an aborted goal may come after the array with its end."""
+"""Seconds that the result of an aborted goal may arrive after the array with its end."""
 
 
 class ActionTracker(GoalTracker):
@@ -358,11 +358,11 @@ class ActionTracker(GoalTracker):
         super()._follow(drive, goal_id, now, lost=lost)
 
     def _fail_aborted(self, drive: GoalDrive, goal_id: str) -> None:
-        told_of, code, meaning = self._reason
-        if told_of == goal_id and meaning is not None:
+        failed_id, code, meaning = self._reason
+        if failed_id == goal_id and meaning is not None:
             text = f"Nav2 has aborted the goal {goal_id}: {meaning.reason}"
             self._fail(drive, DriveFailure.ABORTED, text, hint=meaning.hint, code=code)
-        elif told_of == goal_id and self._registry.taken_over(goal_id) is None:
+        elif failed_id == goal_id and self._registry.taken_over(goal_id) is None:
             self._fail(drive, DriveFailure.ABORTED, f"Nav2 has aborted the goal {goal_id}: {WITHOUT_REASON}")
         else:
             super()._fail_aborted(drive, goal_id)

@@ -218,7 +218,7 @@ class Nav2Driver:
             if reason := self._limiter.problem(goal.maximum_speed):
                 self._apply(self._tracker.drop(now))
                 if goal.generation < 0:  # a plug-in's drive, which is not given again
-                    self._tell(DriveFailed(goal.generation, DriveFailure.NOT_TAKEN_UP, reason))
+                    self._report(DriveFailed(goal.generation, DriveFailure.NOT_TAKEN_UP, reason))
                     return
                 self._too_fast = reason
                 self._report_navigation(NavigationReport(available=False, reason=reason))
@@ -231,10 +231,10 @@ class Nav2Driver:
             self._apply(self._tracker.go_to(goal, now))
             if len(goal.path) > 1:
                 places = tuple((each.x, each.y) for each in goal.path)
-                self._tell(MapPlanReport(thinned(places), self._map_id))
+                self._report(MapPlanReport(thinned(places), self._map_id))
         else:
             self._apply(self._tracker.drop(now))
-            self._tell(DriveFailed(goal.generation, DriveFailure.NOT_TAKEN_UP, problem))
+            self._report(DriveFailed(goal.generation, DriveFailure.NOT_TAKEN_UP, problem))
 
     def halt(self) -> None:
         """Cancel the current goal; ``Halted`` follows at standstill."""
@@ -261,7 +261,7 @@ class Nav2Driver:
         """
         problem = impossible(pose, self._map_id)
         if problem is not None:
-            self._tell(PositionInitialized(succeeded=False, description=problem))
+            self._report(PositionInitialized(succeeded=False, description=problem))
             return
         self._apply(self._initial_position.ask(pose, self._clock.monotonic()))
 
@@ -286,7 +286,7 @@ class Nav2Driver:
             self._apply(self._tracker.drop(self._clock.monotonic()))
             if waiting.generation < 0:  # a plug-in's drive, which is not given again
                 text = f"the map '{map_id}' was enabled before the drive began"
-                self._tell(DriveFailed(waiting.generation, DriveFailure.NOT_TAKEN_UP, text))
+                self._report(DriveFailed(waiting.generation, DriveFailure.NOT_TAKEN_UP, text))
         report = self._localisation.report()
         self._map_id, self._unplaced = map_id, True
         self._forget_place()
@@ -297,7 +297,7 @@ class Nav2Driver:
         if report is not None:
             problem = f"the map '{self._map_id}' was enabled, but the position on it is not set"
             pose = replace(report.pose, map_id=self._map_id)
-            self._tell(
+            self._report(
                 MapPoseReport(pose, localized=False, vx=report.vx, omega=report.omega, problem=problem)
             )
 
@@ -326,7 +326,7 @@ class Nav2Driver:
         found = (self._transforms, self._parameters, self._limiter, self._map_server, self._keep_out)
         own: list[NodeExtension] = [each for each in found if each is not None]
         if interface(COLLISION_MONITOR) is not None:
-            own.append(CollisionMonitor(self._settings.names.collision_monitor, self._tell))
+            own.append(CollisionMonitor(self._settings.names.collision_monitor, self._report))
         extensions = (*self._extensions, *own, *self._action.new_client(self._settings))
         if self._paths is not None:
             extensions = (*extensions, self._paths.new_path_client(self._settings))
@@ -349,7 +349,7 @@ class Nav2Driver:
         self._tracker.forget_pose()
         if report is not None:
             self._log.warning("the robot's position is no longer known", reason=problem)
-            self._tell(replace(report, localized=False, vx=None, omega=None, problem=problem))
+            self._report(replace(report, localized=False, vx=None, omega=None, problem=problem))
 
     def _forget_place(self) -> None:
         """Start again to learn where the robot is: it may be another one, or be pushed around."""
@@ -449,23 +449,23 @@ class Nav2Driver:
     async def _read_limits(self, report: NavigationReport) -> None:
         """Read Nav2's goal tolerance and limits each time that it becomes available.
 
-        A controller that is still starting may not report its speed yet, and is asked again.
+        A controller that is still starting may not report its speed yet; it is read again later.
         """
         was_available = self._navigation is not None and self._navigation.available
         if not was_available:
             self._readings = READINGS
         if not report.available or self._readings == 0 or self._parameters is None:
             return
-        told = await self._parameters.read()
-        self._readings = self._readings - 1 if told.speed is None else 0
-        tolerance = self._settings.goals.goal_tolerance or told.xy_tolerance or GOAL_TOLERANCE
-        # by topics, and on a path of our own, the robot's place is known seldom
+        parameters = await self._parameters.read()
+        self._readings = self._readings - 1 if parameters.speed is None else 0
+        tolerance = self._settings.goals.goal_tolerance or parameters.xy_tolerance or GOAL_TOLERANCE
+        # by topics, and on a path of our own, the robot's position is rarely known
         known_each = 0.0 if self._action.look() and self._paths is None else STALE_XY
-        hand_over = max(tolerance, told.approach or 0.0) + known_each
+        hand_over = max(tolerance, parameters.approach or 0.0) + known_each
         self._log.info("Nav2's parameters", tolerance=tolerance, hand_over=hand_over)
-        if self._limiter is not None and told.speed is not None:
-            self._limiter.controller_drives(told.speed)
-        self._tell(DriveLimits(tolerance, hand_over, self._map_id, told.contour))
+        if self._limiter is not None and parameters.speed is not None:
+            self._limiter.controller_drives(parameters.speed)
+        self._report(DriveLimits(tolerance, hand_over, self._map_id, parameters.contour))
 
     def _on_navigation(self, servers: frozenset[str], report: NavigationReport) -> None:
         self._see_servers(servers)
@@ -484,18 +484,18 @@ class Nav2Driver:
         if report != self._navigation:
             self._navigation = report
             self._log.info("navigation", available=report.available, reason=report.reason)
-            self._tell(report)
+            self._report(report)
 
     def _watch_drive(self) -> None:
-        """Check whether the robot gets on, and whether it still hears where it is."""
+        """Check whether the robot makes progress, and whether poses still arrive."""
         now, driving = self._clock.monotonic(), self._tracker.driving
         if self._localisation.forget_stale_velocity(now):
-            self._tell(self._localisation.velocity)
+            self._report(self._localisation.velocity)
         blocked = self._movement.blocked(driving=driving, now=now)
         if blocked != self._blocked:
             self._blocked = blocked
             self._log.info("movement", blocked=blocked)
-            self._tell(BlockedReport(blocked, self._settings.goals.blocked_after))
+            self._report(BlockedReport(blocked, self._settings.goals.blocked_after))
         report, lost = self._localisation.report(), self._pose_watch.lost
         unsure = report is not None and not report.localized
         if self._pose_watch.look(driving=driving, unsure=unsure, now=now):
@@ -509,7 +509,7 @@ class Nav2Driver:
 
     def _on_session(self, report: SessionReport) -> None:
         """Report the session; without one there is no Nav2, and with a new one it is looked for."""
-        self._tell(report)
+        self._report(report)
         if report.state in (SessionState.NOT_ACTIVE, SessionState.FAILED):
             self._lose_place("its ROS session is not active")
             text = f"its ROS session is {report.state}"
@@ -543,12 +543,8 @@ class Nav2Driver:
     def _on_feedback(self, reading: FeedbackReading) -> None:
         """Handle feedback: position, more often than the localisation, and remaining distance."""
         now = self._clock.monotonic()
-        if reading.goal_id != self._tracker.goal_id:
+        if not self._is_of_goal(reading, now):
             return
-        if self._limiter is not None:
-            self._limiter.drives(now)
-        if self._listening is None:
-            self._listen(FEEDBACK_TIMEOUT)
         if self._feedback.moved(reading, now):
             pose = self._localisation.on_nearer(reading.x, reading.y, reading.yaw, reading.frame)
             if pose is not None:
@@ -557,20 +553,25 @@ class Nav2Driver:
                 self._apply(self._tracker.on_pose(pose, now))
         self._movement.on_recoveries(reading.recoveries)
         if progress := self._feedback.progress(reading, self._map_id, now):
-            self._tell(progress)
+            self._report(progress)
 
     def _on_path_feedback(self, reading: FeedbackReading) -> None:
-        """Take the way that is left of a path of our own."""
+        """Handle feedback on a path of our own: remaining distance."""
         now = self._clock.monotonic()
+        if self._is_of_goal(reading, now):
+            self._path_feedback.received(now)
+            if progress := self._path_feedback.progress(reading, self._map_id, now):
+                self._report(progress)
+
+    def _is_of_goal(self, reading: FeedbackReading, now: float) -> bool:
+        """Return whether feedback belongs to the current goal; if so, note that the robot drives."""
         if reading.goal_id != self._tracker.goal_id:
-            return
+            return False
         if self._limiter is not None:
             self._limiter.drives(now)
         if self._listening is None:
             self._listen(FEEDBACK_TIMEOUT)
-        self._path_feedback.heard(now)
-        if progress := self._path_feedback.progress(reading, self._map_id, now):
-            self._tell(progress)
+        return True
 
     def _listen(self, seconds: float) -> None:
         """Check after ``seconds`` whether feedback still arrives."""
@@ -599,20 +600,20 @@ class Nav2Driver:
         if silent := self._silence.on_velocity(now, driving=self._tracker.active):
             self._apply(self._tracker.on_silence(silent, now))
         if self._localisation.on_velocity(velocity, now):
-            self._tell(self._localisation.velocity)
+            self._report(self._localisation.velocity)
             self._report_pose()
 
     def _on_battery(self, reading: BatteryReading) -> None:
         report = self._battery.report(reading)
         if report is not None:
-            self._tell(report)
+            self._report(report)
 
     def _on_plan(self, plan: tuple[str, tuple[tuple[float, float], ...]]) -> None:
         """Report a plan for our own drive; others plan too, and whose it is shows by where it ends."""
         frame, points = plan
         ours = frame.removeprefix("/") == self._settings.frame
         if ours and len(points) > 1 and self._tracker.wants(points[-1]):
-            self._tell(MapPlanReport(points, self._map_id))
+            self._report(MapPlanReport(points, self._map_id))
 
     def _report_pose(self) -> None:
         report = self._localisation.report()
@@ -623,7 +624,7 @@ class Nav2Driver:
             problem = f"the localisation has sent no pose for more than {seconds:g} s of driving"
             report = replace(report, localized=False, problem=problem)
         if report is not None:
-            self._tell(report)
+            self._report(report)
 
     def _apply(self, commands: Iterable[Command | PublishInitialPose]) -> None:
         for command in commands:
@@ -640,7 +641,7 @@ class Nav2Driver:
 
     def _do(self, command: Command | PublishInitialPose) -> None:
         if isinstance(command, Report):
-            self._tell(command.event)
+            self._report(command.event)
             return
         node = self._node
         if node is None:
@@ -684,7 +685,7 @@ class Nav2Driver:
         self._apply(self._initial_position.tick(now))
         self._apply(self._tracker.tick(now))
 
-    def _tell(self, event: MapDriverEvent) -> None:
+    def _report(self, event: MapDriverEvent) -> None:
         if isinstance(event, Halted):
             self._halted.set()
         if self._limiter is not None and _ends(event):

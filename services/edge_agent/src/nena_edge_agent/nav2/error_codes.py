@@ -22,15 +22,15 @@ _NO_WAY = (
     "clear the path, and compare the position with the map; Nav2 keeps obstacles until it sees them gone"
 )
 _MEANINGS = {
-    100: Meaning("the controller gave no reason", "check the log of controller_server on the robot"),
+    100: Meaning("the controller reported no reason", "check the log of controller_server on the robot"),
     101: Meaning("Nav2 has no such controller", _SETTINGS),
     102: Meaning("the controller lacks a transform", _NO_TRANSFORM),
     103: Meaning("the controller cannot use the path", "check the log of controller_server on the robot"),
-    104: Meaning("the controller gave up waiting", "clear the robot's path"),
+    104: Meaning("the controller stopped waiting", "clear the robot's path"),
     105: Meaning("the robot makes no progress", "clear its path; check brakes, emergency stop and motors"),
     106: Meaning("the controller found no valid command", "clear the robot's path"),
     107: Meaning("the controller is too slow", "check the load of the robot's computer"),
-    200: Meaning("the planner gave no reason", "check the log of planner_server on the robot"),
+    200: Meaning("the planner reported no reason", "check the log of planner_server on the robot"),
     201: Meaning("Nav2 has no such planner", _SETTINGS),
     202: Meaning("the planner lacks a transform", _NO_TRANSFORM),
     203: Meaning("the robot is outside of the map", "set the robot's position, and check its map"),
@@ -49,7 +49,7 @@ _MEANINGS = {
     ),
     906: Meaning("the robot is docked but not charging", "check the dock's power and contacts"),
     907: Meaning("docking took too long", "clear the dock, and check the robot's path"),
-    999: Meaning("the docking server gave no reason", "check the log of docking_server on the robot"),
+    999: Meaning("the docking server reported no reason", "check the log of docking_server on the robot"),
 }
 _FAMILIES = {
     500: "the smoother has failed",

@@ -74,13 +74,13 @@ class GoalDrive:
         return self.preempts or self.interrupted
 
     def on_pose(self, pose: MapPose, before: MapPose, now: float) -> None:
-        """Note a pose and the one before it; on busy computers they come long after the arrival."""
+        """Note a pose and the one before it; on busy computers they are received long after the arrival."""
         self._shown_driving = not near(pose, before, xy=STANDS, theta=STANDS)
         if self.reached_at is not None and self._shown_driving:
             self.late_at = min(now, self.reached_at + LATE_AT_MOST)
 
     def poses_are_late(self, now: float) -> bool:
-        """Return whether no pose has come since the arrival, though the last one shows the robot moving."""
+        """Return whether no pose has followed the arrival, though the last one shows the robot moving."""
         if self.reached_at is None or self.late_at != -inf:
             return False
         return self._shown_driving and now - self.reached_at < LATE_AT_MOST
@@ -500,7 +500,7 @@ class GoalTracker:
         )
 
     def _give(self, now: float) -> None:
-        """Publish the goal, or publish it again, or give up."""
+        """Publish the goal or resend it, or give up."""
         drive = self._drive
         if drive is None or drive.goal_id is not None or self._halt is not None:
             return

@@ -158,7 +158,7 @@ class GoalRegistry:
     def reclaim(self, goal_ids: Sequence[str], given_behind: str | None = None) -> None:
         """Treat these as ours once they are listed: an earlier run of the program sent them.
 
-        The same holds for the goal that the first array lists after ``given_behind`` ("": the last one);
+        This also applies to the goal that the first array lists after ``given_behind`` ("": the last one);
         None: no other.
         """
         self._orphans = frozenset(goal_ids)
@@ -181,7 +181,7 @@ class GoalRegistry:
             self._goals[goal_id].status = GoalStatus.ABORTED
 
     def update(self, entries: Sequence[GoalEntry], now: float) -> News:
-        """Handle an array; ignore one that came late."""
+        """Handle an array; ignore a late one."""
         self._expire(now)
         if self._is_late(entries):
             return News((), frozenset())
@@ -204,7 +204,7 @@ class GoalRegistry:
         return News(claimed, lost)
 
     def _is_late(self, entries: Sequence[GoalEntry]) -> bool:
-        """Return whether a newer array has already come: it had a goal that this one does not have."""
+        """Return whether a newer array was already received: it had a goal that this one lacks."""
         newest = next(reversed(self._goals), None)
         listed = {entry.goal_id for entry in entries}
         return newest is not None and newest not in listed and listed <= self._goals.keys()
@@ -334,12 +334,12 @@ class PrefixedGoalRegistry(GoalRegistry):
         self._awaited, self._given_at = True, now
 
     def accept(self, goal_id: str) -> None:
-        """Note that the server has accepted a goal of ours; its array may come later."""
+        """Note that the server has accepted a goal of ours; its array may arrive later."""
         self._awaited = False
         self._goals.setdefault(goal_id, Goal(ours=True, status=GoalStatus.ACCEPTED))
 
     def settle(self, goal_id: str, status: GoalStatus) -> None:
-        """Note the end of a goal by its result, which may come before the array."""
+        """Note the end of a goal by its result, which may arrive before the array."""
         goal = self._goals.get(goal_id)
         if goal is not None and not goal.status.terminal and status.terminal:
             goal.status = status

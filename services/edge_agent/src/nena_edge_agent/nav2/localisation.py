@@ -1,4 +1,4 @@
-"""Where the robot is: its newest pose, whether poses still come, and setting the initial position."""
+"""Where the robot is: its newest pose, whether poses still arrive, and setting the initial position."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Localisation:
 
     @property
     def known(self) -> bool:
-        """Return whether a pose has come."""
+        """Return whether a pose was received."""
         return self._reading is not None
 
     def on_reading(self, reading: PoseReading, *, old: bool = False) -> MapPose | None:
@@ -57,7 +57,7 @@ class Localisation:
     def on_nearer(self, x: float, y: float, yaw: float, frame: str) -> MapPose | None:
         """Handle a position (m, rad) newer than the pose, whose covariance stays valid; return it.
 
-        Return None, and ignore it, if it is in another frame or no pose has come.
+        Return None, and ignore it, if it is in another frame or no pose was received.
         """
         if self._reading is None or frame.removeprefix("/") != self._settings.frame:
             return None
@@ -195,7 +195,7 @@ class InitialPosition:
         return [Report(PositionInitialized(succeeded=True, description=""))]
 
     def tick(self, now: float) -> list[PublishInitialPose | Report]:
-        """Publish the pose again if no answer came, or give up."""
+        """Resend the pose if there was no answer, or give up."""
         attempt = self._attempt
         if attempt is None or now < attempt.again_at:
             return []
@@ -239,7 +239,7 @@ class PoseWatch:
         self.lost = False
 
     def on_pose(self, now: float) -> None:
-        """Note that a pose has come."""
+        """Note that a pose was received."""
         self._pose_at, self._promised_at, self._way, self.lost = now, None, 0.0, False
 
     def on_velocity(self, speed: float, omega: float, now: float) -> None:

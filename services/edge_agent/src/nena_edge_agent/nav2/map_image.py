@@ -110,7 +110,7 @@ class MapWatch:
 
         from nena_edge_agent.nav2.node import LATCHED  # noqa: PLC0415
 
-        session.subscribe(node, OccupancyGrid, self._topic, LATCHED, read=self.read, handle=self._heard)
+        session.subscribe(node, OccupancyGrid, self._topic, LATCHED, read=self.read, handle=self._on_map)
 
     def read(self, grid: Any) -> MapImage | None:  # noqa: ANN401
         """Build the map of a nav_msgs/OccupancyGrid; None: it is the same as before.
@@ -162,7 +162,7 @@ class MapWatch:
             png=base64.b64encode(image.png),
         )
 
-    def _heard(self, found: MapImage | None) -> None:
+    def _on_map(self, found: MapImage | None) -> None:
         if found is not None:
             log.info("robot's map", map_id=found.map_id, size=found.size, bytes=len(found.png))
             self.on_map(found)

@@ -1,7 +1,7 @@
 """The agent's node: Nav2, the localisation and the robot's base as topics and services.
 
-All names are relative unless the settings say otherwise, so that the namespace applies. Readings come out as
-plain data in the event loop, and messages are sent from there.
+All names are relative unless the settings say otherwise, so that the namespace applies. Readings are
+passed as plain data to the event loop, and messages are sent from there.
 """
 
 from __future__ import annotations
@@ -178,7 +178,7 @@ class Nav2Node:
     def _hear_localiser_that_does_not_latch(self) -> None:
         """Add a volatile subscription when needed.
 
-        With both from the start, each pose of AMCL would come twice.
+        With both from the start, each pose of AMCL would arrive twice.
         """
         publishers = self._node.get_publishers_info_by_topic(self._settings.names.pose)
         latches = (each.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for each in publishers)

@@ -12,7 +12,7 @@ from action_msgs.srv import CancelGoal
 
 from nena_edge_agent.driver.map_port import MapPose
 from nena_edge_agent.nav2 import messages
-from nena_edge_agent.nav2.action_client import FEEDBACK, ActionClient, ActionListeners
+from nena_edge_agent.nav2.action_client import ActionClient, ActionListeners
 from nena_edge_agent.nav2.action_tracker import FeedbackReading
 from nena_edge_agent.nav2.goals import GoalEntry
 from nena_edge_agent.nav2.messages import UnusablePoseError
@@ -24,35 +24,25 @@ from nena_edge_agent.nav2.settings import RosSettings, status_of
 
 @dataclass(frozen=True, slots=True)
 class PathListeners(ActionListeners):
-    """Who is told what comes of the action, in the event loop."""
+    """The handlers of the path action's events, called in the event loop."""
 
     statuses: Callable[[list[GoalEntry]], None]
 
 
 class PathClient(ActionClient):
-    """Speaks to the controller's server."""
+    """Client of the controller's server."""
 
     def __init__(self, settings: RosSettings, listeners: PathListeners) -> None:
         super().__init__(settings, interface(FOLLOW_PATH), listeners)
         self._statuses = listeners.statuses
+        self._name = settings.names.follow_path
+        self._status = status_of(self._name)
+        self._read_feedback = path_feedback
 
     def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401 - rclpy carries no types
-        """Build the clients and the subscriptions."""
-        self._session, self._node = session, node
-        services, name = self._types.Impl, self._settings.names.follow_path
-        hidden, self._status = f"{name}/_action", status_of(name)
-        self._goals = node.create_client(services.SendGoalService, f"{hidden}/send_goal")
-        self._results = node.create_client(services.GetResultService, f"{hidden}/get_result")
-        self._cancel = node.create_client(CancelGoal, f"{hidden}/cancel_goal")
-        session.subscribe(
-            node,
-            services.FeedbackMessage,
-            f"{hidden}/feedback",
-            FEEDBACK,
-            read=path_feedback,
-            handle=self._listeners.feedback,
-            due=self._feedback_due,
-        )
+        """Create the clients and the subscriptions."""
+        super().enter(session, node)
+        self._cancel = node.create_client(CancelGoal, f"{self._name}/_action/cancel_goal")
         session.subscribe(
             node,
             GoalStatusArray,
@@ -64,28 +54,26 @@ class PathClient(ActionClient):
         )
 
     def servers(self) -> frozenset[str]:
-        """Return the endpoint ids of those who publish the status array."""
+        """Return the endpoint IDs of the publishers of the status array."""
         found = self._node.get_publishers_info_by_topic(self._status)
         return frozenset(bytes(publisher.endpoint_gid).hex() for publisher in found)
 
     async def send_path(self, goal_id: str, path: Sequence[MapPose]) -> bool | None:
-        """Send a path; tells whether the server has accepted it, None: it did not answer in time."""
-        request = self._types.Impl.SendGoalService.Request()
-        request.goal_id.uuid = list(bytes.fromhex(goal_id))
+        """Send a path; return whether the server has accepted it, None: it did not answer in time."""
+        request = self._goal_request(goal_id)
         request.goal.path.header.frame_id = self._settings.frame
         request.goal.path.poses = [messages.goal_message(pose, self._settings.frame) for pose in path]
-        answer = await self._session.call(self._goals, request, seconds=self._settings.call_timeout)
-        return None if answer is None else bool(answer.accepted)
+        return await self._send(request)
 
     async def cancel(self, goal_id: str) -> int | None:
-        """Cancel one path and give the code of the answer; None where there was none."""
+        """Cancel one path and return the code of the answer; None: it did not answer in time."""
         request = messages.cancel_request(goal_id)
         answer = await self._session.call(self._cancel, request, seconds=self._settings.call_timeout)
         return None if answer is None else int(answer.return_code)
 
 
 def path_feedback(message: Any) -> FeedbackReading:  # noqa: ANN401
-    """Read the feedback of a path, which tells no place.
+    """Read the feedback of a path, which contains no position.
 
     Raises:
         UnusablePoseError: the distance is not finite.

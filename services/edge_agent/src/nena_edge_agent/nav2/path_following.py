@@ -31,7 +31,7 @@ EARLIER = "earlier"
 
 
 class PathTracker(ActionTracker):
-    """Gives paths to the controller's action and follows them."""
+    """Sends paths to the controller's action and tracks them."""
 
     server = "controller_server"
 
@@ -62,7 +62,7 @@ class Trackers:
         self.navigator = ActionTracker(settings, prefix)
         self.navigator.halts_after = self.controller = PathTracker(settings, prefix)
         self.controller_takes_paths = False
-        """Whether the controller's action is there; the driver sees it."""
+        """Whether the controller's action is available; set by the driver."""
         self._current: ActionTracker = self.navigator
         self._next: MapGoal | None = None
 
@@ -167,7 +167,7 @@ class Trackers:
         ]
 
     def on_cancel_answer(self, goal_id: str, code: int | None, now: float) -> list[Command]:
-        """Take the code of the navigator's answer to a cancel call, None where none came."""
+        """Handle the code of the navigator's answer to a cancel call; None: no answer."""
         return self.navigator.on_cancel_answer(goal_id, code, now)
 
     def on_stop_answer(self, now: float, *, answered: bool) -> list[Command]:
@@ -215,7 +215,7 @@ class Trackers:
     def _of(self, tracker: ActionTracker, commands: Iterable[Command]) -> list[Command]:
         """Return commands of a tracker; those of the controller's are for its own action.
 
-        The goals that are reported are the navigator's: they tell which other clients drive.
+        The goals that are reported are the navigator's: they show which other clients drive.
         """
         if tracker is self.navigator:
             return list(commands)
@@ -266,7 +266,7 @@ class PathSide(ActionSide):
         return self._path_client
 
     def servers(self) -> frozenset[str]:
-        """Check whether the controller is there; return the endpoint ids of its statuses' publishers."""
+        """Check whether the controller is available; return the endpoint IDs of its status publishers."""
         client = self._path_client
         self._trackers.controller_takes_paths = client is not None and client.ready
         return client.servers() if client is not None else frozenset()

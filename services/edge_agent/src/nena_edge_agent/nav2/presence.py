@@ -35,7 +35,7 @@ class Lifecycle(Enum):
 
 
 LIFECYCLE_PROBLEMS = {
-    Lifecycle.INACTIVE: "says that Nav2 is not active: activate it on the robot",
+    Lifecycle.INACTIVE: "reports that Nav2 is not active: activate it on the robot",
     Lifecycle.STARTING: "does not answer yet: Nav2 is starting",
     Lifecycle.SILENT: "does not answer: does Nav2 hang?",
 }
@@ -122,7 +122,7 @@ def _inactive(presence: Presence, settings: RosSettings, *, pose_known: bool) ->
     if problem:
         return f"{names.lifecycle} {where} {problem}"
     if presence.localiser is Lifecycle.INACTIVE:
-        return f"{names.localiser} {where} says that the localisation is not active: activate it on the robot"
+        return f"{names.localiser} {where} reports an inactive localisation: activate it on the robot"
     if not pose_known:
         return (
             f"no pose received on {names.pose} {where}: set the initial position, or check that "

@@ -216,9 +216,9 @@ class CollisionMonitor:
         from nena_edge_agent.nav2.node import RELIABLE  # noqa: PLC0415 - needs rclpy
 
         kind = interface(COLLISION_MONITOR)
-        session.subscribe(node, kind, self._topic, RELIABLE, read=report_of, handle=self._heard)
+        session.subscribe(node, kind, self._topic, RELIABLE, read=report_of, handle=self._on_collision)
 
-    def _heard(self, report: CollisionReport) -> None:
+    def _on_collision(self, report: CollisionReport) -> None:
         log.info("collision monitor", stops=report.stops, polygon=report.polygon)
         self._on_report(report)
 

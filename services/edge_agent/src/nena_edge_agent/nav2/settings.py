@@ -76,7 +76,7 @@ class Navigation(StrEnum):
 
 
 class PoseSource(StrEnum):
-    """Where the robot's pose comes from."""
+    """The source of the robot's pose."""
 
     AUTO = "auto"
     """The topic, and the transforms while nothing publishes on it."""

@@ -229,7 +229,7 @@ async def declares(subject: Subject) -> str:
         raise BrokenError(text, "declare scopes and blocking types")
     if len(set(keys)) < len(keys):
         text = f"two parameters have the same key: {', '.join(keys)}"
-        raise BrokenError(text, "give each parameter its own key")
+        raise BrokenError(text, "use a different key for each parameter")
     await asyncio.to_thread(_encoded, declaration)  # slow, and not the plug-in's fault
     scopes, parameters = ", ".join(declaration.scopes), ", ".join(keys) or "none"
     return f"'{declaration.action_type}' for {scopes}; parameters: {parameters}"
@@ -244,7 +244,7 @@ async def judges(subject: Subject) -> str:
         found = called("check", partial(check, each))
         if not isinstance(found, str | None):
             text = f"check returned {found!r}"
-            raise BrokenError(text, "return None, or a sentence that says what is wrong")
+            raise BrokenError(text, "return None, or a sentence that explains what is wrong")
     problem = subject.declaration.problem(action, scope)
     if problem:
         text = f"{problem}; pass valid ones with --parameters"

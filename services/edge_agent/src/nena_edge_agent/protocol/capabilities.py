@@ -54,7 +54,7 @@ class Capabilities:
 
     ``drives_ahead``: its driver drives over several poses of one goal without a stop.
 
-    Navigation accepts a new goal in time if it comes ``hand_over_distance`` m plus the distance of
+    Navigation accepts a new goal in time if it arrives ``hand_over_distance`` m plus the distance of
     ``hand_over_time`` s before the end of the old one.
 
     ``braking_distance`` is the braking distance in m from full speed; ``footprint`` is its contour.

@@ -1,4 +1,4 @@
-"""Paths that edges give: trajectories, and the straight lines in the middle of corridors (6.1.5 and 7.3).
+"""Paths that edges define: trajectories, and the straight lines in the middle of corridors (6.1.5 and 7.3).
 
 Metres of the plant's frame.
 """

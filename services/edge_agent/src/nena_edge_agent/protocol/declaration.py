@@ -182,7 +182,7 @@ class ActionDeclaration:
         if self.load is LoadChange.TAKE and loaded:
             return f"action '{self.action_type}' takes a load, but the robot is already loaded"
         if self.load is LoadChange.GIVE and not loaded:
-            return f"action '{self.action_type}' gives a load, but the robot carries none"
+            return f"action '{self.action_type}' unloads the robot, but the robot carries none"
         return None
 
 

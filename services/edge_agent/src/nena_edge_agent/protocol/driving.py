@@ -409,7 +409,7 @@ def _cut(before: Pose | NodePosition, here: NodePosition, there: NodePosition) -
 def limit_speed(robot: RobotState) -> None:
     """Apply the lowest limit of zones and edges, early enough to slow down before it applies (section 6.4).
 
-    The limit of the edge that the robot drives on comes with its goal.
+    The limit of the edge that the robot drives on is part of its goal.
     """
     if not robot.capabilities.limits_speed or robot.reports.localized_pose is None:
         return

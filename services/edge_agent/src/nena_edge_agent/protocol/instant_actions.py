@@ -259,7 +259,7 @@ def _position_problem(robot: RobotState, action: Action) -> str | None:
 def _waits_for_navigation(robot: RobotState) -> bool:
     """Return whether the robot is at standstill with a goal that navigation cannot accept yet.
 
-    It may lack a position, without which Nav2 does not become active. If the robot was told to stop, its
+    It may lack a position, without which Nav2 does not become active. If the robot was ordered to stop, its
     standstill must be confirmed.
     """
     velocity = robot.reports.velocity

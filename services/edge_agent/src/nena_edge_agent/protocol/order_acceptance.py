@@ -1,6 +1,6 @@
 """Whether an order is accepted: the decision procedure of sections 6.1.2 and 6.1.4, check by check, in order.
 
-Nothing changes in the robot here; the verdict says what to do. Checks for well-formedness (schema and graph
+Nothing changes in the robot here; the verdict is what to do. Checks for well-formedness (schema and graph
 rules) come before, in the codec. The numbers at the checks are the project's own: 2 to 5 for every message, A
 for a new order, B for an update.
 """
@@ -255,7 +255,7 @@ def _way_fault(start: NodePosition | None, node: Node, situation: Situation) -> 
     begin = start or place
     if begin.map_id != place.map_id:
         text = f"node '{node.node_id}' is on map '{place.map_id}', the one before it on '{begin.map_id}'"
-        hint = "the robot does not drive from map to map; with maps.store = nav2 give the node before it an "
+        hint = "the robot does not drive from map to map; with maps.store = nav2 add to the previous node an "
         return text, hint + "action enableMap with x, y and theta, else set its position on the other map"
     return None
 
@@ -291,7 +291,7 @@ def repeated_action_fault(order: Order, used: frozenset[str], *, skip: int = 0) 
                 ErrorType.INVALID_ORDER_ACTION,
                 order,
                 f"the actionId '{action.action_id}' is used by another action",
-                hint="give each action a unique actionId",
+                hint="use a unique actionId for each action",
                 action_id=action.action_id,
             )
     return None
@@ -378,7 +378,7 @@ def _same_id_fault(order: Order, situation: Situation, capabilities: Capabilitie
         ErrorType.SAME_ORDER_UPDATE_ID,
         order,
         f"update {order.order_update_id} was already accepted with different content",
-        hint="give each update a higher orderUpdateId",
+        hint="use a higher orderUpdateId for each update",
     )
 
 
@@ -481,7 +481,10 @@ def _identity_fault(order: Order) -> ErrorEntry | None:
     if order.order_id:
         return None
     return refusal(
-        ErrorType.VALIDATION_FAILURE, order, "the orderId is empty", hint="give each order a unique orderId"
+        ErrorType.VALIDATION_FAILURE,
+        order,
+        "the orderId is empty",
+        hint="use a new orderId for each order",
     )
 
 
@@ -562,7 +565,7 @@ def _start_fault(
         ErrorType.START_NODE_OUT_OF_RANGE,
         order,
         f"the robot is not at the first node '{first.node_id}'; {place}",
-        hint="start the order where the robot is, or give the first node a larger allowedDeviationXY"
+        hint="start the order where the robot is, or set a larger allowedDeviationXY at the first node"
         if pose
         else "set the robot's initial position",
         node_id=first.node_id,

@@ -85,7 +85,7 @@ class CurrentGoal:
     """The driver's goal.
 
     ``target`` is the sequenceId of the node that it drives to, None: no goal. ``halting_since`` is the time
-    in s at which it was told to stop, until it answers; ``halt_problem`` is why standstill cannot be
+    in s at which the stop was requested, until it answers; ``halt_problem`` is why standstill cannot be
     confirmed, if the driver has reported that. ``failed_at`` is the sequenceId of a node that was not
     reached; it is not retried until the order changes. ``failures`` are the failed drives to the next node,
     to be retried at ``retry_at`` in s; ``problem`` is the reason of the last failure. ``pose`` is that of the

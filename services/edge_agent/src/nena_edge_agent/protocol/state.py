@@ -74,7 +74,7 @@ def make_state(header: dict[str, Any], robot: RobotState) -> State:
 
 
 def _drives(robot: RobotState) -> bool:
-    """Return whether the robot drives, or may: after a restart that is unknown until odometry comes.
+    """Return whether the robot drives or may drive: after a restart, this is unknown until odometry arrives.
 
     A robot whose goal waits for navigation is at standstill, once its odometry shows that.
     """

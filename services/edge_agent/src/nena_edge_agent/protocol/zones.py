@@ -281,7 +281,7 @@ def _lost_release(robot: RobotState, inside: list[EnabledZone]) -> ErrorEntry | 
 
 
 def _handled_loss(robot: RobotState, inside: list[EnabledZone]) -> ErrorEntry | None:
-    """Report that the robot drives in a zone though its release was lost, as releaseLossBehavior says."""
+    """Report that the robot drives in a zone whose release was lost, if releaseLossBehavior allows it."""
     if not robot.progress.nodes:
         return None
     lost = (each for each in inside if robot.zone_requests.status(each.key) in LOST)

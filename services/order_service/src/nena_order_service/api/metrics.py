@@ -127,7 +127,7 @@ PROGRAM: Final[Section[Running]] = Section(
         ),
         gauge("nena_order_service_store_ready", "1 while the store can be written.", lambda s: s.store_ready),
     ),
-    "These are there in every role. A standby, and an order service that waits for its store, has no others.",
+    "These exist in every role. A standby, and an order service that waits for its store, have no others.",
 )
 
 ORDERS: Final[Section[Monitored]] = Section(

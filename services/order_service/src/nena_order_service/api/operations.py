@@ -88,7 +88,7 @@ def _does(operation: table.Operation[Any]) -> Callable[[M], M]:
 class HostOperations:
     """Executes host operations; a change is committed before its answer is returned.
 
-    The table in :mod:`nena_shared.fleet_api.operations` says what each of them does. They raise the errors in
+    The table in :mod:`nena_shared.fleet_api.operations` describes each of them. They raise the errors in
     :mod:`nena_order_service.errors`; ``api.problems`` maps these to problems.
     """
 

@@ -83,15 +83,15 @@ def make_standby_app(active_url: Callable[[], str], problem: Callable[[], str]) 
 
     def readiness() -> Readiness:
         where = f"The active one is {active_url()}." if active_url() else "The active one is not known."
-        said = [f"This order service is a standby. {where}"]
+        problems = [f"This order service is a standby. {where}"]
         if problem():
-            said.append(f"The database does not answer ({problem()}): no takeover is possible now.")
+            problems.append(f"The database does not answer ({problem()}): no takeover is possible now.")
         return Readiness(
             ready=False,
             role="standby",
             broker_connected=False,
             store_ready=not problem(),
-            problems=tuple(said),
+            problems=tuple(problems),
         )
 
     def elsewhere(request: Request) -> Response:
@@ -114,7 +114,7 @@ def _go_there(active_url: str, path: str) -> Response:
 def make_starting_app(problem: Callable[[], str]) -> FastAPI:
     """Make the ASGI application of the start; ``problem`` returns why the store cannot be written."""
 
-    def said() -> str:
+    def detail() -> str:
         why = f" ({problem()})" if problem() else ""
         return (
             f"This order service is starting and waits for its database{why}. "
@@ -123,10 +123,10 @@ def make_starting_app(problem: Callable[[], str]) -> FastAPI:
 
     def readiness() -> Readiness:
         return Readiness(
-            ready=False, role="starting", broker_connected=False, store_ready=False, problems=(said(),)
+            ready=False, role="starting", broker_connected=False, store_ready=False, problems=(detail(),)
         )
 
-    return _make_waiting_app(readiness, lambda _: _retry("Starting", said(), {}))
+    return _make_waiting_app(readiness, lambda _: _retry("Starting", detail(), {}))
 
 
 def _retry(title: str, detail: str, headers: dict[str, str]) -> Response:

@@ -68,7 +68,7 @@ class Energy:
 
 
 Rank = tuple[float | str, ...]
-"""Lower values come first."""
+"""Lower values are served first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,16 +210,16 @@ def carried(state: State, factsheet: Factsheet | None) -> Carried | None:
     if not state.loads:
         return None
     loads = tuple(each.load_position or "" for each in state.loads)
-    told = factsheet.load_specification if factsheet else None
-    if told is None or not told.load_positions:
+    loading = factsheet.load_specification if factsheet else None
+    if loading is None or not loading.load_positions:
         return Carried(loads)
-    return Carried(loads, frozenset(told.load_positions), _places_of(told))
+    return Carried(loads, frozenset(loading.load_positions), _places_of(loading))
 
 
-def _places_of(told: LoadSpecification) -> dict[str, frozenset[str]]:
+def _places_of(loading: LoadSpecification) -> dict[str, frozenset[str]]:
     """Return the places for loads of each type; a load set that names none is for all of them."""
-    all_places, found = frozenset(told.load_positions or ()), dict[str, frozenset[str]]()
-    for each in told.load_sets or ():
+    all_places, found = frozenset(loading.load_positions or ()), dict[str, frozenset[str]]()
+    for each in loading.load_sets or ():
         places = all_places.intersection(each.load_positions or all_places)
         found[each.load_type] = found.get(each.load_type, frozenset()) | places
     return found
@@ -291,7 +291,7 @@ URGENCY: Final = (OrderKey.BY_PRIORITY, OrderKey.BY_DEADLINE, OrderKey.BY_AGE)
 KINDS_NAMED: Final = 5
 """Kinds of obstacles that a reason names at most."""
 
-NOBODY: Final[Mapping[int, str]] = MappingProxyType({})
+NOTHING_KEPT: Final[Mapping[int, str]] = MappingProxyType({})
 
 
 class Knowledge(Protocol):
@@ -317,7 +317,7 @@ class Knowledge(Protocol):
         ...
 
     def crowd(self, order: TransportOrder) -> int:
-        """Return how many times vehicles are still to come to the order's destinations for other orders."""
+        """Return how often vehicles will still visit the order's destinations for other orders."""
         ...
 
     def why_no_way(self, order: TransportOrder, vehicle: str) -> str:
@@ -364,7 +364,7 @@ class Dispatcher:
         knowledge: Knowledge,
         *,
         now: datetime,
-        kept: Mapping[int, str] = NOBODY,
+        kept: Mapping[int, str] = NOTHING_KEPT,
     ) -> Decisions:
         """Assign as many of the dispatchable ``orders``, sorted by urgency, as possible.
 
@@ -537,13 +537,13 @@ class _Round:
     def let_orders_choose(self, orders: Sequence[TransportOrder]) -> None:
         """Assign to each remaining order the vehicle that suits it best, or note why it waits."""
         rank = rank_candidates(self._settings.vehicle_candidates, self._now)
-        nobody: dict[OrderKind, str] = {}
+        unassignable: dict[OrderKind, str] = {}
         for order in orders:
             if order.number in self._assigned or order.name in self.decisions.reasons:
                 continue
             kind = self._kind(order)
-            if kind in nobody and order.number not in self._kept:
-                self.decisions.reasons[order.name] = nobody[kind]
+            if kind in unassignable and order.number not in self._kept:
+                self.decisions.reasons[order.name] = unassignable[kind]
                 continue
             hindrances = {each.name: self._why_not(order, each) for each in self._meant(order)}
             free = [name for name, hindrance in hindrances.items() if not hindrance]
@@ -552,7 +552,7 @@ class _Round:
                 continue
             reason = self.decisions.reasons[order.name] = self._why_waiting(order, hindrances, free)
             if order.number not in self._kept:
-                nobody[kind] = reason
+                unassignable[kind] = reason
 
     def _choose(self, order: TransportOrder, free: Sequence[str], rank: Callable[[Candidate], Rank]) -> None:
         pairs = [*self._possible((order, self._vehicles[name]) for name in free)]
@@ -656,7 +656,7 @@ def explain(
     vehicles: Iterable[DispatchedVehicle],
     knowledge: Knowledge,
     *,
-    kept: Mapping[int, str] = NOBODY,
+    kept: Mapping[int, str] = NOTHING_KEPT,
 ) -> list[VehicleFit]:
     """Return for each vehicle why it does not get this order, or that it could; best ones first."""
     return best_first(_fit(order, each, knowledge, kept.get(order.number)) for each in vehicles)

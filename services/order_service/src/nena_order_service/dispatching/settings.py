@@ -160,7 +160,7 @@ class DispatchSettings(SettingsGroup):
         ge=0,
         description=(
             "With TOGETHER: by which share of its cost an order is dearer for each vehicle that is still "
-            "to come to one of its destinations. 0: crowded stations do not count."
+            "to visit one of its destinations. 0: crowded stations do not count."
         ),
     )
     orders: list[OrderKey] = Field(

@@ -40,7 +40,7 @@ class EngineSettings(SettingsGroup):
         le=1000,
         description=(
             "Nodes released ahead of a robot (preventive: it stops after them without its link); "
-            "the rest is horizon. 0: as far as `release_seconds` says."
+            "the rest is horizon. 0: as far as `release_seconds` allows."
         ),
     )
     release_seconds: float = Field(

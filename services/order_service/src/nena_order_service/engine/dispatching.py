@@ -53,9 +53,9 @@ class OrderFit:
 
     def order_types(self, vehicle: FleetVehicle) -> tuple[AcceptableOrderType, ...]:
         """Return the order types that a vehicle accepts: as set by hosts, else by the plant model."""
-        said = self.records.of(vehicle.key).acceptable_order_types
-        if said is not None:
-            return said
+        chosen = self.records.of(vehicle.key).acceptable_order_types
+        if chosen is not None:
+            return chosen
         return acceptable(vehicle.model.acceptable_order_types if vehicle.model else None)
 
     def accept(self, vehicle: FleetVehicle, types: tuple[AcceptableOrderType, ...]) -> None:
@@ -141,7 +141,7 @@ class OrderKnowledge:
     ) -> None:
         """``places`` maps vehicles that may get orders to the points from which they would start.
 
-        ``assigned`` gives the orders that vehicles work on.
+        ``assigned`` contains the orders that vehicles work on.
         """
         self._costs = costs
         self._places = places
@@ -180,12 +180,12 @@ class OrderKnowledge:
         return self._costs.of(order, who, self._kinds[vehicle]).source(start)
 
     def crowd(self, order: TransportOrder) -> int:
-        """Return how many times vehicles are still to come to the order's destinations for other orders."""
+        """Return how often vehicles will still visit the order's destinations for other orders."""
         return sum(self._visits[each.location_name] for each in _stops(order))
 
     @cached_property
     def _visits(self) -> Counter[str | None]:
-        """How many times vehicles are still to come to each location or point."""
+        """How often vehicles will still visit each location or point."""
         stops = (each.location_name for order in self._assigned() for each in _stops(order))
         return Counter(name for name in stops if name is not None)
 
@@ -212,7 +212,7 @@ LOOKED_AT_ONCE = 500
 """Orders further back whose wait reason is checked in each round."""
 EXPLAINED_AT_ONCE = 50
 """Vehicles of which it is found out at once why they do not do an order; others wait meanwhile."""
-TOLD_AT_ONCE = 100
+REASONS_AT_ONCE = 100
 """Those of them whose wait reason is updated."""
 ORDERS_FOR_ONE = 32
 """Orders that are compared for one vehicle that has become free."""
@@ -258,7 +258,7 @@ class Dispatching:
         self._kept: dict[int, str] = {}
         """Vehicles that give up dispensable orders, by the numbers of the orders that they are reserved for.
         """
-        self._told_to = 0
+        self._explained_to = 0
         """Position in the queue up to which wait reasons have been updated."""
 
     def due(self) -> Iterator[Sequence[TransportOrder]]:
@@ -323,19 +323,19 @@ class Dispatching:
 
         Free vehicles are left out: :meth:`dispatch` reports to orders that wait although a vehicle is free.
         """
-        numbers = self._orders.waiting.part(self._told_to, LOOKED_AT_ONCE)
-        self._told_to = self._told_to + len(numbers) if numbers else 0
-        told = 0
+        numbers = self._orders.waiting.part(self._explained_to, LOOKED_AT_ONCE)
+        self._explained_to = self._explained_to + len(numbers) if numbers else 0
+        found = 0
         reasons: dict[OrderKind, str | None] = {}
         for order in self._waiting_of(numbers):
             kind = self._orders.waiting.kind(order.number)
             if kind is None or order.number in self._kept:
                 continue
             if kind not in reasons:
-                reasons[kind] = self._why_nobody(order)
+                reasons[kind] = self._why_no_vehicle(order)
             reason = reasons[kind]
-            if reason and reason != order.status.reason and told < TOLD_AT_ONCE:
-                told += 1
+            if reason and reason != order.status.reason and found < REASONS_AT_ONCE:
+                found += 1
                 yield order, reason
 
     async def explain(self, order: TransportOrder) -> list[VehicleFit]:
@@ -573,7 +573,7 @@ class Dispatching:
         found = [each for each in orders if each and each.state is waiting and not each.held]
         return sorted(found, key=lambda order: order.urgency)
 
-    def _why_nobody(self, order: TransportOrder) -> str | None:
+    def _why_no_vehicle(self, order: TransportOrder) -> str | None:
         """Return why no vehicle that is not free does an order; None where one that is free may do it."""
         candidates = self._relevant((order,))
         knowledge = self._knowledge({})

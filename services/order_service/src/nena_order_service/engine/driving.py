@@ -223,7 +223,7 @@ class Driving:
 
     An order's vehicle requests the route of its drive order. Once traffic grants it, a VDA 5050 order is sent
     with a base of what is allocated, and the rest as horizon; order updates extend the base. It ends what the
-    robot drives in ``release_seconds`` behind its next node, unless ``release_ahead`` says how many nodes it
+    robot drives in ``release_seconds`` behind its next node, unless ``release_ahead`` sets how many nodes it
     has (*preventive*); without either setting it is all that can be allocated (*assertive*). An order whose
     first step cannot be allocated yet is not sent yet. All changes are committed before anything
     is sent.
@@ -260,7 +260,7 @@ class Driving:
     ) -> None:
         """Request that a vehicle executes its current drive order, the first leg of ``way``.
 
-        ``first``: its request goes to the front of the queue, because its turn had come before.
+        ``first``: its request goes to the front of the queue, because it had its turn before.
         ``retriable``: its actions may be retried by the robot.
         """
         self.positions.see(vehicle)
@@ -310,7 +310,7 @@ class Driving:
             self._state.drive_due |= self._traffic.arrived(vehicle.name, sequence_id // 2)
 
     def base_wanted(self, order_id: str) -> None:
-        """Extend the base of a robot at once as it comes near its end, if traffic control grants it."""
+        """Extend the base of a robot at once as it approaches its end, if traffic control grants it."""
         record = self._sent.find(order_id)
         if record and self._gate.is_open and (vehicle := self._under_way(record)):
             self._go_on(vehicle, more=self._context.settings.release_ahead or 1)
@@ -383,7 +383,7 @@ class Driving:
                 self._reported[name] = why
 
     def _reconsider(self) -> None:
-        """Request routes again where another vehicle has come to rest on a granted one."""
+        """Request routes again where another vehicle has stopped on a granted one."""
         for name in filter(self._traffic.is_blocked, tuple(self._unsent)):
             self._request_again(name)
 
@@ -517,7 +517,7 @@ class Driving:
             self.send_on(known.released(journey).updated())
 
     def _allocate(self, vehicle: FleetVehicle, more: int) -> bool:
-        """Allocate what the settings give a robot in front of it; ``more``: at least so many nodes more."""
+        """Allocate what the settings reserve ahead of a robot; ``more``: at least so many nodes more."""
         name, settings = vehicle.name, self._context.settings
         ahead = more and self._traffic.ahead(name) + more
         if settings.release_ahead or not settings.release_seconds:

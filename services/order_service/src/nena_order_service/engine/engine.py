@@ -304,7 +304,7 @@ class Engine:
         log.info("orders loaded", unfinished=len(found.orders), last_number=found.last_number)
 
     async def run(self) -> None:
-        """Check regularly for changes that come without an event, until cancelled."""
+        """Check regularly for changes that cause no event, until cancelled."""
         while True:
             await set_within(self._look_due, LOOK_INTERVAL if self._gate.is_open else FIRST_LOOKS)
             self._look_due.clear()

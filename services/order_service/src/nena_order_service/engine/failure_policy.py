@@ -1,8 +1,8 @@
 """Which measure of a failure policy is taken next, for a failure in its situation.
 
-:func:`decide` is pure: the policy, how far it is used up and the situation go in; a measure comes out. Each
-call uses up at least one step of a list that ends, so the measures end too, in FAIL where nothing else does.
-:class:`FailureAssessment` finds out the situation.
+:func:`decide` is pure: its input is the policy, how far it is used up, and the situation; its result is a
+measure. Each call uses up at least one step of a finite list, so the measures end, at the latest with FAIL.
+:class:`FailureAssessment` determines the situation.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ class Situation:
     carrying: bool = False
     """Whether the vehicle carries something for the order."""
     others: bool = True
-    """Whether there are other vehicles that may do it."""
+    """Whether other vehicles may execute it."""
     other_way: bool = True
-    """Whether another route avoids the place of the failure."""
-    heard: bool = True
+    """Whether another route avoids the position of the failure."""
+    online: bool = True
     """Whether the robot is online and reports."""
 
 
@@ -55,7 +55,7 @@ class Situation:
 class Decision:
     """The step of the policy to take, and how far the policy is used up then.
 
-    ``passed_over`` says why each step before it was not taken.
+    ``passed_over`` explains why each step before it was not taken.
     """
 
     step: FailureStep
@@ -107,7 +107,7 @@ def _against_other_way(_: FailureStep, situation: Situation) -> str:
 def _against_other_vehicle(_: FailureStep, situation: Situation) -> str:
     if situation.carrying:
         return "the vehicle carries a load of the order, so no other one can continue"
-    if not situation.heard:
+    if not situation.online:
         return "the robot is silent, so it is unknown what it does"
     return "" if situation.others else "there is no other suitable vehicle"
 
@@ -197,7 +197,7 @@ class FailureAssessment:
             ),
             others=self._others(order),
             other_way=bool(self.detour(order, failure.ahead)),
-            heard=view.link is LinkStatus.ONLINE,
+            online=view.link is LinkStatus.ONLINE,
         )
 
     def _others(self, order: TransportOrder) -> bool:

@@ -543,8 +543,8 @@ class LifeCycle:
     ) -> None:
         """Restore orders after a restart; the reports of their robots decide how they continue.
 
-        The youngest orders come first, so that dependent orders exist when others fail. Orders of which a
-        robot has nothing come last, because robots may have got other vehicles' names since.
+        The youngest orders are handled first, so that dependent orders exist when others fail. Orders of
+        which a robot has nothing are handled last, because robots may have got other vehicles' names since.
         """
         unsent: list[TransportOrder] = []
         for order in sorted(orders, key=lambda order: -order.number):

@@ -85,9 +85,9 @@ class Rerouting:
         self._over_locks: deque[RobotKey] = deque()
         """Robots that may have to be led around locked paths yet; traffic halts them until then."""
         self._waiting: Mapping[str, int] = {}
-        """Vehicles that stood and waited at the last look, and how far each had come."""
+        """Vehicles that stood and waited at the last check, and how far each had driven."""
         self._led_around: dict[str, tuple[str, int]] = {}
-        """The order of vehicles that were led around others, and how far each had come by then."""
+        """The order of vehicles that were led around others, and how far each had driven by then."""
         self._tried: frozenset[str] = frozenset()
         """Those of them that were looked at since all had their turn."""
 

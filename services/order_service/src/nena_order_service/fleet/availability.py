@@ -59,7 +59,7 @@ def unfit(state: State, *, placed: bool) -> str | None:
 def lost(state: State, *, placed: bool) -> bool:
     """Return whether a robot is not localised; ``placed`` as for :func:`unfit`.
 
-    The first states after a robot's start may come before its localisation has reported a pose.
+    The first states after a robot's start may arrive before its localisation has reported a pose.
     """
     position = state.mobile_robot_position
     return placed if position is None else not position.localized

@@ -479,7 +479,7 @@ class FleetController:
         """Update the robot's VDA order to a newer plan: a longer base, or another route behind it.
 
         It is sent as an order update (VDA 5050 3.0 section 6.1.2) as soon as the robot has echoed the
-        previous message; of plans that come in the meantime only the newest is sent. Does nothing for a VDA
+        previous message; of plans that arrive in the meantime only the newest is sent. Does nothing for a VDA
         order that has ended.
 
         Raises:

@@ -70,8 +70,8 @@ def in_words(error: ErrorEntry) -> str:
 
 def with_details(reason: str, details: Iterable[str]) -> str:
     """Return a reason with the robot's own error texts."""
-    said = "; ".join(details)
-    return f"{reason}: {said}" if said else reason
+    joined = "; ".join(details)
+    return f"{reason}: {joined}" if joined else reason
 
 
 def fatal(errors: Iterable[ErrorEntry]) -> ErrorEntry | None:

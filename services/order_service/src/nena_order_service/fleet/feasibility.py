@@ -46,8 +46,8 @@ def fitted(vda_order: VdaOrder, abilities: Abilities | None) -> VdaOrder:
 
     VDA 5050 3.0 section 7.1.1.
 
-    Without a factsheet only speed limits and what the layout says of edges are removed, because such a robot
-    may refuse them.
+    Without a factsheet only speed limits and what the layout specifies for edges are removed, because such a
+    robot may refuse them.
 
     What would change the order stays as it is, and :func:`order_problem` reports it: a position,
     and the heading at a coordinate.
@@ -184,7 +184,7 @@ _RULED: Final[Mapping[str, str]] = MappingProxyType(
         "edges.trajectory": "trajectory",
     }
 )
-"""What a layout says of edges; sent to robots that list it, because others may refuse it."""
+"""What a layout specifies for edges; sent to robots that list it, because others may refuse it."""
 
 
 def _distance(_: Edge, ends: tuple[Node, Node], __: Abilities) -> float | None:

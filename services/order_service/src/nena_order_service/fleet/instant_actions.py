@@ -85,7 +85,7 @@ class InstantRun:
         """Stop the action's timeout while it cannot be sent, for ``reason``.
 
         One that a host requested and that the robot may never have received ends instead: no caller wants a
-        pause that comes hours later.
+        pause hours later.
         """
         if self._seen_at is not None:
             self._seen_at = now
@@ -214,7 +214,7 @@ class InstantActionManager:
         self._asked = None
 
     def awaits_factsheet(self, now: float) -> bool:
-        """Return whether the robot's factsheet was just requested, and may still come."""
+        """Return whether the robot's factsheet was just requested, and may still arrive."""
         if self._robot.abilities or not self._asked:
             return False
         end = self._asked.outcome

@@ -27,7 +27,7 @@ ANSWERED_WITHIN = 5.0
 
 
 class FleetTakenError(StartError):
-    """Another order service leads the fleet; the text names it, and says what to do."""
+    """Another order service leads the fleet; the text names it and what to do."""
 
     def __init__(self, record: LeaderRecord, *, own_store: bool = False) -> None:
         if own_store:

@@ -69,7 +69,7 @@ class RobotAddress:
 
 @dataclass(frozen=True, slots=True)
 class Dialect:
-    """How a robot departs from the standard; the plant model says so, since no message does."""
+    """How a robot departs from the standard, by the plant model; no message reports it."""
 
     parameters_as_text: bool = False
     instant_actions_key: str = ""
@@ -355,7 +355,7 @@ class FleetLink:
         await forever("fleet control", self._look)
 
     def start_vda_order(self, robot: RobotKey, vda_order: VdaOrder) -> None:
-        """See :meth:`FleetController.start_vda_order`; the same holds for the following methods."""
+        """See :meth:`FleetController.start_vda_order`; so for the following methods."""
         self._begin(vda_order, self._controller.start_vda_order(robot, vda_order, self._now()))
 
     def adopt_vda_order(

@@ -426,12 +426,12 @@ class OrderExecution:
             return None
         first = failed[0]
         own = (each.action_result for each in failed)
-        said = (text for each in failed for text in failures.of_action(state.errors, each.action_id))
+        reported = (text for each in failed for text in failures.of_action(state.errors, each.action_id))
         name = next(each.action_type for each in self.vda_order.actions if each.action_id == first.action_id)
         # actions of an order that ends early fail without having begun
         at_end = read(state, self.vda_order).at_end
         kind = FailureKind.ACTION if at_end else FailureKind.DRIVE
-        return ExecutionFailure(kind, f"the action {name!r} has failed", (*filter(None, own), *said))
+        return ExecutionFailure(kind, f"the action {name!r} has failed", (*filter(None, own), *reported))
 
     def _look_for_standstill(self, state: State, now: float) -> None:
         """Fail the VDA order of a robot that has stood still too long and lacks something to finish it."""

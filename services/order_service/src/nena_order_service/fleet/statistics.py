@@ -21,7 +21,7 @@ from nena_order_service.fleet.outputs import (
 from nena_shared.histogram import ANSWERS, LONG, Histogram
 from nena_shared.vda5050.topics import Topic
 
-HEARD: Final = (Topic.CONNECTION, Topic.FACTSHEET, Topic.STATE)
+COUNTED: Final = (Topic.CONNECTION, Topic.FACTSHEET, Topic.STATE)
 SENT: Final = (Topic.ORDER, Topic.INSTANT_ACTIONS, Topic.RESPONSES, Topic.ZONE_SET)
 RESENT: Final = (Topic.ORDER, Topic.INSTANT_ACTIONS)
 
@@ -31,7 +31,7 @@ ACTIONS_REMEMBERED: Final = 1000
 
 @dataclass(slots=True)
 class _Delivery:
-    """How far a VDA order has come; times in monotonic seconds."""
+    """How far a VDA order has progressed; times in monotonic seconds."""
 
     begun: float
     sent: float | None = None
@@ -44,8 +44,8 @@ class FleetStatistics:
     """Counts since the start of the program, and the times that VDA orders take from step to step."""
 
     def __init__(self) -> None:
-        self.received = dict.fromkeys(HEARD, 0)
-        self.malformed = dict.fromkeys(HEARD, 0)
+        self.received = dict.fromkeys(COUNTED, 0)
+        self.malformed = dict.fromkeys(COUNTED, 0)
         self.sent = dict.fromkeys(SENT, 0)
         self.resent = dict.fromkeys(RESENT, 0)
         self.robot_limit = 0

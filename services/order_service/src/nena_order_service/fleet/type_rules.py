@@ -84,7 +84,7 @@ def edge_fields(
     """Yield what the edges of a route say by their rules, for a robot that starts where it stands.
 
     Of several orientations, the one with the least turning is taken, from the heading with which the robot
-    comes to the one that it needs at the end.
+    reaches the one that it needs at the end.
     """
     pose = standing.pose
     heading = profile.on(pose.map_id).heading_to_plant(pose.theta) if pose else None

@@ -37,7 +37,7 @@ class _Asked:
 
     @property
     def holds(self) -> bool:
-        """Return whether the robot may be at the place: it was granted, or is there without a release now."""
+        """Return whether the robot may be at a position: it was granted, or needs no release now."""
         return self.shown in INSIDE or self.answer is GrantType.GRANTED
 
 

@@ -222,8 +222,8 @@ class OrderPlanner:
             closed = self.finder.only_locks_close(
                 standing.point,
                 [each.destination for each in order.status.drive_orders[order.index :]],
-                vehicle=vehicle.model,
-                avoid=order.resources_to_avoid,
+                vehicle.model,
+                order.resources_to_avoid,
             )
             return f"it waits until a path is unlocked: {error}" if closed else ""
         except UnknownObjectError:

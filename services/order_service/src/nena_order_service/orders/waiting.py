@@ -84,7 +84,7 @@ class WaitingOrders:
 
     @property
     def oldest(self) -> int | None:
-        """The number of the order that was created first, whenever it came here; None: the queue is empty."""
+        """The number of the order that was created first, whenever it was queued; None: empty queue."""
         return min(self._urgencies, default=None)
 
     def put(self, order: TransportOrder) -> None:

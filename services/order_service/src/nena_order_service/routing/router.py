@@ -78,7 +78,7 @@ class Router:
     ) -> Route:
         """Return the cheapest route between two points.
 
-        `burden` maps edges and points to the share of their cost that is added at present.
+        `burden` maps edges and points to the share of their cost that is currently added.
 
         `avoid` names points, paths and locations (which stand for their linked points) that must not be used.
         Raises UnknownObjectError for a name that the plant does not have, NoRouteError if there is no route.
@@ -290,16 +290,11 @@ class RouteFinder:
         return known is not None and self._locks.get(path, known.locked)
 
     def only_locks_close(
-        self,
-        start: str,
-        destinations: Sequence[Destination],
-        *,
-        vehicle: Vehicle | None = None,
-        avoid: Collection[str] = frozenset(),
+        self, start: str, destinations: Sequence[Destination], vehicle: Vehicle | None, avoid: Collection[str]
     ) -> bool:
-        """Return whether there is a way that :meth:`find` would find if hosts unlocked what they locked."""
+        """Return whether :meth:`find` would find a route if hosts unlocked what they locked."""
         try:
-            self._find(self._any_day, start, destinations, vehicle=vehicle, avoid=avoid)
+            self._find(self._any_day, start, destinations, vehicle, avoid)
         except NoRouteError:
             return False
         return True
@@ -319,16 +314,15 @@ class RouteFinder:
 
         """
         with self.planning.timed():
-            return self._find(self.router, start, destinations, vehicle=vehicle, avoid=avoid)
+            return self._find(self.router, start, destinations, vehicle, avoid)
 
     def _find(
         self,
         router: Router,
         start: str,
         destinations: Sequence[Destination],
-        *,
-        vehicle: Vehicle | None = None,
-        avoid: Collection[str] = frozenset(),
+        vehicle: Vehicle | None,
+        avoid: Collection[str],
     ) -> RoutePlan:
         legs: list[Leg] = []
         for free, group in groupby(destinations, lambda each: each.coordinate is not None):
@@ -373,7 +367,7 @@ class RouteFinder:
         reason = "The first destination has no access point."
         for start in starts:
             try:
-                self._find(self._any_day, start, destinations, avoid=avoid)
+                self._find(self._any_day, start, destinations, None, avoid)
             except NoRouteError as error:
                 reason = str(error)
             else:

@@ -404,7 +404,7 @@ def read_orders(engine: Engine, wanted: OrderFilter) -> tuple[TransportOrder, ..
 def read_changes(engine: Engine, after: int, limit: int) -> tuple[tuple[int, TransportOrder], ...]:
     """Return each order changed since change number ``after``, with the number of its last change.
 
-    The oldest change comes first. An order that has changed several times is returned once, in its present
+    The oldest change is first. An order that has changed several times is returned once, in its present
     state.
     """
     orders = schema.transport_orders

@@ -175,7 +175,7 @@ class LeaderLock:
             connection.close()
 
     def hang_up(self) -> None:
-        """End the connection from another thread, where this one may wait for an answer that never comes."""
+        """End the connection from another thread, because this one may wait for an answer forever."""
         hang_up(self._engine)
 
     def _connected(self) -> Connection:

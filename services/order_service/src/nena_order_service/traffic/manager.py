@@ -44,7 +44,7 @@ class TrafficManager:
         self._broken_off: dict[str, tuple[ResourceSet, ...]] = {}
         """Where vehicles that broke off, or that are moved by hand, may be, to the next point of their
         routes."""
-        self._told: dict[str, tuple[tuple[WaitReason, tuple[str, ...], str], int]] = {}
+        self._turn_backs: dict[str, tuple[tuple[WaitReason, tuple[str, ...], str], int]] = {}
         """Why vehicles wait, and how far the others would have had to turn back (mm) when that began."""
         self._left_at: dict[str, tuple[ResourceSet, ...]] = {}
         """The same of those that were seen standing since, beside a point: until they are on one or drive on.
@@ -158,7 +158,7 @@ class TrafficManager:
     def remove(self, vehicle: str) -> None:
         """Remove a vehicle: it no longer holds, requests or claims anything."""
         self._control.forget(vehicle)
-        self._told.pop(vehicle, None)
+        self._turn_backs.pop(vehicle, None)
         self._journeys.pop(vehicle, None)
         self._broken_off.pop(vehicle, None)
         self._left_at.pop(vehicle, None)
@@ -188,7 +188,7 @@ class TrafficManager:
     ) -> Iterator[RouteGrant | Evasion | RouteRejection | Displacement | MoreClaimed]:
         """Grant routes to vehicles; see :meth:`TrafficControl.decide`.
 
-        A vehicle that has come to rest on the route of others before its own end is sent away first.
+        A vehicle that has stopped on the route of others before its own end is sent away first.
         """
         for evasion in self._clear_ways(movable):
             yield self._departed(evasion)
@@ -252,7 +252,7 @@ class TrafficManager:
         return self._control.route_around(vehicle, self.waiting_at_end(), avoid)
 
     def waiting_at_end(self) -> dict[str, int]:
-        """Return the vehicles that wait at the end of what they hold, and how far each has come."""
+        """Return the vehicles that wait at the end of what they hold, and how far each has driven."""
         return {
             name: journey.reached
             for name, journey in self.extending()
@@ -357,7 +357,7 @@ class TrafficManager:
         """Return why a vehicle does not depart or go on; empty where traffic does not keep it."""
         refusal = self.refusal(vehicle)
         if refusal is None:
-            self._told.pop(vehicle, None)
+            self._turn_backs.pop(vehicle, None)
             return ""
         return refusal.in_words(self.turn_back_mm(vehicle, refusal))
 
@@ -373,11 +373,11 @@ class TrafficManager:
         vehicle's status is saved and published.
         """
         cause = refusal.reason, refusal.vehicles, refusal.resource
-        told = self._told.get(vehicle)
-        if told is None or told[0] != cause:
+        cached = self._turn_backs.get(vehicle)
+        if cached is None or cached[0] != cause:
             known = bool(refusal.way) and refusal.vehicles[0] in self._scheduler
-            told = self._told[vehicle] = cause, self._scheduler.turn_back_mm(refusal) if known else 0
-        return told[1]
+            cached = self._turn_backs[vehicle] = cause, self._scheduler.turn_back_mm(refusal) if known else 0
+        return cached[1]
 
     def sharing(self, vehicle: str) -> str:
         """Return with whom a vehicle shares a place that was allocated to neither; empty for none."""

@@ -31,7 +31,7 @@ def conflict(one: str | None, other: str | None) -> bool:
 class ResourceSet:
     """What a vehicle needs to drive to ``point``: the point, the path to it, and the blocks of both.
 
-    ``length_mm`` is the path's length; 0 if the vehicle did not come by a path.
+    ``length_mm`` is the path's length; 0 if the vehicle did not arrive by a path.
     """
 
     point: str
@@ -74,7 +74,7 @@ class Resources:
         self._crossings.set_locks(locks)
 
     def at(self, point: str) -> ResourceSet:
-        """Return the resources of a vehicle found at ``point``, regardless of how it came there."""
+        """Return the resources of a vehicle found at ``point``, regardless of how it got there."""
         return self.on(point, (point,))
 
     def on(self, point: str, members: Sequence[str], *, length_mm: int = 0) -> ResourceSet:
@@ -264,7 +264,7 @@ class Occupant:
 
     @property
     def length_behind_next_mm(self) -> int:
-        """How far it may drive beyond the next set that it comes to."""
+        """How far it may drive beyond the next set that it reaches."""
         return sum(each.length_mm for each in islice(self.held, self.reached + 2, None))
 
     def at_end(self, way: Sequence[ResourceSet]) -> list[ResourceSet]:

@@ -144,7 +144,7 @@ class Scheduler:
             message = f"vehicle {name!r} claims nothing"
             raise LookupError(message)
         wanted = occupant.claimed[0]
-        # Another vehicle may have come to rest on the route since it was claimed, and must be able to leave.
+        # Another vehicle may have stopped on the route since it was claimed, and must be able to leave.
         if refusal := self._resting_on(name, occupant.claimed) or self._held(name, wanted):
             return refusal
         if refusal := self._precedence(name, wanted):
@@ -222,7 +222,7 @@ class Scheduler:
         return {name: self._versions[name] for name in names}
 
     def free_of_rest(self, name: str, way: Iterable[ResourceSet]) -> int:
-        """Return how many sets of a route come before the first one on which another vehicle rests."""
+        """Return how many sets of a route precede the first one on which another vehicle rests."""
         count = 0
         for each in way:
             if any(self._occupants[other].resting for other, _ in self._holds.others(name, each.uses)):

@@ -1,9 +1,9 @@
 """Traffic control: which vehicle may begin its route or go on, and which ones must make room (decision 0038).
 
 This is prioritised planning, as in multi-agent path finding (MAPF), over resources that are claimed before
-they are allocated, as in openTCS. :mod:`.scheduler` keeps it safe: it gives a resource to one vehicle at a
-time, and refuses each claim that could end in a deadlock. The rules here decide who claims what, and when;
-they guarantee that each request is granted in the end:
+they are allocated, as in openTCS. :mod:`.scheduler` keeps it safe: it allocates a resource to one vehicle
+at a time, and refuses each claim that could end in a deadlock. The rules here decide who claims what, and
+when; they guarantee that each request is granted in the end:
 
 1. **Turns.** The oldest request is served first. A vehicle keeps its turn until it reaches its goal.
 2. **Sections.** A vehicle claims only the next section of its route, up to a point where it can wait without
@@ -187,7 +187,7 @@ class TrafficControl:
         """Accept a vehicle's request; it replaces an earlier one of the same vehicle, but not its turn.
 
         A vehicle that had its turn and could not reach its goal keeps that turn. One that is ``first`` and
-        had none comes before all others.
+        had none is served before all others.
         """
         vehicle, goal = route_request.vehicle, route_request.goal
         if self._turns.goal(vehicle) != goal:
@@ -494,7 +494,7 @@ class TrafficControl:
 
         A vehicle with a request of its own is only sent away for the right of way, or if it waits for itself
         (by others in between), so that it would never go. A vehicle under way that encloses a vehicle which
-        has to make room gives way if nobody else could be sent.
+        has to make room gives way if no other one could be sent.
         """
         has_right_of_way = right_of_way.vehicle == requester
 

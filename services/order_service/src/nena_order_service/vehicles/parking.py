@@ -128,7 +128,7 @@ def _best(free: Sequence[_Ranked], prospect: Prospect) -> _Ranked | None:
 
 
 def _priority(point: Point) -> float:
-    """Return the priority of a position; positions without one come last."""
+    """Return the priority of a position; positions without one are last."""
     try:
         return float(int(point.properties[PARKING_POSITION_PRIORITY]))
     except (KeyError, ValueError):

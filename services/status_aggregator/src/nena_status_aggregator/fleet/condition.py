@@ -82,7 +82,7 @@ URGENT = ("emergency_stop", "not_localized", "error", "unreadable")
 """Reasons for which a person has to go to the robot now."""
 
 COORDINATE_NODES = ("goal:", "start:")
-"""Prefixes of the node IDs that NeNa's order service gives to coordinates."""
+"""Prefixes of the node IDs that NeNa's order service assigns to coordinates."""
 
 
 @dataclass(frozen=True, slots=True)

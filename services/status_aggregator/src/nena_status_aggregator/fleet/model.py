@@ -37,14 +37,14 @@ class OrderServiceWatch:
     def __init__(self) -> None:
         self.skew = ClockSkew()
         self._last: ServiceStatus | None = None
-        self._heard = 0.0
+        self._received_at = 0.0
         """Time of its arrival, in monotonic seconds."""
         self.last_sign: datetime | None = None
         """Time of the last sign of life; None: none received."""
 
-    def hear(self, status: ServiceStatus, at: Timestamp, *, retained: bool) -> None:
-        """Take a status; a retained one, or a last will, has an old timestamp."""
-        self._last, self._heard = status, at.monotonic
+    def receive(self, status: ServiceStatus, at: Timestamp, *, retained: bool) -> None:
+        """Store a status; a retained one, or a last will, has an old timestamp."""
+        self._last, self._received_at = status, at.monotonic
         if status.online:
             self.last_sign = status.timestamp if retained else at.utc
             if not retained:
@@ -59,7 +59,7 @@ class OrderServiceWatch:
         """Return whether it is up; None: no status received."""
         if self._last is None:
             return None
-        return self._last.online and now.monotonic - self._heard < LOST_AFTER
+        return self._last.online and now.monotonic - self._received_at < LOST_AFTER
 
     @property
     def store_ready(self) -> bool | None:
@@ -101,12 +101,12 @@ class RobotRegistry:
                     return None, None
                 del self._robots[gone.key]
             robot = self._robots[key] = Robot(key, at)
-        robot.heard = at.monotonic
+        robot.last_message_at = at.monotonic
         return robot, gone
 
     def _quietest(self, at: Timestamp) -> Robot | None:
-        robot = min(self._robots.values(), key=lambda each: each.heard)
-        quiet = at.monotonic - robot.heard > robot.silence_limit(self._silence_limit)
+        robot = min(self._robots.values(), key=lambda each: each.last_message_at)
+        quiet = at.monotonic - robot.last_message_at > robot.silence_limit(self._silence_limit)
         return robot if quiet else None
 
 
@@ -284,7 +284,7 @@ class FleetModel:
     def on_service_status(self, status: ServiceStatus, at: Timestamp, *, retained: bool) -> None:
         """Apply a sign of life of the order service, or its last will."""
         self.statistics.received[MessageKind.SERVICE_STATUS] += 1
-        self.order_service.hear(status, at, retained=retained)
+        self.order_service.receive(status, at, retained=retained)
 
     def on_plant_model(self, plant: PlantModel | None) -> None:
         """Apply the plant model, or its removal."""

@@ -73,7 +73,7 @@ class OrderProgress:
     """Remaining nodes against all nodes of the order.
 
     Nodes have even sequence IDs and the first one counts as reached (VDA 5050 3.0, 6.1.1 and 6.6.1), so the
-    last node's sequence ID gives their number, even if this program started in the middle of the order or
+    last node's sequence ID is their number, even if this program started in the middle of the order or
     the base was extended.
     """
 
@@ -169,7 +169,7 @@ class Robot:
 
     def __init__(self, key: RobotKey, seen: Timestamp) -> None:
         self.key = key
-        self.heard = seen.monotonic
+        self.last_message_at = seen.monotonic
         """Time of the last message of any kind, monotonic s."""
         self.connection: Connection | None = None
         self.connection_since = seen.utc

@@ -283,7 +283,7 @@ class LinkView(TypedDict):
 
 
 class OrderServiceView(TypedDict):
-    """Whether the order service lives; null: nothing was heard of one."""
+    """Whether the order service is up; null: no status received."""
 
     up: bool | None
     lastSign: str | None

@@ -39,7 +39,7 @@ class HistoryWriter:
     """Queues events and writes them in batches.
 
     While the database is slow or unavailable, up to ``queue_limit`` events wait. Beyond it the oldest are
-    dropped and counted in ``dropped``; a ``historyGap`` entry gives their number.
+    dropped and counted in ``dropped``; a ``historyGap`` entry counts them.
     """
 
     def __init__(self, settings: HistorySettings, engine: Engine, clock: Clock) -> None:

@@ -222,8 +222,8 @@ ORDERS: Final[Section[Aggregator]] = Section(
         ),
         gauge(
             "nena_order_service_up",
-            f"1 while the leading order service gives signs of life over MQTT, 0 {LOST_AFTER:g} s after the "
-            "last one or at its last will; absent where nothing was heard of one, and without the broker.",
+            f"1 while the active order service sends heartbeats over MQTT, 0 {LOST_AFTER:g} s after the "
+            "last one or at its last will; absent if none was received, and without the broker.",
             lambda s: s.model.order_service.up(s.now()),
         ),
         gauge(

@@ -32,7 +32,7 @@ S = TypeVar("S", Robot, State)
 
 @dataclass(frozen=True, slots=True)
 class Series(Generic[S]):
-    """A metric of each robot; ``value`` returns None if the robot has none at present."""
+    """A metric of each robot; ``value`` returns None if the robot currently has none."""
 
     name: str
     kind: str

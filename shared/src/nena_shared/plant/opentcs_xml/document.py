@@ -186,7 +186,7 @@ class Findings:
         self.warnings.append(PlantProblem(code, kind, name, text))
 
     def ignore(self, kind: ObjectKind, what: str, times: int = 1) -> None:
-        """Count ignored content: thousands of paths with an old attribute give one warning."""
+        """Count ignored content: thousands of paths with an old attribute cause one warning."""
         self._ignored[kind, what] += times
 
     def ignored(self) -> Iterator[PlantProblem]:

@@ -222,7 +222,7 @@ _NOT_XML: Final = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U001
 
 
 def write(model: PlantModel) -> ExportReport:
-    """Write a plant model. Reading the result gives the same model, except for what the warnings name.
+    """Write a plant model. Reading the result returns the same model, except for what the warnings name.
 
     Raises PlantModelError for names and values with characters that XML cannot hold.
     """

@@ -243,7 +243,7 @@ class MobileRobotConfigurationV21(MobileRobotConfiguration):
 class FactsheetV21(Factsheet):
     """Properties and abilities of a robot (2.1 section 6.15); blockingTypes are read, but not written.
 
-    The schema of 2.1.0 says that this list equals a string: a fleet control that checks messages with
+    The schema of 2.1.0 requires this list to equal a string: a fleet control that checks messages with
     it refuses each factsheet that has one.
     """
 

@@ -223,7 +223,7 @@ class OrderV21(Order):
 
     @classmethod
     def from_neutral(cls, neutral: WireObject) -> Self:
-        """Return the 2.1 form of an order (2.1 section 6.6.6); the edges' ends come from their neighbours."""
+        """Return the 2.1 form of an order (2.1 section 6.6.6); edges get their ends from their neighbours."""
         order = Order.model_validate(neutral, by_name=True, by_alias=False)
         edges = tuple(
             EdgeV21.model_validate(

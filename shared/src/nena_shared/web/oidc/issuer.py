@@ -68,7 +68,7 @@ class BoundedHttp:
         """Send a request, with ``form`` as its body and ``login`` as user and password.
 
         Raises:
-            IssuerAwayError: no JSON object came within the time.
+            IssuerAwayError: no JSON object was received in time.
 
         """
         try:

@@ -52,7 +52,7 @@ def user_of(claims: Mapping[str, Any], settings: OidcSettings) -> OidcUser:
 
     Raises:
         TokenRefusedError: the subject or the expiry is invalid.
-        NoRoleError: the claims give no role.
+        NoRoleError: the claims map to no role.
     """
     subject = claims.get("sub")
     if not isinstance(subject, str) or not 0 < len(subject) <= SUBJECT_LIMIT or not subject.isprintable():
