@@ -126,7 +126,7 @@ async def test_a_file_that_has_moved_is_fetched(files: Files) -> None:
         ("169.254.169.254", "a link-local address"),
         ("::ffff:169.254.169.254", "a link-local address"),
         ("fe80::1%eth0", "a link-local address"),
-        ("224.0.0.1", "no single machine"),
+        ("224.0.0.1", "a multicast address"),
         ("192.168.1.7", "the network"),
         ("2001:db8::1", "the network"),
     ],
