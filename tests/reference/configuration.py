@@ -31,8 +31,8 @@ PROGRAMS: Final[dict[str, type[ProgramSettings]]] = {
 }
 BY_FILE: Final = "_file"
 """What a setting's name ends with that names the file with the value of another one."""
-GIVEN: Final = "has to be given"
-WITH_ITS_TABLE: Final = "has to be given with the others of its table"
+GIVEN: Final = "required"
+WITH_ITS_TABLE: Final = "required with the others of its table"
 _REQUIRED: Final = object()
 
 
@@ -110,7 +110,7 @@ def _shown(default: object) -> str:
     if default is _REQUIRED:
         return GIVEN
     if default is None:
-        return "not given"
+        return "unset"
     text = _text(default)
     return f"`{text}`" if text else "empty"
 
@@ -148,7 +148,7 @@ def _secrets() -> str:
         (f"`{each.name}`", f"`{each.name}{BY_FILE}`", f"`{each.variable}{BY_FILE.upper()}`")
         for each in by_name.values()
     )
-    return "\n".join([*_table(("secret", "the file that holds it", "in the environment"), rows), ""])
+    return "\n".join([*_table(("secret", "setting for its file", "in the environment"), rows), ""])
 
 
 def _program(program: str, settings: Iterable[Setting]) -> str:
@@ -158,7 +158,7 @@ def _program(program: str, settings: Iterable[Setting]) -> str:
 
 
 def _meaning(setting: Setting) -> str:
-    more = f" Secret: better by `{setting.name}{BY_FILE}`." if setting.secret and setting.from_file else ""
+    more = f" Secret: prefer `{setting.name}{BY_FILE}`." if setting.secret and setting.from_file else ""
     return setting.description + more
 
 

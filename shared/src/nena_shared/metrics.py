@@ -145,10 +145,10 @@ def link_metrics(prefix: str, state: Callable[[S], LinkState]) -> tuple[Metric[S
     """Return the metrics of a link to the broker."""
     return (
         gauge(f"{prefix}connected", "1 while connected to the broker.", lambda s: state(s).connected),
-        counter(f"{prefix}connects_total", "Connections made to the broker.", lambda s: state(s).connects),
+        counter(f"{prefix}connects_total", "Connections to the broker.", lambda s: state(s).connects),
         counter(f"{prefix}received_total", "MQTT messages received.", lambda s: state(s).received),
         counter(
-            f"{prefix}published_total", "MQTT messages that the broker has.", lambda s: state(s).published
+            f"{prefix}published_total", "MQTT messages acknowledged by the broker.", lambda s: state(s).published
         ),
         counter(
             f"{prefix}dropped_total",

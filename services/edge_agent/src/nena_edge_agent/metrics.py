@@ -117,8 +117,8 @@ PROTOCOL: Final[Section[Program]] = Section(
     (
         _counter(
             "nena_agent_messages_total",
-            "Messages of fleet control: `taken`, `malformed`, `repaired` (taken, but against the standard), "
-            "`misdirected` (to another robot), `retained` (maybe old: not obeyed), `dropped` (too many).",
+            "Messages of fleet control: `taken`, `malformed`, `repaired` (taken, but violates the standard), "
+            "`misdirected` (to another robot), `retained` (possibly old: ignored), `dropped` (too many).",
             lambda _, v: {
                 "taken": v.inbox.taken,
                 "malformed": v.inbox.malformed,
@@ -130,9 +130,9 @@ PROTOCOL: Final[Section[Program]] = Section(
             "outcome",
         ),
         _gauge("nena_agent_mqtt_connected", "1 while connected to the broker.", _link(lambda s: s.connected)),
-        _counter("nena_agent_mqtt_connects_total", "Connections made.", _link(lambda s: s.connects)),
+        _counter("nena_agent_mqtt_connects_total", "Connections to the broker.", _link(lambda s: s.connects)),
         _counter(
-            "nena_agent_mqtt_published_total", "Messages that the broker has.", _link(lambda s: s.published)
+            "nena_agent_mqtt_published_total", "Messages acknowledged by the broker.", _link(lambda s: s.published)
         ),
         _counter(
             "nena_agent_mqtt_dropped_total",
@@ -152,7 +152,7 @@ DRIVING: Final[Section[Program]] = Section(
     (
         _counter(
             "nena_agent_drives_total",
-            "Drives by their end: `ARRIVED`, " + ", ".join(f"`{each.value}`" for each in DriveFailure) + ".",
+            "Drives by result: `ARRIVED`, " + ", ".join(f"`{each.value}`" for each in DriveFailure) + ".",
             lambda _, v: {"ARRIVED": v.statistics.arrived} | v.statistics.failed,
             "result",
         ),
@@ -193,19 +193,19 @@ DISK: Final[Section[Program]] = Section(
         gauge("nena_build_info", "Always 1.", lambda _: {version(DISTRIBUTION): 1}, "version"),
         _gauge(
             "nena_agent_journal_works",
-            "1 while orders and actions are kept on disk; 0: nothing new is started. Absent without a "
+            "1 while orders and actions are written to disk; 0: nothing new is started. Absent without a "
             "journal.",
             _journal_works,
         ),
         _of_robot(
             MetricKind.HISTOGRAM,
             "nena_agent_journal_seconds",
-            "Time from the begin of a record to the moment at which it survives a power cut.",
+            "Time to write a record durably, so that it survives a power failure.",
             lambda _, v: v.journal_seconds,
         ),
         gauge(
             "nena_agent_disk_free_bytes",
-            "Room left on the journal's disk; absent without a journal, and while the disk does not answer.",
+            "Free space on the journal's disk; absent without a journal, and while the disk does not respond.",
             lambda s: s.disk_free,
         ),
         gauge(

@@ -25,7 +25,7 @@ class LoopbackSettings(SettingsGroup):
     """The loopback robots of this program."""
 
     count: int = Field(
-        1, ge=1, le=10_000, description="Number of robots; above 1 their serial numbers are numbered."
+        1, ge=1, le=10_000, description="Number of robots; above 1, their serial numbers get a number."
     )
     x: Finite = Field(0.0, description="Start position of the first robot, m.")
     y: Finite = Field(0.0, description="Start position of the first robot, m.")
@@ -34,7 +34,7 @@ class LoopbackSettings(SettingsGroup):
     row: int = Field(0, ge=0, description="Robots per row; 0: all in one row.")
     starts: tuple[StartPose, ...] = Field(
         (),
-        description="Start poses of single robots, as [[loopback.starts]] tables; the others stand in rows.",
+        description="Start poses of single robots, as [[loopback.starts]] tables; the others start in rows.",
     )
     speed: Positive = Field(1.0, description="m/s")
     turn_rate: Positive = Field(2.0, description="rad/s")

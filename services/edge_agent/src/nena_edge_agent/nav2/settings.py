@@ -158,7 +158,7 @@ class RosNames(SettingsGroup):
 
     @property
     def status(self) -> str:
-        """Topic of the goal statuses of the action to one place."""
+        """Topic of the goal statuses of the action for one pose."""
         return status_of(self.action)
 
 
@@ -168,8 +168,8 @@ class GoalSettings(SettingsGroup):
     confirmation_time: Seconds = Field(
         3.5,
         description=(
-            "Time until a goal that Nav2 does not list is sent again, seconds; below 3 s a goal "
-            "whose status was lost would be sent twice."
+            "Time until a goal that Nav2 does not list is sent again, seconds; below 3 s, a goal "
+            "whose status was lost can be sent twice."
         ),
     )
     resends: int = Field(3, ge=0, le=20, description="Resends of a goal before it fails.")
@@ -181,16 +181,15 @@ class GoalSettings(SettingsGroup):
     pose_wait: Seconds = Field(2.0, description="Timeout for the pose that confirms an arrival, seconds.")
     standstill_timeout: Seconds = Field(
         3.0,
-        description="Seconds after a stop until a robot that still moves, or whose standstill nothing "
-        "confirms, is reported as not stopped. Without odometry: until it counts as standing after its goal "
-        "was cancelled.",
+        description="Time after a stop request until a robot without confirmed standstill is reported as not "
+        "stopped, seconds. Without odometry: time after the cancel until it counts as standing.",
     )
     standstill_noise: float = Field(
         0.01,
         gt=0,
         le=0.1,
-        description="Largest odometry velocity of a robot that stands, m/s and rad/s. Raise it if the "
-        "odometry drifts at rest; the robot's velocity below it is reported as 0.",
+        description="Maximum odometry velocity at standstill, m/s and rad/s. Raise it if the "
+        "odometry drifts at rest; lower velocities are reported as 0.",
     )
     goal_tolerance: Positive | None = Field(
         None,
@@ -202,9 +201,9 @@ class GoalSettings(SettingsGroup):
         ge=0,
         le=60,
         description=(
-            "Replanning period of Nav2's behaviour tree, seconds. At a passed node the next goal "
-            "is sent the goal tolerance, or the distance in which the controller slows down, plus the "
-            "distance of this time before it, within the node's deviation."
+            "Replanning period of Nav2's behaviour tree, seconds. At a passed node, the next goal "
+            "is sent early: by the goal tolerance or the controller's slow-down distance, plus the "
+            "distance driven in this time, but within the node's deviation."
         ),
     )
     blocked_after: Seconds = Field(
@@ -230,7 +229,7 @@ class LocalisationSettings(SettingsGroup):
         5.0,
         description=(
             "Time without a pose during a goal after which one is requested, seconds; if none "
-            "comes, the robot counts as lost."
+            "is received, the robot counts as lost."
         ),
     )
     xy_spread_limit: Positive = Field(
@@ -251,15 +250,15 @@ class OfferSettings(SettingsGroup):
     )
     keep_out: bool = Field(
         default=True,
-        description="Publish BLOCKED zones, if there are any, as a mask for the keep-out filter of Nav2's "
+        description="Publish BLOCKED zones as a mask for the keep-out filter of Nav2's "
         "costmaps.",
     )
     follow_path: bool = Field(
         default=False,
-        description="Drive edges with a trajectory or a corridor along it, by the controller's action: "
-        "without Nav2's planner, which would avoid obstacles, and without its recoveries.",
+        description="Drive edges with a trajectory or corridor along it, by the controller's action: "
+        "without Nav2's planner, which avoids obstacles, and without recoveries.",
     )
-    mask_resolution: float = Field(0.05, ge=0.01, le=1.0, description="Cells of that mask, metres.")
+    mask_resolution: float = Field(0.05, ge=0.01, le=1.0, description="Cell size of that mask, metres.")
 
 
 class RosSettings(SettingsGroup):

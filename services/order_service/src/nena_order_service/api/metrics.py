@@ -121,8 +121,8 @@ PROGRAM: Final[Section[Running]] = Section(
         gauge("nena_build_info", "Always 1.", lambda _: {version(DISTRIBUTION): 1}, "version"),
         gauge(
             "nena_order_service_leader",
-            "1 in the order service that takes orders and commands robots; 0 in a standby, and while it "
-            "starts or is not sure of its lead.",
+            "1 in the active order service; 0 in a standby, during the start, and while the lease is "
+            "uncertain.",
             lambda s: s.leads,
         ),
         gauge("nena_order_service_store_ready", "1 while the store can be written.", lambda s: s.store_ready),
@@ -179,8 +179,8 @@ ORDERS: Final[Section[Monitored]] = Section(
         ),
         gauge(
             "nena_order_service_waiting",
-            "What waits, by cause: orders for a `dependency`, a `vehicle`, a `retry` or the end of a `hold`; "
-            "VDA 5050 orders for the `robot` that takes them; robots for `traffic`.",
+            "Waiting orders and robots, by cause: orders for a `dependency`, a `vehicle`, a `retry` or the end of a `hold`; "
+            "VDA 5050 orders for the `robot` that accepts them; robots for `traffic`.",
             _waits,
             "cause",
         ),
@@ -239,14 +239,14 @@ ROBOTS: Final[Section[Monitored]] = Section(
         ),
         counter(
             "nena_order_service_vda_order_failures_total",
-            "VDA 5050 orders that failed, by how (`FailureKind` of the code).",
+            "VDA 5050 orders that failed, by kind (`FailureKind` in the code).",
             lambda s: s.fleet.statistics.failures,
             "kind",
         ),
         histogram(
             "nena_order_service_vda_order_sending_seconds",
-            "Time from the decision to send a VDA 5050 order to its first sending; more than a moment where "
-            "the robot could not be sent it.",
+            "Time from the decision to send a VDA 5050 order to its first sending; long if the robot was "
+            "not reachable.",
             lambda s: s.fleet.statistics.sending,
         ),
         histogram(
@@ -256,7 +256,7 @@ ROBOTS: Final[Section[Monitored]] = Section(
         ),
         histogram(
             "nena_order_service_vda_order_execution_seconds",
-            "Time from there to the end, of orders that were finished.",
+            "Time from the robot's acknowledgement of a VDA 5050 order to its end; finished orders only.",
             lambda s: s.fleet.statistics.execution,
         ),
     ),
@@ -267,13 +267,13 @@ MESSAGES: Final[Section[Monitored]] = Section(
     (
         counter(
             "nena_order_service_messages_received_total",
-            "Messages of robots.",
+            "Messages received from robots.",
             lambda s: s.fleet.statistics.received,
             "topic",
         ),
         counter(
             "nena_order_service_messages_malformed_total",
-            "Those that could not be read.",
+            "Messages from robots that could not be read.",
             lambda s: s.fleet.statistics.malformed,
             "topic",
         ),
@@ -286,7 +286,7 @@ MESSAGES: Final[Section[Monitored]] = Section(
         ),
         counter(
             "nena_order_service_messages_ignored_total",
-            "Messages of robots beyond `fleet.robots_limit` (`robot_limit`), or with too long a name "
+            "Messages of robots beyond `fleet.robots_limit` (`robot_limit`), or whose name is too long "
             "(`name_too_long`).",
             lambda s: {
                 "robot_limit": s.fleet.statistics.robot_limit,
@@ -296,7 +296,7 @@ MESSAGES: Final[Section[Monitored]] = Section(
         ),
         counter(
             "nena_order_service_messages_sent_total",
-            "Messages to robots.",
+            "Messages sent to robots.",
             lambda s: s.fleet.statistics.sent,
             "topic",
         ),
@@ -308,7 +308,7 @@ MESSAGES: Final[Section[Monitored]] = Section(
         ),
         counter(
             "nena_order_service_foreign_commands_total",
-            "Commands to robots of this fleet that another program sent.",
+            "Commands to robots of this fleet sent by another program.",
             lambda s: s.fleet.statistics.foreign,
         ),
         counter(
@@ -338,7 +338,7 @@ WORK: Final[Section[Monitored]] = Section(
         ),
         counter(
             "nena_order_service_commit_failures_total",
-            "Commits that failed and were tried again.",
+            "Commits that failed and were retried.",
             lambda s: s.store.failures,
         ),
         gauge(

@@ -143,24 +143,25 @@ class DispatchSettings(SettingsGroup):
     choosers: Chooser = Field(
         Chooser.TOGETHER,
         description=(
-            "Who chooses: TOGETHER (orders of the same urgency and free vehicles at the least total "
-            "cost), ORDERS (each in turn), or SCARCER (whichever are fewer, as in openTCS)."
+            "Assignment method: TOGETHER (orders of the same urgency and free vehicles at the least total "
+            "cost), ORDERS (each order in turn chooses), or SCARCER (orders or vehicles choose, depending on "
+            "which are fewer, as in openTCS)."
         ),
     )
     age_window: float = Field(
         300.0,
         ge=0,
         description=(
-            "With TOGETHER: a nearer order may go first if it was created at most this many seconds "
-            "later. 0: strictly by age."
+            "With TOGETHER: how much later a nearer order may have been created to be assigned first, "
+            "seconds. 0: strictly by age."
         ),
     )
     crowding: float = Field(
         0.1,
         ge=0,
         description=(
-            "With TOGETHER: by which share of its cost an order is dearer for each vehicle that is still "
-            "to visit one of its destinations. 0: crowded stations do not count."
+            "With TOGETHER: share by which the cost of an order rises for each vehicle that will still visit "
+            "one of its destinations. 0: crowded stations do not count."
         ),
     )
     orders: list[OrderKey] = Field(
@@ -171,7 +172,7 @@ class DispatchSettings(SettingsGroup):
     vehicles: list[VehicleKey] = Field(
         [VehicleKey.IDLE_FIRST, VehicleKey.BY_ENERGY_LEVEL, VehicleKey.BY_NAME],
         min_length=1,
-        description="Sort keys of free vehicles, where vehicles choose.",
+        description="Sort keys of free vehicles, if vehicles choose.",
     )
     vehicle_candidates: list[CandidateKey] = Field(
         [CandidateKey.BY_COMPLETE_ROUTING_COSTS, CandidateKey.BY_VEHICLE_NAME],
@@ -190,14 +191,14 @@ class DispatchSettings(SettingsGroup):
         default=True,
         description=(
             "Vehicles without room for another load take no orders that begin with a pick. Set to "
-            "false for robots that report loads wrongly."
+            "false for robots that report loads incorrectly."
         ),
     )
     maps_respected: bool = Field(
         default=True,
         description=(
             "Vehicles whose robot does not report their map as enabled take no orders. Set to "
-            "false for robots that use other map ids in maps than in their position."
+            "false for robots that use other map IDs in maps than in their position."
         ),
     )
     energy: EnergySettings = Field(default_factory=EnergySettings, description="Energy of vehicles.")

@@ -39,7 +39,7 @@ class EngineSettings(SettingsGroup):
         ge=0,
         le=1000,
         description=(
-            "Nodes released ahead of a robot (preventive: it stops after them without its link); "
+            "Nodes released ahead of a robot (preventive: without a connection it stops after them); "
             "the rest is horizon. 0: as far as `release_seconds` allows."
         ),
     )
@@ -47,9 +47,9 @@ class EngineSettings(SettingsGroup):
         1.0,
         ge=0,
         description=(
-            "With `release_ahead` 0, a robot's base extends beyond its next node by what it drives in this "
-            "time at full speed; the rest is horizon. A robot that brakes for longer slows down before its "
-            "next node: raise it. 0: everything that can be allocated (assertive)."
+            "With `release_ahead` 0, a robot's base extends beyond its next node by the distance that it drives in this "
+            "time at full speed; the rest is horizon. Raise it for robots that take longer to brake: they "
+            "slow down before their next node. 0: everything that can be allocated (assertive)."
         ),
     )
     restart_patience: float = Field(
@@ -70,8 +70,8 @@ class EngineSettings(SettingsGroup):
     speed_limits: bool = Field(
         default=True,
         description=(
-            "Send robots how fast they may drive by the plant model (edges.maximumSpeed), where their "
-            "factsheets list that. false: they drive at their own speed."
+            "Send robots the speed limits of the plant model (edges.maximumSpeed) if their "
+            "factsheets list this field. false: robots drive at their own speed."
         ),
     )
     dispatch: DispatchSettings = Field(

@@ -40,7 +40,7 @@ class OrderServiceWatch:
         self._received_at = 0.0
         """Time of its arrival, in monotonic seconds."""
         self.last_sign: datetime | None = None
-        """Time of the last sign of life; None: none received."""
+        """Time of the last heartbeat; None: none received."""
 
     def receive(self, status: ServiceStatus, at: Timestamp, *, retained: bool) -> None:
         """Store a status; a retained one, or a last will, has an old timestamp."""

@@ -287,7 +287,7 @@ class OrderServiceView(TypedDict):
 
     up: bool | None
     lastSign: str | None
-    """Time of its last sign of life, if it is down."""
+    """Time of its last heartbeat, if it is down."""
 
 
 class JamView(TypedDict):

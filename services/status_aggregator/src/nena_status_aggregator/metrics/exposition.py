@@ -228,7 +228,7 @@ ORDERS: Final[Section[Aggregator]] = Section(
         ),
         gauge(
             "nena_order_service_takes_orders",
-            "1 while the order service can write its store, by its last sign of life.",
+            "1 while the order service can write its store, by its last heartbeat.",
             lambda s: s.model.order_service.store_ready,
         ),
         gauge(

@@ -45,7 +45,7 @@ export const TEXTS = {
     "Der Statusaggregator ist nicht mit dem MQTT-Broker verbunden. Daten von {time}. Prüfen Sie, ob der Broker läuft und --mqtt.host und --mqtt.port stimmen.",
   "link.broker.never":
     "Der Statusaggregator kann keine Verbindung zum MQTT-Broker herstellen. Prüfen Sie, ob der Broker läuft und --mqtt.host und --mqtt.port stimmen.",
-  "link.orderService": "Der Auftragsdienst läuft nicht; sein letztes Lebenszeichen kam um {time}. Aufträge werden weder angenommen noch zugewiesen. Aufträge und Gründe unten sind veraltet.",
+  "link.orderService": "Der Auftragsdienst läuft nicht (letztes Lebenszeichen: {time}). Aufträge werden weder angenommen noch zugewiesen. Aufträge und Gründe unten sind veraltet.",
   "link.orderService.never": "Der Auftragsdienst läuft nicht. Aufträge werden weder angenommen noch zugewiesen. Aufträge und Gründe unten sind veraltet.",
   "link.back": "Verbunden.",
 

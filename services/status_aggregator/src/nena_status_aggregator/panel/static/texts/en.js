@@ -45,7 +45,7 @@ export const TEXTS = {
     "The status aggregator is not connected to the MQTT broker. Showing data from {time}. Check that the broker is running and that --mqtt.host and --mqtt.port are correct.",
   "link.broker.never":
     "The status aggregator cannot connect to the MQTT broker. Check that the broker is running and that --mqtt.host and --mqtt.port are correct.",
-  "link.orderService": "The order service is down; its last sign of life was at {time}. No orders are accepted or assigned. Orders and reasons below are out of date.",
+  "link.orderService": "The order service is down (last heartbeat: {time}). No orders are accepted or assigned. Orders and reasons below are out of date.",
   "link.orderService.never": "The order service is down. No orders are accepted or assigned. Orders and reasons below are out of date.",
   "link.back": "Connected.",
 

@@ -45,7 +45,7 @@ export const TEXTS = {
     "De statusaggregator is niet verbonden met de MQTT-broker. Gegevens van {time}. Controleer of de broker draait en of --mqtt.host en --mqtt.port kloppen.",
   "link.broker.never":
     "De statusaggregator kan geen verbinding maken met de MQTT-broker. Controleer of de broker draait en of --mqtt.host en --mqtt.port kloppen.",
-  "link.orderService": "De orderservice draait niet; het laatste levensteken kwam om {time}. Orders worden niet aangenomen en niet toegewezen. Orders en redenen hieronder zijn verouderd.",
+  "link.orderService": "De orderservice draait niet (laatste levensteken: {time}). Orders worden niet aangenomen en niet toegewezen. Orders en redenen hieronder zijn verouderd.",
   "link.orderService.never": "De orderservice draait niet. Orders worden niet aangenomen en niet toegewezen. Orders en redenen hieronder zijn verouderd.",
   "link.back": "Verbonden.",
 
