@@ -148,7 +148,9 @@ def link_metrics(prefix: str, state: Callable[[S], LinkState]) -> tuple[Metric[S
         counter(f"{prefix}connects_total", "Connections to the broker.", lambda s: state(s).connects),
         counter(f"{prefix}received_total", "MQTT messages received.", lambda s: state(s).received),
         counter(
-            f"{prefix}published_total", "MQTT messages acknowledged by the broker.", lambda s: state(s).published
+            f"{prefix}published_total",
+            "MQTT messages acknowledged by the broker.",
+            lambda s: state(s).published,
         ),
         counter(
             f"{prefix}dropped_total",

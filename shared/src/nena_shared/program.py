@@ -1,4 +1,4 @@
-"""Start and end a NeNa program: settings, log, signals, and signs of life for its supervisor."""
+"""Start and end a NeNa program: settings, log, signals, and heartbeats for its supervisor."""
 
 from __future__ import annotations
 
@@ -61,22 +61,20 @@ class Supervision:
 
 
 @asynccontextmanager
-async def signs_of_life(
-    stop: asyncio.Event, environment: Mapping[str, str] = os.environ
-) -> AsyncIterator[None]:
+async def heartbeats(stop: asyncio.Event, environment: Mapping[str, str] = os.environ) -> AsyncIterator[None]:
     """Notify the supervisor that the program is ready, alive and, once ``stop`` is set, ending."""
     supervision = Supervision.of(environment)
     if supervision.notify_socket is None and supervision.file is None:
         yield
         return
-    work = asyncio.create_task(_send_signs(supervision, stop), name="signs of life")
+    work = asyncio.create_task(_send_heartbeats(supervision, stop), name="heartbeats")
     try:
         yield
     finally:
         await end(work)
 
 
-async def _send_signs(supervision: Supervision, stop: asyncio.Event) -> None:
+async def _send_heartbeats(supervision: Supervision, stop: asyncio.Event) -> None:
     """Send heartbeats until cancelled, also while the program shuts down, which may take long."""
     message, well = "READY=1", True
     while True:
@@ -141,5 +139,5 @@ def run(
 async def _serve(settings: S, serve: Callable[[S, asyncio.Event], Awaitable[None]]) -> None:
     stop = asyncio.Event()
     stop_on_signals(stop)
-    async with signs_of_life(stop):
+    async with heartbeats(stop):
         await serve(settings, stop)

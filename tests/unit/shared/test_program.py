@@ -20,8 +20,8 @@ from nena_shared.program import (
     HEARTBEAT_FILE,
     StartError,
     Supervision,
+    heartbeats,
     run,
-    signs_of_life,
 )
 from nena_shared.settings import ConfigurationError, ServiceSettings
 from nena_shared.tasks import Supervisor
@@ -150,7 +150,7 @@ async def test_systemd_hears_ready_the_watchdog_and_the_end(supervisor: socket.s
     stop, heard = asyncio.Event(), list[str]()
     environment = {"NOTIFY_SOCKET": supervisor.getsockname(), "WATCHDOG_USEC": "20000"}
 
-    async with signs_of_life(stop, environment):
+    async with heartbeats(stop, environment):
         await until(lambda: gather(supervisor, heard).count("WATCHDOG=1") > 2)
         stop.set()
         await until(lambda: "STOPPING=1" in gather(supervisor, heard))
@@ -176,22 +176,22 @@ async def test_the_file_grows_younger(tmp_path: Path) -> None:
     file.touch()
     os.utime(file, (0, 0))
 
-    async with signs_of_life(asyncio.Event(), {HEARTBEAT_FILE: str(file)}):
+    async with heartbeats(asyncio.Event(), {HEARTBEAT_FILE: str(file)}):
         await until(lambda: time.time() - file.stat().st_mtime < 60)
 
 
 async def test_a_supervisor_that_is_gone_costs_nothing(tmp_path: Path) -> None:
     environment = {"NOTIFY_SOCKET": str(tmp_path / "gone"), HEARTBEAT_FILE: str(tmp_path / "no" / "file")}
 
-    async with signs_of_life(asyncio.Event(), environment):
-        task = next(each for each in asyncio.all_tasks() if each.get_name() == "signs of life")
+    async with heartbeats(asyncio.Event(), environment):
+        task = next(each for each in asyncio.all_tasks() if each.get_name() == "heartbeats")
         await asyncio.wait({task}, timeout=0.05)
         assert not task.done()
 
 
 async def test_without_a_supervisor_there_is_no_task() -> None:
-    async with signs_of_life(asyncio.Event(), {}):
-        assert all(each.get_name() != "signs of life" for each in asyncio.all_tasks())
+    async with heartbeats(asyncio.Event(), {}):
+        assert all(each.get_name() != "heartbeats" for each in asyncio.all_tasks())
 
 
 @pytest.mark.parametrize(

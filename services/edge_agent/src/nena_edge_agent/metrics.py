@@ -132,7 +132,9 @@ PROTOCOL: Final[Section[Program]] = Section(
         _gauge("nena_agent_mqtt_connected", "1 while connected to the broker.", _link(lambda s: s.connected)),
         _counter("nena_agent_mqtt_connects_total", "Connections to the broker.", _link(lambda s: s.connects)),
         _counter(
-            "nena_agent_mqtt_published_total", "Messages acknowledged by the broker.", _link(lambda s: s.published)
+            "nena_agent_mqtt_published_total",
+            "Messages acknowledged by the broker.",
+            _link(lambda s: s.published),
         ),
         _counter(
             "nena_agent_mqtt_dropped_total",
@@ -205,7 +207,7 @@ DISK: Final[Section[Program]] = Section(
         ),
         gauge(
             "nena_agent_disk_free_bytes",
-            "Free space on the journal's disk; absent without a journal, and while the disk does not respond.",
+            "Free space on the journal's disk; absent without a journal, or if the disk does not respond.",
             lambda s: s.disk_free,
         ),
         gauge(

@@ -7,7 +7,7 @@ from typing import Final
 from nena_shared.fleet_api.base import Moment, Resource
 
 HEARTBEAT: Final = 2.0
-"""Seconds between two signs of life."""
+"""Seconds between two heartbeats."""
 
 LOST_AFTER: Final = 7.0
 """Seconds without one, after which the order service counts as down: it hangs, or is cut off."""

@@ -78,7 +78,7 @@ class FleetTopics:
 
     @property
     def service_status(self) -> str:
-        """Topic of the order service's signs of life and last will, as :class:`ServiceStatus`, retained."""
+        """Topic of the order service's heartbeats and last will, as :class:`ServiceStatus`, retained."""
         return f"{self.prefix}/orderService/status"
 
     @property

@@ -40,7 +40,7 @@ def beating(monkeypatch: pytest.MonkeyPatch) -> Callable[[], Heartbeat]:
     return lambda: Heartbeat(FleetTopics(), ManualClock(), epoch=7, store_ready=lambda: True)
 
 
-async def test_signs_of_life_are_retained_with_their_epoch_and_end_in_order(
+async def test_heartbeats_are_retained_with_their_epoch_and_end_in_order(
     beating: Callable[[], Heartbeat],
 ) -> None:
     heart, link = beating(), Link(connected=True)

@@ -29,7 +29,7 @@ def test_of_none_that_was_heard_nothing_is_said() -> None:
     assert (bench.up(), bench.watch.store_ready, bench.watch.skew.seconds) == (None, None, None)
 
 
-def test_it_is_up_while_it_gives_signs_of_life() -> None:
+def test_it_is_up_while_it_sends_heartbeats() -> None:
     bench = Bench()
     bench.receive(online=True)
     bench.clock.advance(LOST_AFTER - 0.1)
@@ -55,7 +55,7 @@ def test_without_the_broker_nothing_is_known() -> None:
     assert (bench.up(), bench.watch.store_ready, bench.watch.skew.seconds) == (None, None, None)
 
 
-def test_its_clock_is_measured_by_signs_of_life_that_are_new() -> None:
+def test_its_clock_is_measured_by_new_heartbeats() -> None:
     bench = Bench()
     bench.receive(online=True, ahead=-600.0, retained=True)
     bench.receive(online=False, ahead=-600.0)

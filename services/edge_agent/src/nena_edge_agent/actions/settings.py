@@ -360,7 +360,9 @@ class ActionSettings(SettingsGroup):
             "ROS operations on a loopback robot: refuse (not available) or rehearse (each takes a set time)."
         ),
     )
-    rehearsal_seconds: float = Field(2.0, ge=0, le=3600, description="Duration of a rehearsed ROS operation, seconds.")
+    rehearsal_seconds: float = Field(
+        2.0, ge=0, le=3600, description="Duration of a rehearsed operation, seconds."
+    )
     begin_timeout: Seconds = Field(10.0, description="Timeout for a plug-in to report its start, seconds.")
     obey_timeout: Seconds = Field(10.0, description="Timeout for a plug-in to pause or cancel, seconds.")
     load_sensor: LoadSensorSettings | None = Field(None, description="Load sensor.")

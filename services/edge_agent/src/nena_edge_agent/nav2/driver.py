@@ -649,7 +649,7 @@ class Nav2Driver:
         match command:
             case PublishGoal(goal):
                 node.publish_goal(goal.pose)
-                self._log.info("goal given", generation=goal.generation, x=goal.pose.x, y=goal.pose.y)
+                self._log.info("goal published", generation=goal.generation, x=goal.pose.x, y=goal.pose.y)
                 self._loop.call_soon(node.prepare_stop)
             case SendGoal(goal, goal_id):
                 self._tasks.start("send a goal", self._action.send(goal, goal_id), vital=False)

@@ -250,8 +250,7 @@ class OfferSettings(SettingsGroup):
     )
     keep_out: bool = Field(
         default=True,
-        description="Publish BLOCKED zones as a mask for the keep-out filter of Nav2's "
-        "costmaps.",
+        description="Publish BLOCKED zones as a mask for the keep-out filter of Nav2's costmaps.",
     )
     follow_path: bool = Field(
         default=False,

@@ -179,8 +179,8 @@ ORDERS: Final[Section[Monitored]] = Section(
         ),
         gauge(
             "nena_order_service_waiting",
-            "Waiting orders and robots, by cause: orders for a `dependency`, a `vehicle`, a `retry` or the end of a `hold`; "
-            "VDA 5050 orders for the `robot` that accepts them; robots for `traffic`.",
+            "Waiting orders and robots, by cause: orders for a `dependency`, a `vehicle`, a `retry` or the "
+            "end of a `hold`; VDA 5050 orders for the `robot` that accepts them; robots for `traffic`.",
             _waits,
             "cause",
         ),

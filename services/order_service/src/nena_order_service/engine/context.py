@@ -47,9 +47,10 @@ class EngineSettings(SettingsGroup):
         1.0,
         ge=0,
         description=(
-            "With `release_ahead` 0, a robot's base extends beyond its next node by the distance that it drives in this "
-            "time at full speed; the rest is horizon. Raise it for robots that take longer to brake: they "
-            "slow down before their next node. 0: everything that can be allocated (assertive)."
+            "With `release_ahead` 0, a robot's base extends beyond its next node by the distance that it "
+            "drives in this time at full speed; the rest is horizon. Raise it for robots that take "
+            "longer to brake: they slow down before their next node. 0: everything that can be "
+            "allocated (assertive)."
         ),
     )
     restart_patience: float = Field(

@@ -282,7 +282,7 @@ class FleetModel:
             self._public.orders.touch(name)
 
     def on_service_status(self, status: ServiceStatus, at: Timestamp, *, retained: bool) -> None:
-        """Apply a sign of life of the order service, or its last will."""
+        """Apply a heartbeat of the order service, or its last will."""
         self.statistics.received[MessageKind.SERVICE_STATUS] += 1
         self.order_service.receive(status, at, retained=retained)
 
