@@ -88,7 +88,7 @@ def _fetch(link: str, settings: DownloadSettings) -> bytes:
                 message = f"{link} ended {answer.length} bytes early"
                 raise DownloadError(message)
     except TimeoutError as error:
-        message = f"{link} was silent for {settings.silence:g} s"
+        message = f"{link} sent no data for {settings.silence:g} s"
         raise DownloadError(message) from error
     return b"".join(parts)
 

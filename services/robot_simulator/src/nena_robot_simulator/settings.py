@@ -52,8 +52,8 @@ class DriveSettings(SettingsGroup):
         0.0,
         ge=0,
         le=10,
-        description="Distance from the goal from which on the robot slows down with the distance, metres; "
-        "0.6 with Nav2's Regulated Pure Pursuit. 0: it brakes as late as it can.",
+        description="Distance to the goal at which the robot starts to slow down, metres; "
+        "0.6 with Nav2's Regulated Pure Pursuit. 0: brakes as late as possible.",
     )
 
 
@@ -83,7 +83,7 @@ class LocalisationSettings(SettingsGroup):
     )
     pose_topic: bool = Field(
         default=True,
-        description="Publish amcl_pose. False: transforms alone, as SLAM and other localisers do.",
+        description="Publish amcl_pose. False: only transforms, as SLAM and other localisers do.",
     )
     xy_deviation: float = Field(0.02, ge=0, description="Standard deviation of the estimated position, m.")
     yaw_deviation: float = Field(0.01, ge=0, description="Standard deviation of the estimated heading, rad.")

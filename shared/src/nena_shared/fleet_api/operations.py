@@ -522,7 +522,7 @@ SUMMARISE = Operation(
 
 SHOW_TRAFFIC_PLAN = Operation(
     "trafficPlan",
-    "Return where vehicles will be in the next minute, what they hold, and for whom they wait and why.",
+    "Return where vehicles will be in the next minute, what they hold, and what they wait for and why.",
     "GET",
     TRAFFIC_PLAN,
     TrafficPlan,

@@ -17,7 +17,7 @@ from nena_order_service.engine.dispatching import (
     ORDERS_FOR_EACH,
     ORDERS_FOR_MANY,
     ORDERS_FOR_ONE,
-    TOLD_FIRST,
+    EXPLAINED_FIRST,
 )
 from nena_order_service.engine.engine import LOOKED_AT_ONCE, Engine
 from nena_shared.fleet_api.transport_order import TransportOrderState
@@ -160,7 +160,9 @@ async def test_a_whole_fleet_is_given_work_in_slices() -> None:
         await turn_passes()
         slices.append(len(fleet.sent))
     assert slices[-1] == number
-    assert max(after - before for before, after in pairwise([0, *slices])) <= TOLD_FIRST + ORDERS_FOR_MANY
+    assert (
+        max(after - before for before, after in pairwise([0, *slices])) <= EXPLAINED_FIRST + ORDERS_FOR_MANY
+    )
     assert all(robot[1:] == vda_order.order_id[1:-2] for robot, vda_order in fleet.sent)
 
 
@@ -178,7 +180,7 @@ async def test_a_vehicle_that_becomes_free_in_mid_offer_takes_the_most_urgent_or
     settings = EngineSettings(default_map_id="map", traffic=False, dispatch=dispatch)
     engine = await make_engine(plant, ForgetfulStore(), fleet, settings=settings)
     for index in range(3 * (ORDERS_FOR_ONE + ORDERS_FOR_EACH)):
-        named = {"intendedVehicle": "V1"} if index < TOLD_FIRST else {}  # these are looked at each time
+        named = {"intendedVehicle": "V1"} if index < EXPLAINED_FIRST else {}  # these are looked at each time
         engine.create(request("P7", **named), f"T{index}")
     fleet.out_of_order.discard("V1")  # which has no way to any of them
     engine.look()
@@ -186,7 +188,7 @@ async def test_a_vehicle_that_becomes_free_in_mid_offer_takes_the_most_urgent_or
     fleet.out_of_order.discard("V2")
     fleet.appear("V2", "P0")
     await turn_passes()
-    assert [vda_order.order_id for _, vda_order in fleet.sent] == [f"T{TOLD_FIRST}-0"]
+    assert [vda_order.order_id for _, vda_order in fleet.sent] == [f"T{EXPLAINED_FIRST}-0"]
 
 
 async def large_fleet(monkeypatch: pytest.MonkeyPatch) -> tuple[Engine, list[int]]:

@@ -170,7 +170,7 @@ def test_a_robot_in_which_somebody_intervenes_is_sent_cancel_order_and_nothing_e
         bench.news.clear()
         bench.instruct(action(name, f"i{number}"))
         assert ended(bench).status is ActionStatus.FAILED
-        why = "is in operating mode INTERVENED, which takes no instant action but cancelOrder"
+        why = "is in operating mode INTERVENED, in which cancelOrder is the only instant action"
         assert ended(bench).reason == f"not sent: the robot {why}"
     bench.cancel()
     assert bench.instants_sent() == ["cancelOrder"]

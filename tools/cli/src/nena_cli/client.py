@@ -154,7 +154,7 @@ def _problem_of(answer: httpx.Response) -> Problem:
     try:
         return Problem.model_validate_json(answer.content)
     except ValidationError:
-        detail = f"{answer.url} answered {answer.status_code} like no order service; check the URL"
+        detail = f"{answer.url} answered {answer.status_code} and is not an order service; check the URL"
         return Problem(title="No order service", status=answer.status_code, detail=detail)
 
 

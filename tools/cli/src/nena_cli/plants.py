@@ -263,7 +263,7 @@ def convert(
     output: Output,
     map_id: Annotated[
         str | None,
-        typer.Option("--map", help="LIF: mapId of points without one. Route graph: map whose points it has."),
+        typer.Option("--map", help="LIF: mapId of points without one. Route graph: map to write."),
     ] = None,
     frame: Annotated[str, typer.Option("--frame", help="Route graph: frame of the map.")] = "map",
     vehicle_type: Annotated[

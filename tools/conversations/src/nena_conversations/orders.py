@@ -215,9 +215,9 @@ def _steps(before: State, now: State, order: StitchedOrder) -> Iterator[Problem]
         old = {each.sequence_id for each in before.node_states}
         for each in now.node_states:
             if each.sequence_id not in old:
-                yield _error(f"node '{each.node_id}' ({each.sequence_id}) had disappeared and is back")
+                yield _error(f"node '{each.node_id}' ({each.sequence_id}) disappeared and is listed again")
     if number < before.last_node_sequence_id and now.last_node_id:
-        yield _error(f"lastNodeSequenceId goes back from {before.last_node_sequence_id} to {number}")
+        yield _error(f"lastNodeSequenceId decreases from {before.last_node_sequence_id} to {number}")
 
 
 def _error(text: str) -> Problem:
@@ -293,7 +293,7 @@ class OrderConversation:
         if before is None or key == (before.order_id, before.order_update_id) or not state.order_id:
             return
         if state.order_id == before.order_id and state.order_update_id < before.order_update_id:
-            text = f"orderUpdateId goes back from {before.order_update_id} to {state.order_update_id}"
+            text = f"orderUpdateId decreases from {before.order_update_id} to {state.order_update_id}"
             yield Rule.ECHO, Severity.ERROR, text
         elif self._known and key not in self._known:
             text = f"the state has update {key[1]} of order '{key[0]}', which was not sent here"

@@ -57,7 +57,7 @@ Backlog = Annotated[
 Seed = Annotated[int, typer.Option(help="Random seed; the same seed leads to the same result.")]
 Speed = Annotated[float, typer.Option(help="Speed of the robots, m/s.", min=0.01)]
 Work = Annotated[float, typer.Option(help="Time to pick or drop, seconds.", min=0)]
-WarmUp = Annotated[float, typer.Option(help="Minutes that do not count.", min=0)]
+WarmUp = Annotated[float, typer.Option(help="Minutes of warm-up, excluded from the report.", min=0)]
 SettingsFile = Annotated[Path | None, typer.Option(help="Settings of the order service (TOML).", exists=True)]
 Spread = Annotated[
     float, typer.Option(help="Random deviation of robots' speeds: 0.3 is 30 %.", min=0, max=0.9)

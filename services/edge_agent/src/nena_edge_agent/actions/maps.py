@@ -36,7 +36,7 @@ MAP_HASH = "mapHash"
 _WHICH = (Parameter("mapId", ValueDataType.STRING), Parameter("mapVersion", ValueDataType.STRING))
 
 _PLACE = tuple(
-    Parameter(key, ValueDataType.NUMBER, required=False, description=f"{unit}, where the robot is on the map")
+    Parameter(key, ValueDataType.NUMBER, required=False, description=f"{unit}, robot's position on the map")
     for key, unit in (("x", "m"), ("y", "m"), ("theta", "rad"))
 )
 
@@ -143,7 +143,7 @@ def _duplicate(action: Action, map_id: str, version: str, problem: DuplicateMapE
     entry = error(
         ErrorType.DUPLICATE_MAP,
         str(problem),
-        hint="enable it, or bring the map under another version",
+        hint="enable it, or send the map with another version",
         action_id=action.action_id,
         map_id=map_id,
         map_version=version,

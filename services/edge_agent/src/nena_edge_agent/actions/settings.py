@@ -296,15 +296,15 @@ class Nav2OperationSettings(OperationBase):
         description="SOFT or HARD: the robot must stand.",
     )
     dock_id: str = Field(
-        "", max_length=200, description="Dock, if orders name none with the parameter dockId."
+        "", max_length=200, description="Default dock; orders may name another one (dockId)."
     )
-    dock_type: str = Field("", max_length=200, description="Type of the dock, if there are several.")
+    dock_type: str = Field("", max_length=200, description="Type of the dock, if several types exist.")
     drives_to_dock: bool = Field(
-        default=True, description="The docking server drives to the place before the dock first."
+        default=True, description="Whether the docking server first drives to the dock's staging pose."
     )
     speed: float = Field(0.1, gt=0, le=5, description="Speed of back_up and drive_on_heading, m/s.")
     maximum: float = Field(
-        math.tau, gt=0, le=100, description="Largest angle (rad) or distance (m) that orders may ask for."
+        math.tau, gt=0, le=100, description="Maximum angle (rad) or distance (m) in orders."
     )
     timeout: float = Field(120.0, gt=0, le=86_400, allow_inf_nan=False, description="Timeout, seconds.")
 

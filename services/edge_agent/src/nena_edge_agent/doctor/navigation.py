@@ -136,11 +136,11 @@ def _nav2_map(view: RosView, settings: RosSettings, agreed: str) -> LinkFinding:
             Link.MAP, LinkVerdict.DOUBTFUL, text, "start Nav2's map server, if this robot has one"
         )
     if grid.frame.removeprefix("/") != settings.frame:
-        text = f"Nav2's map is in frame '{grid.frame}', goals are given in '{settings.frame}'"
+        text = f"Nav2's map is in frame '{grid.frame}', goals are in '{settings.frame}'"
         return missing(Link.MAP, text, "set ros.frame to Nav2's global frame")
     if pose and not grid.holds(pose.x, pose.y):
         text = f"the robot reports {pose.x:.2f} m, {pose.y:.2f} m, which is not on Nav2's map"
-        return missing(Link.MAP, text, "load the map of this place, or set the initial position again")
+        return missing(Link.MAP, text, "load the map of this area, or set the initial position again")
     return ok(Link.MAP, f"{agreed}; Nav2's map is {grid.width:.0f} m by {grid.height:.0f} m")
 
 
@@ -152,7 +152,7 @@ def _domain(view: RosView, settings: RosSettings) -> LinkFinding:
     if view.busy_domains:
         found = ", ".join(map(str, view.busy_domains))
         return missing(
-            Link.DOMAIN, f"{text}, but there are nodes in {found}", "set ros.domain_id to the robot's"
+            Link.DOMAIN, f"{text}, but nodes are visible in {found}", "set ros.domain_id to the robot's"
         )
     remedy = (
         "set ros.domain_id to the robot's ROS_DOMAIN_ID; check that the robot's nodes run, that both have "
@@ -187,7 +187,7 @@ def _navigation(view: RosView, settings: RosSettings) -> LinkFinding:
         remedy = "check that bt_navigator is configured and active; ros.names.goal_pose names the topic"
         return missing(Link.NAVIGATION, f"no node subscribes to {names.goal_pose}", remedy)
     known = "active" if view.lifecycle is Lifecycle.ACTIVE else "available; it has no lifecycle manager"
-    text = f"{known}, and takes goals on {names.goal_pose}{_drives(view)}"
+    text = f"{known}, and accepts goals on {names.goal_pose}{_drives(view)}"
     return _with_settings(view, settings, text)
 
 

@@ -178,7 +178,7 @@ def _check_size(name: str, suffix: str, image: bytes) -> None:
         raise BadBundleError(message)
     width, height = size
     if width * height > PIXELS_LIMIT:
-        message = f"{name} has {width} x {height} pixels; {PIXELS_LIMIT} are the most"
+        message = f"{name} has {width} x {height} pixels; the maximum is {PIXELS_LIMIT}"
         raise BadBundleError(message)
 
 

@@ -70,7 +70,7 @@ def fault(
     if _stays_inside(course(edge, start, end), corridor, footprint):
         return None
     text = f"the corridor of edge '{edge.edge_id}' is too narrow for the robot"
-    return Fault(ErrorType.NO_ROUTE_TO_TARGET, text, "widen the corridor, or send the robot another way")
+    return Fault(ErrorType.NO_ROUTE_TO_TARGET, text, "widen the corridor, or send the robot on another route")
 
 
 def _straight_fault(start: NodePosition | None, end: NodePosition) -> Fault | None:
@@ -102,8 +102,8 @@ def _curve_fault(trajectory: Trajectory, start: NodePosition | None, end: NodePo
     first, last = curve.places(drawn, 1)
     for place, node, which in ((first, start, "start"), (last, end, "end")):
         if node is not None and (off := dist(place, (node.x, node.y))) > ENDS_WITHIN:
-            text = f"its trajectory lies {off:.2f} m from the {which} node"
-            hint = f"let the trajectory {which} at the node, within {ENDS_WITHIN:g} m"
+            text = f"its trajectory {which}s {off:.2f} m from its node"
+            hint = f"make the trajectory {which} within {ENDS_WITHIN:g} m of the node"
             return Fault(ErrorType.VALIDATION_FAILURE, text, hint)
     # a curve is never longer than the straight lines between its control points
     if too_long := _length_fault(sum(hypot(b.x - a.x, b.y - a.y) for a, b in pairwise(points))):

@@ -250,7 +250,7 @@ def _way_fault(start: NodePosition | None, node: Node, situation: Situation) -> 
     if any(area.holds(place.x, place.y) for area in situation.no_route):
         return (
             f"no route leads to node '{node.node_id}'",
-            "check what blocks the route, or send the robot elsewhere",
+            "check what blocks the route, or send the robot to another destination",
         )
     begin = start or place
     if begin.map_id != place.map_id:

@@ -97,7 +97,7 @@ def _statuses(topics: FleetTopics) -> tuple[Channel, ...]:
             topics.service_status,
             "send",
             ServiceStatus,
-            f"Sign of life of the order service, each {HEARTBEAT:g} s; also its last will.",
+            f"Heartbeat of the order service, every {HEARTBEAT:g} s, and its last will.",
             retained=True,
             parameters=(),
         ),

@@ -125,7 +125,7 @@ class KnownCosts:
             self.finder.find(start, stops, vehicle=self.registry.model(vehicle), avoid=avoid)
         except (NoRouteError, UnknownObjectError) as error:
             return str(error)
-        return "it costs too much"
+        return "the route is too expensive"
 
 
 class OrderKnowledge:
@@ -201,12 +201,12 @@ def _stops(order: TransportOrder) -> list[Destination]:
 
 NO_ORDER = "idle: no order waits"
 NO_ORDER_FITS = (
-    "has nothing to do: the orders that wait are for other vehicles or of types that it does not accept, "
-    "or it cannot reach them, or has no room for what is to be picked up"
+    "idle: the waiting orders are for other vehicles or of types that it does not accept, are "
+    "unreachable, or need room for another load"
 )
 GIVES_UP = "ends a dispensable order first"
 
-TOLD_FIRST = 20
+EXPLAINED_FIRST = 20
 """Orders at the head of the queue whose wait reason is updated at once; the others follow gradually."""
 LOOKED_AT_ONCE = 500
 """Orders further back whose wait reason is checked in each round."""
@@ -527,15 +527,15 @@ class Dispatching:
     def _with_new_reasons(self, touched: Iterable[str]) -> dict[int, None]:
         """Return orders that may wait for other reasons now."""
         waiting = self._orders.waiting
-        found = dict.fromkeys((*waiting.part(0, TOLD_FIRST), *self._kept))
+        found = dict.fromkeys((*waiting.part(0, EXPLAINED_FIRST), *self._kept))
         for name in touched:
-            found.update(dict.fromkeys(waiting.first(waiting.naming(name), TOLD_FIRST)))
+            found.update(dict.fromkeys(waiting.first(waiting.naming(name), EXPLAINED_FIRST)))
         return found
 
     def _fresh_orders(self) -> dict[int, None]:
         """Remove and return the orders that may be new to free vehicles."""
         waiting = self._orders.waiting
-        found = dict.fromkeys([*waiting.fresh][: None if self._candidates.free else TOLD_FIRST])
+        found = dict.fromkeys([*waiting.fresh][: None if self._candidates.free else EXPLAINED_FIRST])
         waiting.fresh.clear()
         return found
 

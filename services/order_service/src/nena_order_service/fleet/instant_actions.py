@@ -179,7 +179,7 @@ class InstantActionManager:
         if away or state is None or state.operating_mode.fleet_controls:
             return away
         if state.operating_mode is OperatingMode.INTERVENED:
-            only = "is in operating mode INTERVENED, which takes no instant action but cancelOrder"
+            only = "is in operating mode INTERVENED, in which cancelOrder is the only instant action"
             return None if action_type == CANCEL_ORDER else only
         if action_type in ALWAYS_ALLOWED:
             return None

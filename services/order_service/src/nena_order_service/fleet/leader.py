@@ -27,14 +27,14 @@ ANSWERED_WITHIN = 5.0
 
 
 class FleetTakenError(StartError):
-    """Another order service leads the fleet; the text names it and what to do."""
+    """Another order service is active for the fleet; the text names it and what to do."""
 
     def __init__(self, record: LeaderRecord, *, own_store: bool = False) -> None:
         if own_store:
             super().__init__(
-                "another order service that uses this store, or a copy of it, was started later and leads "
-                f"this fleet (epoch {record.epoch}), so this one has ended. Start it again only if the other "
-                "one is to end, or as its standby on the same PostgreSQL"
+                "another order service that uses this store, or a copy of it, was started later and "
+                f"is active for this fleet (epoch {record.epoch}), so this one has exited. Start it again "
+                "only to replace the other one, or as its standby on the same PostgreSQL"
             )
         else:
             super().__init__(
