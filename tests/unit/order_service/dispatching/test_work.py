@@ -14,10 +14,10 @@ from nena_order_service.dispatching.settings import Chooser, DispatchSettings
 from nena_order_service.engine.context import EngineSettings
 from nena_order_service.engine.dispatching import (
     EXPLAINED_AT_ONCE,
+    EXPLAINED_FIRST,
     ORDERS_FOR_EACH,
     ORDERS_FOR_MANY,
     ORDERS_FOR_ONE,
-    EXPLAINED_FIRST,
 )
 from nena_order_service.engine.engine import LOOKED_AT_ONCE, Engine
 from nena_shared.fleet_api.transport_order import TransportOrderState
