@@ -20,7 +20,7 @@ def remember(engine: Any, connection: Any) -> None:  # noqa: ANN401 - SQLAlchemy
 def hang_up(engine: Any) -> None:  # noqa: ANN401 - the same
     """Close the connections of an engine from any thread, at the end of the program.
 
-    A server that hangs, as on a stalled disk, would block a thread that waits for its answer for ever, and
+    A server that hangs, as on a stalled disk, would block a thread that waits for its answer forever, and
     the program with it.
     """
     for connection in tuple(_lines.get(engine, ())):

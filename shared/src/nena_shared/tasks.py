@@ -13,7 +13,7 @@ from nena_shared.log import get_logger
 log = get_logger(__name__)
 
 AGAIN_AFTER = 5.0
-"""Seconds that a task has to end in order before it is cancelled once more."""
+"""Seconds that a task has to end in order before it is cancelled again."""
 
 
 class TaskFailedError(Exception):

@@ -48,7 +48,7 @@ DESCRIPTION = (
 NAV2_STORE = "nav2"
 """Value of ``maps.store``."""
 METRICS_PAUSE = 10.0
-"""Seconds after which a port for the metrics is tried again that could not be had."""
+"""Seconds after which a failed port for the metrics is retried."""
 
 log = get_logger(__name__)
 

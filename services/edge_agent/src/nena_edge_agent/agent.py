@@ -316,7 +316,7 @@ class RobotAgent:
 
     @property
     def _recorded(self) -> bool:
-        """Whether everything that must survive a power cut is on the disk."""
+        """Whether everything that must survive a power failure is on the disk."""
         return self._recorder.has_synced(self._core.durable_version)
 
     async def _write_record(self) -> None:
@@ -459,7 +459,7 @@ class RobotAgent:
 def spare_what_is_loaded() -> None:
     """Exclude all objects loaded so far from garbage collection; a full pass would block a robot for 30 ms.
 
-    Freezes once per process: a second freeze would keep what is left of a failed robot for good, and
+    Freezes once per process: a second freeze would keep what is left of a failed robot permanently, and
     ``gc.get_freeze_count()`` walks all frozen objects.
     """
     gc.freeze()

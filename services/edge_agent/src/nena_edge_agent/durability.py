@@ -1,4 +1,4 @@
-"""Make files survive a power cut."""
+"""Make files survive a power failure."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 def sync_folder(folder: Path) -> None:
-    """Flush the names in ``folder`` to the disk, so that a new file survives a power cut.
+    """Flush the names in ``folder`` to the disk, so that a new file survives a power failure.
 
     Raises:
         OSError: the folder is not there, or the disk fails.

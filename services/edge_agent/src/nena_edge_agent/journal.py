@@ -111,7 +111,7 @@ class Journal:
         raise UnreadableJournalError(message)
 
     def write(self, memory: Memory) -> None:
-        """Replace the record; on return it survives the process, and after :meth:`sync` a power cut.
+        """Replace the record; on return it survives the process, and after :meth:`sync` a power failure.
 
         Both block for the time of the disk: call them outside of the event loop's thread.
 
@@ -316,7 +316,7 @@ class Recorder:
     """Writes records in a thread; a disk that fails or hangs is reported, and the robot continues.
 
     To be used in turn: :meth:`write`, then what may be done once the record outlives the process, then
-    :meth:`sync`, then what may be done once it outlives a power cut.
+    :meth:`sync`, then what may be done once it outlives a power failure.
     """
 
     def __init__(
@@ -344,7 +344,7 @@ class Recorder:
         self._record: asyncio.Future[None] | None = None
         self._deadline = 0.0
         self.seconds = Histogram(SHORT)
-        """From the begin of a record to the moment at which it survives a power cut."""
+        """From the begin of a record to the moment at which it survives a power failure."""
 
     async def write(self, version: Version, memory: Callable[[], Memory]) -> None:
         """Begin to write a changed memory; return when it survives the process, or the disk has failed."""
@@ -384,7 +384,7 @@ class Recorder:
         return self._journal is None or version in (self._written, self._durable)
 
     def has_synced(self, version: Version) -> bool:
-        """Return whether what differs in ``version`` survives a power cut; always without a journal."""
+        """Return whether what differs in ``version`` survives a power failure; always without a journal."""
         return self._journal is None or version == self._durable
 
     @property

@@ -125,7 +125,7 @@ async def _begin_and_serve(
     supervisor: Supervisor,
     stop: asyncio.Event,
 ) -> None:
-    """Serve until ``stop``; while the store cannot be written at first, the server reports that."""
+    """Serve until ``stop``; while the store cannot be written initially, the server reports that."""
 
     def show() -> None:
         server.show(make_starting_app(lambda: store.why_not_ready))

@@ -153,7 +153,7 @@ class ActionEndpoints:
 
 
 class NavigatorEndpoints:
-    """Two actions and the goal topic; closed at first.
+    """Two actions and the goal topic; closed initially.
 
     ``types`` are the installed action types. Without them NavigateToPose publishes its status and can be
     cancelled, which is all that driving by topic needs.

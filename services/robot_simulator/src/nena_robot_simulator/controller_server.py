@@ -20,7 +20,7 @@ log = get_logger(__name__)
 
 
 class ControllerServer:
-    """One robot's; closed at first. Without ``types`` its goals can only be cancelled.
+    """One robot's; closed initially. Without ``types`` its goals can only be cancelled.
 
     ``take`` accepts a goal and returns the time of acceptance (UTC, ns), None: it is rejected.
     """

@@ -1,6 +1,6 @@
 """Faults that can be injected into the simulated robot.
 
-A fault is a JSON object with a ``kind``. It is active until it is sent again with ``"active": false``, or
+A fault is a JSON object with a ``kind``. It is active until it is resent with ``"active": false``, or
 until it has affected the number of goals in ``goals``. A new kind needs a class here, an entry in
 :data:`Fault`, and a :meth:`Faults.get` where it takes effect.
 """

@@ -258,14 +258,14 @@ class DriveFailure:
     abort_after: float | None = None
     """The part of the path, 0 to 1, after which the controller gives up."""
     recovery: Recovery | None = None
-    """What is tried before the drive fails, where there is no path."""
+    """What is tried before the drive fails, if there is no path."""
 
 
 NO_FAILURE = DriveFailure()
 
 
 class Drive:
-    """The way to one target; ``end`` is None where the planner found none."""
+    """The way to one target; ``end`` is None if the planner found none."""
 
     def __init__(
         self,

@@ -31,7 +31,7 @@ Open = Callable[[], Iterable[Any]]
 
 
 class ServerEndpoints:
-    """The endpoints of all servers but the navigator's actions; closed at first.
+    """The endpoints of all servers but the navigator's actions; closed initially.
 
     ``work`` makes those of a server's own work, ``values`` are the parameters. ``on_change`` is called after
     a transition of a server's lifecycle.

@@ -236,7 +236,7 @@ class TransportOrderStatus(Resource):
 
     name: str
     version: int
-    """Counts the changes; 1 at first."""
+    """Counts the changes; 1 initially."""
     state: TransportOrderState
     reason: str
     """Why it is in this state, or what it waits for, in words."""
@@ -268,7 +268,7 @@ class TransportOrderStatus(Resource):
     held: Hold | None = None
     """The hold: by whom and why; None: not held."""
     next_try: Moment | None = None
-    """When it is tried again after a failure; None: nothing is waited for."""
+    """When it is retried after a failure; None: nothing is waited for."""
     excluded_vehicles: tuple[str, ...] = ()
     """Vehicles that have failed at it, so that it is not given to them again."""
     history: tuple[HistoryEntry, ...] = ()
@@ -319,7 +319,7 @@ class OrderSequenceStatus(Resource):
 
     name: str
     version: int
-    """Counts the changes; 1 at first."""
+    """Counts the changes; 1 initially."""
     reason: str
     """What it waits for, or how it has ended, in words."""
     order_types: tuple[str, ...]
@@ -375,7 +375,7 @@ class DeliveryPhase(StrEnum):
     WAITING = "WAITING"
     """It is not sent: the robot cannot be sent anything now."""
     SENT = "SENT"
-    """It is sent, and sent again, until a state of the robot echoes it."""
+    """It is sent, and resent, until a state of the robot echoes it."""
     DELIVERED = "DELIVERED"
     """The robot has it."""
     CANCELLING = "CANCELLING"
@@ -393,4 +393,4 @@ class DeliveryStatus(Resource):
     echoed_update_id: int | None = None
     """orderUpdateId that the robot's last state echoes; None: it echoes none of this order."""
     note: str = ""
-    """What it waits for, in words; empty where it waits for nothing but the robot's driving."""
+    """What it waits for, in words; empty if it waits for nothing but the robot's driving."""

@@ -10,7 +10,7 @@ from nena_shared.settings import ConfigurationError, MqttSettings, MqttTlsSettin
 
 
 def tls_context(settings: MqttTlsSettings) -> ssl.SSLContext | None:
-    """Return the context of a connection; None where the connection is not encrypted.
+    """Return the context of a connection; None if the connection is not encrypted.
 
     The files are read at each call, so that renewed ones are used from the next connection on. The broker's
     name is always checked against its certificate.

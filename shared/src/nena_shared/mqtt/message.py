@@ -26,4 +26,4 @@ class Outbound:
     qos: int = 1
     retain: bool = False
     keep: bool = True
-    """Whether it waits for the link and is sent again after a break, or is sent only while the link is up."""
+    """Whether it waits for the link and is resent after a break, or is sent only while the link is up."""

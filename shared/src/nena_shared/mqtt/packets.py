@@ -24,7 +24,7 @@ _ACKNOWLEDGEMENT: Final = Struct("!BBH")
 MORE: Final = 0x80
 """In a byte of a packet's length: another one follows."""
 LENGTH_BYTES: Final = 4
-"""That a packet's length has at the most."""
+"""That a packet's length has at most."""
 LONGEST: Final = (1 << 7 * LENGTH_BYTES) - 1
 LONGEST_TOPIC: Final = 65_535
 AT_LEAST_ONCE: Final = 1 << 1
@@ -124,7 +124,7 @@ class PacketReader:
         return bytes(self._data[start : self._at])
 
     def _bounds(self) -> tuple[int, int] | None:
-        """Return where the next packet's content begins and ends; None where not all of it is here.
+        """Return where the next packet's content begins and ends; None if not all of it is here.
 
         A length without end is offered as it is.
         """
@@ -175,7 +175,7 @@ def _length(number: int) -> bytes:
 
 
 def _read(data: bytearray, at: int, end: int, *, head: int) -> Published | None:
-    """Read a message; return None where it is malformed or of a kind that is left to paho."""
+    """Read a message; return None if it is malformed or of a kind that is left to paho."""
     qos = head >> 1 & 3
     rest = at + 2 + int.from_bytes(data[at : at + 2])
     payload = rest + 2 if qos else rest

@@ -18,7 +18,7 @@ STATION_ACTIONS: Final = frozenset({"pick", "drop"})
 
 
 class BlockingType(StrEnum):
-    """What may go on while an action runs (section 6.2.2)."""
+    """What may continue while an action runs (section 6.2.2)."""
 
     NONE = "NONE"
     SINGLE = "SINGLE"

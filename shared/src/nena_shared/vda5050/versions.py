@@ -104,7 +104,7 @@ def version_of(payload: bytes) -> str | None:
 def codec_of_header(payload: bytes) -> Codec | None:
     """Return the codec for a robot, from the header of its connection or factsheet.
 
-    For an unsupported version it is the nearest older one of the same major version; None where
+    For an unsupported version it is the nearest older one of the same major version; None if
     there is none, or no header.
     """
     version = version_of(payload)

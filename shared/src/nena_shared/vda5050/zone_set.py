@@ -114,7 +114,7 @@ class Zone(WireObject):
     exit_actions: tuple[ZoneAction, ...] | None = None
     priority_factor: Factor | None = None
     penalty_factor: Factor | None = None
-    """1: only where there is no other route."""
+    """1: only if there is no other route."""
     direction: Angle | None = None
     directed_limitation: DirectedLimitation | None = None
     bidirected_limitation: BidirectedLimitation | None = None

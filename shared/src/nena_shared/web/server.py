@@ -48,7 +48,7 @@ ACCEPTED_AT_ONCE = 64
 """Connections accepted in one turn of the event loop."""
 
 NO_FILES_PAUSE = 1.0
-"""Seconds until accepting is tried again where the system has no more files."""
+"""Seconds until accepting is retried where the system has no more files."""
 
 _logged = RateLimit(rate=1 / 60, burst=1)
 

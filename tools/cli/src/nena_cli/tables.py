@@ -38,7 +38,7 @@ VEHICLE_STYLES = {
 
 
 STUCK = (VehicleState.ERROR, VehicleState.UNAVAILABLE, VehicleState.UNKNOWN)
-"""States in which a vehicle does not go on until a person has done something."""
+"""States in which a vehicle does not continue until a person has done something."""
 
 
 def orders_table(orders: Iterable[TransportOrderStatus]) -> Table:

@@ -92,7 +92,7 @@ def new_order_problems(order: Order) -> Iterator[Problem]:
 def situation_problems(order: Order, state: State | None, held: StitchedOrder | None) -> Iterator[Problem]:
     """Check whether the robot, by its last state, may receive an order (6.1.4.6, 6.6.6).
 
-    ``held`` is the order that the state echoes, as far as it is known.
+    ``held`` is the order that the state echoes, if known.
     """
     if state is None:
         return

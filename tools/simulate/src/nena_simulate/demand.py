@@ -101,7 +101,7 @@ class Transport:
 
 
 def stations(plant: PlantModel) -> tuple[str, ...]:
-    """Name the locations at which robots pick and drop; where there are none, all that they can reach."""
+    """Name the locations at which robots pick and drop; if there are none, all that they can reach."""
     reachable = [each for each in plant.locations if each.links]
     both = [
         each.name

@@ -33,7 +33,7 @@ class _Selector(selectors.SelectSelector):
         """Advance the time by ``timeout`` seconds; no event arrives from outside.
 
         Each turn of the loop takes some time, as on a real machine: code that sets a timer shorter than the
-        clock's resolution would otherwise repeat it for ever.
+        clock's resolution would otherwise repeat it forever.
         """
         if timeout is None:
             message = "the simulation waits for an event that cannot happen"

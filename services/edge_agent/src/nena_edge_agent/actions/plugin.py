@@ -109,7 +109,7 @@ class RosPort(Protocol):
         """Return what publishes on ``topic``, reliably.
 
         Raises:
-            RosError: there is no such type here.
+            RosError: no such type here.
 
         """
         ...
@@ -125,7 +125,7 @@ class RosPort(Protocol):
         """Call ``handle`` with each message, in the event loop.
 
         Raises:
-            RosError: there is no such type here.
+            RosError: no such type here.
 
         """
         ...
@@ -134,7 +134,7 @@ class RosPort(Protocol):
         """Return what calls ``service``.
 
         Raises:
-            RosError: there is no such type here.
+            RosError: no such type here.
 
         """
         ...
@@ -153,7 +153,7 @@ class DrivePort(Protocol):
 
     @property
     def pose(self) -> Pose | None:
-        """Where the robot is, in the plant's frame; None where that cannot be trusted."""
+        """Where the robot is, in the plant's frame; None if that cannot be trusted."""
         ...
 
     async def drive(

@@ -62,7 +62,7 @@ class ActionDrive:
 
     @property
     def pose(self) -> Pose | None:
-        """Where the robot is; None where that cannot be trusted."""
+        """Where the robot is; None if that cannot be trusted."""
         return self._pose.pose if self._pose and self._pose.localized else None
 
     async def drive(
@@ -162,7 +162,7 @@ DriverMaker = Callable[[Put, Pose | None], Driver]
 
 
 class RobotPorts:
-    """What plug-ins may use of a robot; ``ros`` is None where it has none.
+    """What plug-ins may use of a robot; ``ros`` is None if it has none.
 
     Raises:
         ConfigurationError: the load sensor's message does not match its type.

@@ -106,7 +106,7 @@ class PluginRos:
         """Return what publishes on ``topic``.
 
         Raises:
-            RosError: there is no such type here.
+            RosError: no such type here.
 
         """
         return self._add(_Publisher(self, topic, type_name))
@@ -136,7 +136,7 @@ class PluginRos:
         """Return what calls ``service``.
 
         Raises:
-            RosError: there is no such type here.
+            RosError: no such type here.
 
         """
         return self._add(_Client(self, service, type_name))

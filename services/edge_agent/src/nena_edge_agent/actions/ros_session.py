@@ -51,7 +51,7 @@ class SessionSwitch:
 
     @property
     def keeper(self) -> SessionManager:
-        """The session; raises WorkFailedError where there is none."""
+        """The session; raises WorkFailedError if there is none."""
         if self._keeper is None:
             message = "the robot has not started yet"
             raise WorkFailedError(message)
@@ -127,7 +127,7 @@ async def _configure(switch: SessionSwitch, action: Action) -> None:
     if keep and switch.store is None:
         message = "nothing is kept after restarts: journal.enabled is false"
         raise WorkFailedError(message)
-    if keep and switch.store:  # at first: a session that fails there now is tried again there, also later
+    if keep and switch.store:  # initially: a session that fails there now is retried there, also later
         try:
             await asyncio.to_thread(switch.store.write, address, switch.settings)
         except OSError as error:

@@ -58,7 +58,7 @@ def unknown(links: Iterable[Link], text: str) -> list[LinkFinding]:
 
 
 def report(findings: Sequence[LinkFinding]) -> str:
-    """Write the findings for a person, one line each and one more where there is something to do."""
+    """Write the findings for a person, one line each and one more if there is something to do."""
     lines = []
     for each in findings:
         lines.append(f"{each.verdict:<9} {each.link:<13} {each.text}")

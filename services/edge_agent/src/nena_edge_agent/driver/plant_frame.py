@@ -1,4 +1,4 @@
-"""Puts a driver that works on the robot's own map into the plant's frame: the one place where that is done.
+"""Puts a driver that works on the robot's own map into the plant's frame; nothing else converts frames.
 
 The core, and all MQTT messages, use the plant's frame only; the driver behind it uses its map
 only. Speeds are the robot's own, in metres of the world, and are the same in both.

@@ -302,7 +302,7 @@ class Nav2Driver:
             )
 
     async def _begin_session(self) -> None:
-        """Join the graph as far as the settings want it; where ROS refuses, it is tried again later."""
+        """Join the graph as far as the settings want it; where ROS refuses, it is retried later."""
         if not self._settings.start_session:
             self.session.report_stopped()
             return

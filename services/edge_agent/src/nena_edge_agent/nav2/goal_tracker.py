@@ -132,7 +132,7 @@ class _Halt:
 
 
 class GoalTracker:
-    """The rules of driving by topics; every method returns what is to be done now."""
+    """The rules of driving by topics; every method returns what to do now."""
 
     server = "bt_navigator"
     """The node that drives, for people."""

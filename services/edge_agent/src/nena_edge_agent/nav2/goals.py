@@ -110,7 +110,7 @@ class GoalRegistry:
         return self.orphaned and bool(self._servers) and not self.settled(now)
 
     def status(self, goal_id: str) -> GoalStatus | None:
-        """Return the last status of a goal, None where it is not listed."""
+        """Return the last status of a goal, None if it is not listed."""
         goal = self._goals.get(goal_id)
         return None if goal is None else goal.status
 
@@ -294,7 +294,7 @@ class PrefixedGoalRegistry(GoalRegistry):
         """Handle the goals of the action that only others use; return a new one that interferes with ours.
 
         Nav2 drives for one action at a time, and aborts a goal of the other one within milliseconds. Such a
-        goal counts as active for :data:`YIELD_TIME`, in which it can be sent again.
+        goal counts as active for :data:`YIELD_TIME`, in which it can be resent.
         """
         foreign = {each.goal_id: each.status for each in entries if not self._prefix.matches(each.goal_id)}
         known, self._others_known = self._others_known, foreign

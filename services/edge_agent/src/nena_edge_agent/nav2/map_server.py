@@ -160,7 +160,7 @@ class MapServer:
         return True
 
     async def load_again(self) -> None:
-        """Load the map that is enabled; where that fails, it is due again at the next look."""
+        """Load the map that is enabled; if that fails, it is due again at the next look."""
         async with self._turn:
             if not self._problem:
                 return  # another map was enabled meanwhile, and map_server has it

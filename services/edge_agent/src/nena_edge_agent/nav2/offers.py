@@ -23,7 +23,7 @@ SPEED_LIMIT = "nav2_msgs/msg/SpeedLimit"
 
 
 def interface(name: str) -> Any | None:  # noqa: ANN401 - rclpy carries no types
-    """Return the type of a name such as ``nav2_msgs/msg/SpeedLimit``; None where it is not installed."""
+    """Return the type of a name such as ``nav2_msgs/msg/SpeedLimit``; None if it is not installed."""
     prepare_environment()
     return ros.interface(name)
 

@@ -24,7 +24,7 @@ CORNERS = 16
 
 @dataclass(frozen=True, slots=True)
 class Nav2Parameters:
-    """Metres, radians and milliseconds; None where Nav2 has no such parameter, or does not answer.
+    """Metres, radians and milliseconds; None if Nav2 has no such parameter, or does not answer.
 
     ``approach`` is the distance from a goal in which Regulated Pure Pursuit slows down, ``speed`` the
     controller's own in m/s, ``contour`` the robot's outline around its base frame.
@@ -38,7 +38,7 @@ class Nav2Parameters:
 
 
 def contour_of(footprint: str, radius: float | None) -> Contour:
-    """Return the outline that a costmap's parameters name: a polygon, or a circle where there is none."""
+    """Return the outline that a costmap's parameters name: a polygon, or a circle if there is none."""
     try:
         points = tuple((float(x), float(y)) for x, y in json.loads(footprint or "[]"))
     except (ValueError, TypeError):

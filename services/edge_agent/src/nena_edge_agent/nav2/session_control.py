@@ -37,7 +37,7 @@ POOLS = 2
 def prepare_environment() -> None:
     """Set up this process for rclpy; what the user has set stays.
 
-    UDP alone, since shared memory of a process that was killed can block its neighbours for ever. Fields of
+    UDP alone, since shared memory of a process that was killed can block its neighbours forever. Fields of
     messages check their types, since a number of the wrong type would be sent as garbage. The log files that
     rclpy insists on go to a directory that is removed when the program ends. Threads share memory pools, for
     those of each new session would fill pools of their own, some megabytes until all are in use.
@@ -217,7 +217,7 @@ class SessionStore:
         self._file = folder.expanduser() / f"{quote(str(robot), safe='')}.ros.json"
 
     def read(self, settings: RosSettings) -> RosAddress:
-        """Return the address that was kept, or that of the settings where none was, or none that counts."""
+        """Return the address that was kept, or that of the settings if none was, or none that counts."""
         own = RosAddress.of(settings)
         try:
             record = _Record.model_validate_json(self._file.read_bytes())
@@ -235,7 +235,7 @@ class SessionStore:
         return record.address
 
     def write(self, address: RosAddress, settings: RosSettings) -> None:
-        """Store ``address`` in place of that of ``settings``; on return it survives a power cut.
+        """Store ``address`` in place of that of ``settings``; on return it survives a power failure.
 
         Raises:
             OSError: it could not be written; the stored one is kept.

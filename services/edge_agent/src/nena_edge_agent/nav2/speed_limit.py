@@ -19,7 +19,7 @@ NO_LIMIT = 0.0
 SLOWEST = 0.01
 """Lowest limit that is sent, m/s: 0 would withdraw it."""
 REPEATED_AFTER = 0.3
-"""Seconds after which a limit that holds is sent again while the robot drives."""
+"""Seconds after which a limit that holds is resent while the robot drives."""
 
 
 class SpeedLimiter:

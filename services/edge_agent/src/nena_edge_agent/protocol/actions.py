@@ -94,7 +94,7 @@ def resume(robot: RobotState) -> None:
 
 
 def cancel_all(robot: RobotState) -> None:
-    """Fail waiting actions, and cancel running ones where that is allowed (section 6.1.3)."""
+    """Fail waiting actions, and cancel running ones if that is allowed (section 6.1.3)."""
     for record in list(robot.actions):
         action_id = record.action.action_id
         waits = record.action.action_type == WAIT_FOR_TRIGGER
@@ -237,7 +237,7 @@ def _end(robot: RobotState, record: ActionRecord, status: ActionStatus, result: 
 
 
 def _is_retriable(robot: RobotState, report: ActionReport) -> bool:
-    """Return whether fleet control may have a failed action tried again (section 6.6.9)."""
+    """Return whether fleet control may have a failed action retried (section 6.6.9)."""
     record = robot.actions.get(report.action_id)
     return (
         report.status is ActionStatus.FAILED

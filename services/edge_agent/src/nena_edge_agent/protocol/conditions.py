@@ -193,7 +193,7 @@ def _recovers(robot: RobotState) -> ErrorEntry | None:
 
 
 def _retried(robot: RobotState) -> ErrorEntry | None:
-    """Report a drive that is tried again, until it succeeds or fails for good."""
+    """Report a drive that is retried, until it succeeds or fails permanently."""
     node, goal = robot.progress.next_node, robot.goal
     if not goal.failures or goal.failed_at is not None or node is None:
         return None
@@ -208,7 +208,7 @@ def _retried(robot: RobotState) -> ErrorEntry | None:
 
 
 def _deviation(robot: RobotState) -> ErrorEntry | None:
-    """Report a node of the order that navigation reaches by chance alone, before it is driven to."""
+    """Report a node that navigation can only reach by chance, before driving to it."""
     limits, default = robot.reports.limits, robot.capabilities.default_deviation_xy
     if limits is None:
         return None

@@ -230,7 +230,7 @@ def _apart(place: Point, start: Point, end: Point) -> float:
 
 
 def offset(path: Sequence[Point], place: Point) -> float:
-    """Return how far a place is from a path that goes on straight at both ends: m, left of it above 0."""
+    """Return how far a place is from a path that continues straight at both ends: m, left of it above 0."""
     last = len(path) - 2
     found = (
         _beside(place, a, b, -inf if index == 0 else 0.0, inf if index == last else 1.0)

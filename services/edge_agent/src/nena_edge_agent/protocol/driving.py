@@ -115,7 +115,7 @@ def failed(robot: RobotState, event: DriveFailed) -> None:
         request_halt(robot)  # the controller may drive on without the navigator
     pauses = robot.capabilities.external_goals is ExternalGoals.PAUSE
     if event.failure is DriveFailure.TAKEN_OVER and pauses:
-        robot.goal.target = None  # sent again when the other drive has ended
+        robot.goal.target = None  # resent when the other drive has ended
     elif event.failure in TRANSIENT and robot.goal.failures < robot.capabilities.drive_retries:
         problem = f"{event.description} ({event.failure})"
         robot.goal.retry(robot.now + robot.capabilities.retry_wait, problem)

@@ -38,7 +38,7 @@ REFUSED = (Until.ORDER_ACCEPTED, Until.INSTANT_ACTION_ACCEPTED, Until.ZONE_SET_A
 class ActiveErrors:
     """All active errors, at most one per type and references (section 6.6.5).
 
-    The headerId does not count: a message that is sent again is the same mistake under another number.
+    The headerId does not count: a message that is resent is the same mistake under another number.
     """
 
     def __init__(self) -> None:

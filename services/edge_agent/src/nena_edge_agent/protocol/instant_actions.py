@@ -36,7 +36,7 @@ from nena_shared.vda5050.factsheet import ActionScope
 MESSAGE_LIMIT = 100
 """Actions that one message may hold; a longer one is refused as a whole."""
 IDS_KNOWN = 1000
-"""Ids of instant actions that are recognised when they are sent again."""
+"""Ids of instant actions that are recognised when they are resent."""
 IN_EVERY_MODE = frozenset({STATE_REQUEST, FACTSHEET_REQUEST})
 """Accepted in every operating mode."""
 POSITION_TIMEOUT = 30.0

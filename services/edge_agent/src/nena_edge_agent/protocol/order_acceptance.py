@@ -509,7 +509,7 @@ def _new_order_fault(order: Order, situation: Situation, capabilities: Capabilit
 
 
 def _replay_fault(order: Order, situation: Situation) -> ErrorEntry | None:
-    """Check that the message is not an old one sent again, whose content was already executed."""
+    """Check that the message is not an old one resent, whose content was already executed."""
     problem = situation.history.replay(order, dated=situation.dated)
     if problem is None:
         return None

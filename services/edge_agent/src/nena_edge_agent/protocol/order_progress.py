@@ -37,7 +37,7 @@ class BasePath:
     def path(self, last: Node | None, sequence_id: int) -> PlannedPath | None:
         """Return the planned path (section 6.6.2) from ``last`` over the nodes from ``sequence_id`` on.
 
-        None where there is none: no base is left, or a node of it has no place.
+        None if there is none: no base is left, or a node of it has no place.
         """
         index = self._index_of(sequence_id)
         if index is None or len(self._corners) != len(self._base):

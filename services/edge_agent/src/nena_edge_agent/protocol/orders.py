@@ -30,7 +30,7 @@ from nena_shared.vda5050.factsheet import ActionScope
 from nena_shared.vda5050.order import Edge, Node, Order
 
 _SHOWN_UNTIL: dict[str, Until] = {ErrorType.MOBILE_ROBOT_NOT_AVAILABLE: Until.AVAILABLE}
-"""How long a rejection is shown, where that is not until another order is accepted."""
+"""How long a rejection is shown, if not until another order is accepted."""
 
 
 # Acceptance (section 6.1.2)

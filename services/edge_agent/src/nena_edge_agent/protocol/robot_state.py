@@ -144,7 +144,7 @@ class CurrentGoal:
         self.failed_at, self.failures, self.retry_at, self.problem = None, 0, None, ""
 
     def retry(self, at: float, problem: str) -> None:
-        """Note that the drive has failed and is tried again at the time ``at`` in s."""
+        """Note that the drive has failed and is retried at the time ``at`` in s."""
         self.target, self.failures, self.retry_at, self.problem = None, self.failures + 1, at, problem
 
     def restore(self, own: OwnGoals) -> None:

@@ -106,7 +106,7 @@ def advance(robot: RobotState) -> None:
     """Request the zones ahead, drop requests behind, and report what is wrong."""
     relevant = bool(robot.zone_sets.enabled or robot.zone_requests.requests)
     if not relevant and not robot.zones_checked:
-        return  # once more behind the last zone, to undo its effects
+        return  # again behind the last zone, to undo its effects
     robot.zones_checked = relevant
     inside = _inside(robot)
     _update_requests(robot, inside)

@@ -51,7 +51,7 @@ class Call(Generic[R]):
     """One request of a host."""
 
     name: str
-    """Of the object that it is about; empty where it is about none."""
+    """Of the object that it is about; empty if it is about none."""
     request: R
     caller: str
     """The caller, as known to the access control."""

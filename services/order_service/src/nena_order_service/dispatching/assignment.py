@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from heapq import heappop, heappush
 
 Costs = Mapping[str, int]
-"""What each vehicle that could do an order costs it, none of it below 0."""
+"""Cost of each vehicle that could execute the order, at least 0."""
 
 
 def assign(levels: Sequence[Mapping[int, Costs]]) -> dict[int, str]:
@@ -31,7 +31,7 @@ def assign(levels: Sequence[Mapping[int, Costs]]) -> dict[int, str]:
 
 
 def _nearest(levels: Sequence[Mapping[int, Costs]], vehicle: str) -> dict[int, str]:
-    """Return the order of the first level that the only vehicle could do at the least cost."""
+    """Return the order of the first level that the only vehicle can execute at the lowest cost."""
     for level in levels:
         if costs := {order: each[vehicle] for order, each in level.items() if each}:
             return {min(costs, key=costs.__getitem__): vehicle}
@@ -39,31 +39,31 @@ def _nearest(levels: Sequence[Mapping[int, Costs]], vehicle: str) -> dict[int, s
 
 
 Place = str | int
-"""A vehicle by its name, or under an order's number that the order is left out."""
+"""A vehicle by its name, or an order's number: the order is left out."""
 
 
 class _Search:
-    """A matching that grows by one order at a time and is the cheapest one after each."""
+    """A matching that grows by one order at a time and is optimal after each step."""
 
     def __init__(self, levels: Sequence[Mapping[int, Costs]]) -> None:
         self._left_out = 1 + sum(
             max(costs.values(), default=0) for level in levels for costs in level.values()
         )
-        """Cost of leaving an order of the present level out: more than any detour to avoid that."""
+        """Cost of leaving out an order of the current level: more than any detour that avoids it."""
         self._costs: dict[int, dict[Place, int]] = {}
         self._order_of: dict[Place, int] = {}
         self._place_of: dict[int, Place] = {}
         self._of_orders: dict[int, int] = {}
-        """Potentials: with that of a place no more than the cost of the pair."""
+        """Potentials: the sum of both potentials of a pair is at most its cost."""
         self._of_places: dict[Place, int] = {}
 
     @property
     def found(self) -> dict[int, str]:
-        """The vehicles by the orders that they do."""
+        """The vehicles by the orders assigned to them."""
         return {order: place for order, place in self._place_of.items() if isinstance(place, str)}
 
     def add(self, level: Mapping[int, Costs]) -> None:
-        """Add the orders of a level; those that are left out are so for good, the others stay served."""
+        """Add the orders of a level; orders left out stay left out, the others stay assigned."""
         for order, costs in level.items():
             self._costs[order] = dict[Place, int](costs.items()) | {order: self._left_out}
             self._of_orders[order] = 0
@@ -75,7 +75,7 @@ class _Search:
                 del self._costs[order][order]
 
     def _augment(self, new: int) -> None:
-        """Assign the cheapest place to an order; other orders change theirs where that pays."""
+        """Assign the cheapest vehicle to an order; other orders change theirs if that costs less."""
         reached: dict[Place, int] = {}
         by: dict[Place, int] = {}
         heap: list[tuple[int, int, Place]] = []

@@ -13,7 +13,7 @@ from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry
 from nena_shared.fleet_api.vehicle import AcceptableOrderType
 
 EXAMPLES_AT_MOST = 50
-"""Vehicles that are checked for the reason why none takes an order; equal reasons count once."""
+"""Maximum vehicles checked for why none accepts an order; equal reasons count once."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,11 +27,11 @@ class LocatedCandidate:
     """The order sequence to which it is bound."""
     order_types: tuple[AcceptableOrderType, ...] = ()
     view: RobotView | None = None
-    """What was known of its robot; None where that was of no account."""
+    """What was known of its robot; None: irrelevant."""
 
     @property
     def matters(self) -> tuple[object, ...]:
-        """Return what makes a difference for the assignment of orders; energy alone does not."""
+        """Return what is relevant for the assignment of orders; energy alone is not."""
         where = self.standing and self.standing.point
         return *self.hindrance, self.seen.restriction, self.seen.gives_up, self.seen.carried, where
 
@@ -45,7 +45,7 @@ Hindrance = tuple[str, tuple[AcceptableOrderType, ...], str | None]
 
 
 class Candidates:
-    """Remembers how vehicles were seen, which of them are free, and what the others are hindered by."""
+    """Stores the last view of each vehicle: which are free, and what keeps the others."""
 
     def __init__(
         self, registry: VehicleRegistry, consider: Callable[[FleetVehicle], LocatedCandidate]
@@ -118,7 +118,7 @@ class Candidates:
                 self.fresh.setdefault(name, after)
 
     def get(self, name: str) -> LocatedCandidate | None:
-        """Return how a vehicle was seen last; None for one that never gets orders."""
+        """Return the last view of a vehicle; None for one that never gets orders."""
         return self._known.get(name)
 
     def relevant(self, named: Iterable[str]) -> dict[str, LocatedCandidate]:

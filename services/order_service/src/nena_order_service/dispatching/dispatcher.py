@@ -39,16 +39,16 @@ class Energy:
 
     @property
     def critical(self) -> bool:
-        """Whether it may do nothing but recharge."""
+        """Whether it may only recharge."""
         return self.level <= self.thresholds.critical
 
     @property
     def degraded(self) -> bool:
-        """Whether it had better recharge when there is nothing else to do."""
+        """Whether it should recharge when idle."""
         return self.level <= self.thresholds.good
 
     def recharged(self, *, fully: bool) -> bool:
-        """Whether it has recharged enough to be called away, or ``fully``."""
+        """Whether it has recharged enough to take an order, or ``fully``."""
         wanted = self.thresholds.fully_recharged if fully else self.thresholds.sufficiently_recharged
         return self.level >= wanted and not self.critical
 
@@ -82,7 +82,7 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True)
 class Now:
-    """When a comparison is made, and how near a deadline is at risk."""
+    """Time of a comparison, and how close to its deadline an order is at risk."""
 
     time: datetime
     at_risk: timedelta
@@ -152,7 +152,7 @@ def rank_candidates(keys: Sequence[CandidateKey], now: Now) -> Callable[[Candida
 
 
 def acceptable(names: Iterable[str] | None) -> tuple[AcceptableOrderType, ...]:
-    """Return types by their names, the first one liked best; None: any type is accepted."""
+    """Return types by their names, in order of preference; None: any type is accepted."""
     if names is None:
         return ANY_ORDER_TYPE
     return tuple(AcceptableOrderType(name=name, priority=index) for index, name in enumerate(names))
@@ -217,7 +217,7 @@ def carried(state: State, factsheet: Factsheet | None) -> Carried | None:
 
 
 def _places_of(loading: LoadSpecification) -> dict[str, frozenset[str]]:
-    """Return the places for loads of each type; a load set that names none is for all of them."""
+    """Return the load positions for each type; a load set that names none applies to all of them."""
     all_places, found = frozenset(loading.load_positions or ()), dict[str, frozenset[str]]()
     for each in loading.load_sets or ():
         places = all_places.intersection(each.load_positions or all_places)
@@ -277,7 +277,7 @@ ROUTING_COSTS: Final = (CandidateKey.BY_COMPLETE_ROUTING_COSTS, CandidateKey.BY_
 """The keys by which pairs have a cost that can be added up."""
 
 SINGLE_OUT: Final = (OrderKey.BY_DEADLINE, OrderKey.BY_AGE, OrderKey.BY_NAME)
-"""The keys in which hardly two orders are alike."""
+"""The keys that are rarely equal for two orders."""
 
 COST_STEPS: Final = 1000
 """In whole numbers for each unit of a cost."""
@@ -321,7 +321,7 @@ class Knowledge(Protocol):
         ...
 
     def why_no_way(self, order: TransportOrder, vehicle: str) -> str:
-        """Return why there is no way."""
+        """Return why there is no route."""
         ...
 
 
@@ -339,7 +339,7 @@ class Assignment:
 
 @dataclass(slots=True)
 class Decisions:
-    """What is to be done now, and why all the rest is not."""
+    """What to do now, and why the rest is not done."""
 
     assignments: list[Assignment] = field(default_factory=list)
     reasons: dict[str, str] = field(default_factory=dict)
@@ -395,7 +395,7 @@ class _Choices:
     """The vehicles that one order could have."""
 
     def __init__(self, pairs: Sequence[Candidate], free: int, key: CandidateKey, dearer: float) -> None:
-        """Take up pairs, the best first, and by which share others at its destinations make it ``dearer``.
+        """Store pairs, the best first, and the share by which others at its destinations make it ``dearer``.
 
         The pairs may contain only the nearest of the ``free`` vehicles.
         """
@@ -412,12 +412,12 @@ class _Choices:
         """Each vehicle's cost beyond the order's own route, which is the same for all."""
 
     def why(self, best: Candidate) -> str:
-        """Return why a vehicle gets the order that is not the nearest one to it."""
+        """Return why a vehicle gets an order that is not its nearest one."""
         return f"least driving in total ({best.cost.complete:.0f}), {self.free} free vehicles"
 
 
 class _Round:
-    """One decision in the making."""
+    """A decision in progress."""
 
     def __init__(
         self,
@@ -606,11 +606,11 @@ class _Round:
         return vehicle.why_not(order, recharges=self._recharges(order), pick=self._pick(order))
 
     def _recharges(self, order: TransportOrder) -> bool:
-        """Return whether an order is one to recharge, where that makes a difference."""
+        """Return whether an order begins with recharging, if relevant."""
         return self._restricted and self._knowledge.recharges(order)
 
     def _pick(self, order: TransportOrder) -> Pick | None:
-        """Return what an order begins with picking up, where that makes a difference."""
+        """Return what an order picks up first, if relevant."""
         return self._knowledge.pick(order) if self._loaded else None
 
     def _why(self, best: Candidate, choices: int) -> str:
@@ -625,7 +625,7 @@ class _Round:
 
 
 def why_nobody(intended: str | None, hindrances: Mapping[str, str]) -> str:
-    """Return why an order waits, by what hinders each vehicle from it."""
+    """Return why an order waits, by what keeps each vehicle from it."""
     if intended is not None:
         return f"waits for vehicle {intended!r}, which {hindrances.get(intended, 'takes no orders')}"
     if not hindrances:
@@ -640,7 +640,7 @@ COULD = "could do it now"
 
 @dataclass(frozen=True, slots=True)
 class VehicleFit:
-    """What is between one order and one vehicle."""
+    """The feasibility of one order for one vehicle."""
 
     vehicle: str
     fits: bool

@@ -12,7 +12,7 @@ from nena_shared.settings import SettingsGroup
 
 
 class OrderKey(StrEnum):
-    """By what orders that wait are compared."""
+    """Sort keys of waiting orders."""
 
     BY_PRIORITY = "BY_PRIORITY"
     """The greater priority first."""
@@ -26,7 +26,7 @@ class OrderKey(StrEnum):
 
 
 class VehicleKey(StrEnum):
-    """By what vehicles that are free are compared."""
+    """Sort keys of free vehicles."""
 
     BY_ENERGY_LEVEL = "BY_ENERGY_LEVEL"
     """The one with more energy first."""
@@ -36,7 +36,7 @@ class VehicleKey(StrEnum):
 
 
 class CandidateKey(StrEnum):
-    """By what pairs of one order and one vehicle are compared."""
+    """Sort keys of pairs of an order and a vehicle."""
 
     BY_COMPLETE_ROUTING_COSTS = "BY_COMPLETE_ROUTING_COSTS"
     """The cheaper route through all destinations first."""
@@ -55,18 +55,18 @@ class CandidateKey(StrEnum):
 
 
 class Chooser(StrEnum):
-    """Who chooses whom."""
+    """The assignment method."""
 
     TOGETHER = "TOGETHER"
     """Neither: equally urgent orders and free vehicles are paired with the least driving in total."""
     ORDERS = "ORDERS"
     """Each order in turn chooses a vehicle."""
     SCARCER = "SCARCER"
-    """As in openTCS: where fewer vehicles are free than orders wait, vehicles choose orders."""
+    """As in openTCS: if fewer vehicles are free than orders wait, vehicles choose orders."""
 
 
 class EnergySettings(SettingsGroup):
-    """What is done by the energy of vehicles."""
+    """How the energy of vehicles affects dispatching."""
 
     respected: bool = Field(
         default=True,
@@ -112,7 +112,7 @@ class EnergySettings(SettingsGroup):
 
 
 class RechargingSettings(SettingsGroup):
-    """Vehicles that have nothing to do are sent to recharge."""
+    """Sends idle vehicles to recharge."""
 
     enabled: bool = Field(
         default=False,
@@ -121,7 +121,7 @@ class RechargingSettings(SettingsGroup):
 
 
 class ParkingSettings(SettingsGroup):
-    """Vehicles that have nothing to do are sent to parking positions."""
+    """Sends idle vehicles to parking positions."""
 
     enabled: bool = Field(
         default=False, description="Send idle vehicles to parking positions (off by default, as in openTCS)."

@@ -1,4 +1,4 @@
-"""What every flow of the engine works with: plant, state, traffic, fleet, settings and clock."""
+"""What every flow of the engine uses: plant, state, traffic, fleet, settings and clock."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Dependencies: which orders wait for which, and what the end of one means for others."""
+"""Dependencies: which orders wait for which, and the effect of an order's end on others."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ class Conditions:
         return self.look(order)
 
     def settle(self) -> bool:
-        """Apply what the ends of orders mean for others; return whether any may be dispatched now."""
+        """Apply the effects of ended orders on others; return whether any may be dispatched now."""
         dispatchable = False
         while ended := self._orders.take_ended():
             for order in ended:
@@ -120,13 +120,13 @@ class Conditions:
         return dispatchable
 
     def _look_again(self, order: TransportOrder) -> bool:
-        """Note an order under its present conditions; return whether it may be dispatched."""
+        """Note an order with its current conditions; return whether it may be dispatched."""
         order = self.look(order)
         self._orders.put(order)
         return order.state is S.DISPATCHABLE
 
     def look(self, order: TransportOrder) -> TransportOrder:
-        """Return an order as its conditions are; one that does not wait for any stays as it is."""
+        """Return an order with its current conditions; one without conditions is unchanged."""
         if order.state is not S.ACTIVE:
             return order
         why = self._dependencies.why_waiting(order) or self._sequences.why_waiting(order)

@@ -71,17 +71,17 @@ class OrderFit:
 
 
 REASONS_KEPT = 1000
-"""Why there is no route: requested repeatedly for each order that waits for one."""
+"""Cached reasons for missing routes: requested repeatedly for each order that waits for one."""
 
 COSTS_KEPT = 4_000
-"""Orders of which is remembered what they cost, for each kind of vehicle."""
+"""Maximum orders with cached costs, for each kind of vehicle."""
 
 ENTRIES_KEPT = 1_000_000
-"""Costs of single points that these may hold on to: fewer orders are remembered in large plants."""
+"""Maximum cached costs of single points: fewer orders are cached in large plants."""
 
 
 class KnownCosts:
-    """Costs of ways, and why there is none; remembered until the plant changes."""
+    """Costs of routes, and why there is none; cached until the plant changes."""
 
     def __init__(self, planner: OrderPlanner, registry: VehicleRegistry) -> None:
         self.planner = planner
@@ -93,12 +93,12 @@ class KnownCosts:
         self._limit = min(COSTS_KEPT, 1 + ENTRIES_KEPT // (len(planner.plant.points) + 1))
 
     def forget(self) -> None:
-        """Drop all remembered routes and reasons for missing ones."""
+        """Drop all cached routes and reasons for missing ones."""
         self._why.cache_clear()
         self._orders.clear()
 
     def of(self, order: TransportOrder, vehicle: FleetVehicle, kind: int) -> OrderCosts:
-        """Find out the costs of an order that names no coordinates, for vehicles of a kind."""
+        """Compute the costs of an order without coordinates, for vehicles of a kind."""
         found = self.ways.of(_stops(order), vehicle=vehicle.model, avoid=order.resources_to_avoid)
         self._orders[order.number, order.index, kind] = found
         if len(self._orders) > self._limit:
@@ -106,7 +106,7 @@ class KnownCosts:
         return found
 
     def known(self, order: TransportOrder, kind: int) -> OrderCosts | None:
-        """Return the costs of an order for vehicles of a kind where they are remembered."""
+        """Return the cached costs of an order for vehicles of a kind, if any."""
         key = order.number, order.index, kind
         found = self._orders.get(key)
         if found:
@@ -114,7 +114,7 @@ class KnownCosts:
         return found
 
     def why_no_way(self, order: TransportOrder, vehicle: str, start: str) -> str:
-        """Return why a vehicle that starts at a point has no way."""
+        """Return why a vehicle that starts at a point has no route."""
         stops = tuple(_stops(order))
         return self._why(stops, order.resources_to_avoid, vehicle, start)
 
@@ -151,7 +151,7 @@ class OrderKnowledge:
         self._kinds = {name: costs.finder.router.kind(each.model) for name, (each, _) in places.items()}
 
     def misfit(self, order: TransportOrder, vehicle: str) -> str:
-        """Return, as a predicate, why a vehicle must not do an order at all; empty where it may."""
+        """Return, as a predicate, why a vehicle must not do an order at all; empty if it may."""
         known = self._costs.registry.named(vehicle)
         return "" if known is None or order.status.automatic else self._fit.misfit(order, known)
 
@@ -190,7 +190,7 @@ class OrderKnowledge:
         return Counter(name for name in stops if name is not None)
 
     def why_no_way(self, order: TransportOrder, vehicle: str) -> str:
-        """Return why there is no way."""
+        """Return why there is no route."""
         return self._costs.why_no_way(order, vehicle, self._places[vehicle][1])
 
 
@@ -211,25 +211,25 @@ EXPLAINED_FIRST = 20
 LOOKED_AT_ONCE = 500
 """Orders further back whose wait reason is checked in each round."""
 EXPLAINED_AT_ONCE = 50
-"""Vehicles of which it is found out at once why they do not do an order; others wait meanwhile."""
+"""Maximum vehicles whose reasons are computed at once; others wait meanwhile."""
 REASONS_AT_ONCE = 100
-"""Those of them whose wait reason is updated."""
+"""Maximum wait reasons updated in each round."""
 ORDERS_FOR_ONE = 32
 """Orders that are compared for one vehicle that has become free."""
 ORDERS_FOR_EACH = 4
-"""How many more they are for each one."""
+"""Additional orders for each further vehicle."""
 FEW = 8
-"""Vehicles up to which that is so."""
+"""Number of vehicles up to which this applies."""
 ORDERS_FOR_MANY = 16
 """Orders that are compared at once for more vehicles: assigning one takes milliseconds, and others wait."""
 
 STANDS_STILL = (VehicleState.UNKNOWN, VehicleState.UNAVAILABLE, VehicleState.ERROR)
-"""States in which a robot could not go on with another order than it has."""
+"""States in which a robot could only continue with its current order."""
 
 
 @dataclass(frozen=True, slots=True)
 class Dispatched:
-    """An assignment, and the vehicle and way by which it is done."""
+    """An assignment, with its vehicle and route."""
 
     assignment: Assignment
     vehicle: FleetVehicle
@@ -351,7 +351,7 @@ class Dispatching:
         return best_first(found)
 
     def forget(self) -> None:
-        """Drop all remembered routes, because the plant has changed."""
+        """Drop all cached routes, because the plant has changed."""
         self._costs.forget()
         self._candidates.fresh.clear()
         self._candidates.offer_all()
@@ -416,7 +416,7 @@ class Dispatching:
         )
 
     def _free_soon(self, vehicle: FleetVehicle, order: TransportOrder) -> LocatedCandidate | None:
-        """Return a vehicle that unloads at the end of its order as it will be then; None: it does not."""
+        """Return how a vehicle will be after it unloads at the end of its order; None: it does not unload."""
         last = order.index == len(order.status.drive_orders) - 1
         unloads = self._planner.action_type(order.current.destination.operation) == DROP
         if not (last and unloads and is_operating(order)):
@@ -449,7 +449,7 @@ class Dispatching:
         return LocatedCandidate(vehicle, seen, None, bound, self.fit.order_types(vehicle), view)
 
     def energy(self, vehicle: FleetVehicle, view: RobotView) -> Energy | None:
-        """Return how much energy a vehicle has; None where that is of no account."""
+        """Return the energy of a vehicle; None if irrelevant."""
         if view.state is None or not self._energy.respected:
             return None
         thresholds = vehicle.model.energy_thresholds if vehicle.model else self._energy.thresholds
@@ -473,7 +473,7 @@ class Dispatching:
         return why_not_on(self._planner.map_id(standing.point, vehicle), view.state)
 
     def _carried(self, vehicle: FleetVehicle, view: RobotView) -> Carried | None:
-        """Return the loads that count: not those of a vehicle whose host has planned all that it is to do."""
+        """Return the relevant loads: not those of a vehicle whose host has planned all its orders."""
         if view.state is None or not self._loads_respected or self.is_bound(vehicle):
             return None
         return carried(view.state, view.factsheet)
@@ -513,7 +513,7 @@ class Dispatching:
                 return decisions, candidates
 
     def _relevant(self, orders: Sequence[TransportOrder]) -> Mapping[str, LocatedCandidate]:
-        """Return the vehicles that make a difference for orders; only the named ones where each names one."""
+        """Return the vehicles that are relevant for orders; only the named ones if each order names one."""
         named: set[str] = set()
         for order in orders:
             status = order.status
@@ -574,7 +574,7 @@ class Dispatching:
         return sorted(found, key=lambda order: order.urgency)
 
     def _why_no_vehicle(self, order: TransportOrder) -> str | None:
-        """Return why no vehicle that is not free does an order; None where one that is free may do it."""
+        """Return why no vehicle that is not free does an order; None if one that is free may do it."""
         candidates = self._relevant((order,))
         knowledge = self._knowledge({})
         recharges, pick = knowledge.recharges(order), knowledge.pick(order)
@@ -597,7 +597,7 @@ class Dispatching:
         return map(self._orders.get, self._state.sent_orders.assigned)
 
     def _keep(self, number: int, name: str | None) -> None:
-        """Keep a vehicle for the order of a number, or none any more."""
+        """Keep a vehicle for an order, or release it."""
         before = self._kept.pop(number, None)
         if name is not None:
             self._kept[number] = name
@@ -615,5 +615,5 @@ class Dispatching:
 
 
 def is_operating(order: TransportOrder) -> bool:
-    """Return whether an order's vehicle does what is to be done at its destination."""
+    """Return whether an order's vehicle is executing the operation at its destination."""
     return order.current.state is DriveOrderState.OPERATING

@@ -120,7 +120,7 @@ class Pauses:
         self._numbers.pop(vehicle, None)
 
     def is_over(self, vehicle: FleetVehicle) -> bool:
-        """Return whether a vehicle can go on with its order."""
+        """Return whether a vehicle can continue with its order."""
         return not self._orders.get(self._numbers[vehicle.name]).held and not self.why(vehicle)
 
     def why(self, vehicle: FleetVehicle) -> str:
@@ -194,7 +194,7 @@ class Mobility:
 
 @dataclass(frozen=True, slots=True)
 class _Wanted:
-    """An order of whose drive order nothing is sent yet, and the route request of its vehicle."""
+    """An order with an unsent drive order, and the route request of its vehicle."""
 
     order: TransportOrder
     route_request: RouteRequest
@@ -258,7 +258,7 @@ class Driving:
         first: bool = False,
         retriable: bool = False,
     ) -> None:
-        """Request that a vehicle executes its current drive order, the first leg of ``way``.
+        """Request a vehicle's route for its current drive order, the first leg of ``way``.
 
         ``first``: its request goes to the front of the queue, because it had its turn before.
         ``retriable``: its actions may be retried by the robot.
@@ -343,7 +343,7 @@ class Driving:
             self._break_off(vehicle, doubt=isinstance(news, VdaOrderFailed) and not record.accepted)
 
     def take_out(self, vehicle: FleetVehicle) -> None:
-        """Forget all that a vehicle wants and does."""
+        """Drop all requests and orders of a vehicle."""
         self._wanted.pop(vehicle.name, None)
         self._unsent.pop(vehicle.name, None)
         self._traffic.drop(vehicle.name)
@@ -398,8 +398,8 @@ class Driving:
     def _replan(self) -> None:
         """End VDA orders at their bases if their routes are blocked by robots that will not make room.
 
-        These robots are then at rest, too: the vehicle with the order requests a route again, and goes around
-        them or swaps places.
+        These robots are then at rest, too: the vehicle with the order requests a route again, and drives
+        around them or swaps with them.
         """
         for name in tuple(self._traffic.stuck(self._movable, self.mobility.lost)):
             self._end_way_here(name)
@@ -414,7 +414,7 @@ class Driving:
             self.end_early(record, partial=True)
 
     def note(self, vehicle: FleetVehicle) -> str:
-        """Return what keeps a vehicle from doing its order; empty for nothing."""
+        """Return what keeps a vehicle from executing its order; empty for nothing."""
         record = self._sent.of_robot(vehicle.key)
         if record and record.evasion:
             return "it makes room for others first"
@@ -428,7 +428,7 @@ class Driving:
         return f"it {why}" if why else ""
 
     def wait(self, vehicle: FleetVehicle) -> TrafficWait | None:
-        """Return for whom a vehicle waits, where and why; None: nothing keeps it."""
+        """Return which vehicles a vehicle waits for, where and why; None: nothing keeps it."""
         reason, refusal = self.note(vehicle), self._traffic.refusal(vehicle.name)
         if refusal is None:
             return TrafficWait(reason=reason) if reason else None
@@ -499,7 +499,7 @@ class Driving:
         return SentOrder.of(vehicle.key, vda_order, wanted.order.index, granted.way)
 
     def _go_on(self, vehicle: FleetVehicle, *, more: int = 0) -> None:
-        """Allocate what the robot needs, or this many nodes ``more`` than it has, and send what is new."""
+        """Allocate what the robot needs, or ``more`` nodes than it has, and send the extension."""
         name = vehicle.name
         allocated = self._allocate(vehicle, more)
         journey = self._traffic.journey(name)

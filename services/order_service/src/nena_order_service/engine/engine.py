@@ -69,7 +69,7 @@ LOOK_INTERVAL = 2.0
 """Seconds between checks of what changes without an event: positions, and why vehicles have no order."""
 
 FIRST_LOOKS = 0.2
-"""Seconds between looks while the first states of robots are awaited after the start."""
+"""Seconds between checks while the first states of robots are awaited after the start."""
 
 LOOKED_AT_ONCE = 100
 """Vehicles that are checked before other tasks run; each takes some 0.1 ms."""
@@ -97,8 +97,8 @@ class Listener(Protocol):
 class UnitOfWork:
     """Commits what changes together, then runs its effects and publishes it; units are never nested.
 
-    Of vehicles only the present status is published: where several units that wait for their commit change
-    one, the last of them publishes it, or one of them where there is no end of them.
+    Of vehicles only the current status is published: if several uncommitted units change one, the last of
+    them publishes it, or one of them if they never stop.
     """
 
     def __init__(
@@ -120,9 +120,9 @@ class UnitOfWork:
         self._on_event = on_event
         self._timeout = timeout
         self._unpublished: Counter[str] = Counter()
-        """How many units that wait for their commit change each vehicle."""
+        """Number of uncommitted units that change each vehicle."""
         self._passed_over: Counter[str] = Counter()
-        """How many committed units have not published each vehicle, because of later ones."""
+        """Number of committed units that have not published each vehicle, because of later ones."""
         self._published: dict[str, Essentials] = {}
 
     @contextmanager
@@ -188,12 +188,12 @@ class UnitOfWork:
             raise StoreNotReadyError(self._store.why_not_answered) from None
 
     def is_published(self, name: str, now: Essentials) -> bool:
-        """Return whether this is what was published of a vehicle last, or what is about to be."""
+        """Return whether this is the last published status of a vehicle, or the next one."""
         return name in self._unpublished or self._published.get(name) == now
 
     @property
     def published(self) -> Iterable[Essentials]:
-        """What was published of each vehicle last."""
+        """The last published status of each vehicle."""
         return self._published.values()
 
     def _committed(self, changes: PendingChanges) -> None:
@@ -237,7 +237,7 @@ class UnitOfWork:
 
 @dataclass(frozen=True, slots=True)
 class Timings:
-    """How long the engine takes for its tasks."""
+    """Durations of the engine's tasks."""
 
     dispatch: Histogram = field(default_factory=lambda: Histogram(SHORT))
     traffic: Histogram = field(default_factory=lambda: Histogram(SHORT))
@@ -348,12 +348,12 @@ class Engine:
                         self._life_cycle.update_reason(outcome)
 
     def look(self) -> None:
-        """Try again whatever waits, and publish vehicles whose status has changed without an event."""
+        """Retry everything that waits, and publish vehicles whose status has changed without an event."""
         for _ in self._look():
             pass
 
     def _look(self) -> Iterator[None]:
-        """Do so in parts, between which others may have their turn: fleets may be large."""
+        """Do so in parts, so that other tasks run in between: fleets may be large."""
         vehicles = [*self.registry]
         parts = [
             vehicles[start : start + LOOKED_AT_ONCE] for start in range(0, len(vehicles), LOOKED_AT_ONCE)
@@ -452,7 +452,7 @@ class Engine:
         return end
 
     def plant_changed(self) -> None:
-        """Find all routes again, also beyond the bases of vehicles under way, in parts.
+        """Replan all routes, also beyond the bases of driving vehicles, in parts.
 
         Then check all orders in parts.
         """

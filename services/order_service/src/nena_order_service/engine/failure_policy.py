@@ -83,7 +83,7 @@ def _one_by_one(policy: Iterable[FailureStep]) -> Iterator[FailureStep]:
 
 
 def _objection(step: FailureStep, situation: Situation) -> str:
-    """Return what speaks against a measure; empty for nothing."""
+    """Return why a measure does not apply; empty if it does."""
     if step.do.last:
         return ""
     if situation.kind is K.UNCLEAR or (situation.kind is K.LOST and situation.begun):
@@ -153,7 +153,7 @@ def is_carrying(
 
 @dataclass(frozen=True, slots=True)
 class OrderFailure:
-    """How a vehicle has failed, in words too; ``ahead`` names the path and the point that come next."""
+    """How a vehicle has failed, in words too; ``ahead`` names the next path and point."""
 
     kind: FailureKind
     words: str
@@ -161,7 +161,7 @@ class OrderFailure:
 
 
 class FailureAssessment:
-    """Decides by an order's policy what is done about its failures."""
+    """Chooses the measure for an order's failures by its policy."""
 
     def __init__(self, context: Context) -> None:
         self._context = context
@@ -173,11 +173,11 @@ class FailureAssessment:
         return self._context.on_failure if own is None else own
 
     def retries_actions(self, order: TransportOrder) -> bool:
-        """Return whether an action that fails may be tried again."""
+        """Return whether an action that fails may be retried."""
         return any(step.do is FailureMeasure.RETRY for step in self.policy(order))
 
     def decide(self, order: TransportOrder, failure: OrderFailure) -> Decision:
-        """Return what is done about a failure."""
+        """Return the measure for a failure."""
         situation = self._situation(order, failure)
         return decide(self.policy(order), order.current.measures_taken, situation)
 
@@ -207,7 +207,7 @@ class FailureAssessment:
         return bool(self._context.registry.names() - tried)
 
     def detour(self, order: TransportOrder, ahead: tuple[str, ...]) -> tuple[str, ...]:
-        """Return what a way around where the vehicle failed avoids: the point there too, if that can be."""
+        """Return what a detour around the failure avoids: the path, and the point there if possible."""
         paths = self._context.planner.paths(ahead)
         for avoided in (ahead, paths):
             if paths and self._leads_on(order, avoided):

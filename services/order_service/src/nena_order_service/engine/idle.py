@@ -15,26 +15,26 @@ from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
 
 PAUSE = 10.0
-"""Seconds before a vehicle is sent to do the same once more, so that it is not tried all the time."""
+"""Seconds before a vehicle is sent to do the same again, to limit the attempts."""
 
 DISPLACES_AT_MOST = 2
 """How often a vehicle makes others make room for it to park, until a host has work for it. They may have to
-park again afterwards and displace it in turn: without a limit, two vehicles could do that for ever, and a
+park again afterwards and displace it in turn: without a limit, two vehicles could do that forever, and a
 recharging one would never finish."""
 
 
 @dataclass(slots=True)
 class _Idle:
-    """What is remembered of a vehicle."""
+    """What is stored about an idle vehicle."""
 
     since: float | None = None
-    """When it was first seen with nothing to do; None: it has something."""
+    """When it was first seen idle; None: it is not idle."""
     not_before: dict[str, float] = field(default_factory=dict)
     """When it may be sent again, by the type of the order."""
     displaced: int = 0
-    """How often others had to make room for it to park since it worked for a host."""
+    """How often others had to make room for it to park since its last order of a host."""
     note: str = ""
-    """Why it does not recharge though it should; empty where it need not."""
+    """Why it does not recharge though it should; empty if it need not."""
     parking_note: str = ""
     """Why it does not park though it should."""
 
@@ -54,7 +54,7 @@ def _has_nothing_to_do(candidate: LocatedCandidate) -> bool:
 
 
 class IdleVehicles:
-    """Creates orders for vehicles that have nothing to do.
+    """Creates orders for idle vehicles.
 
     Call it after all waiting orders were dispatched: a vehicle that is idle then is idle because no order
     suits it.
@@ -163,7 +163,7 @@ class IdleVehicles:
         return park_request(vehicle.name, found.point) if found.point else None
 
     def _cost(self, candidate: LocatedCandidate) -> Callable[[str], float]:
-        """Return what it costs a vehicle to reach points."""
+        """Return the costs for a vehicle to reach points."""
         model, standing = candidate.vehicle.model, candidate.standing
         assert standing, "a vehicle without an obstacle stands somewhere"  # noqa: S101 - for the type
         return lambda point: self._context.finder.router.costs_to(point, vehicle=model).source(standing.point)

@@ -64,7 +64,7 @@ OrderEvent = VdaOrderAccepted | OperationStarted | VdaOrderFinished | VdaOrderFa
 
 
 class LifeCycle:
-    """Changes transport orders, and makes their vehicles drive."""
+    """Changes transport orders, and sends their vehicles."""
 
     def __init__(
         self,
@@ -89,7 +89,7 @@ class LifeCycle:
         self._deadlines = DueTimes(self._orders.is_over)
         self._timeouts = DueTimes(self._orders.is_over)
         self._answers: dict[str, tuple[str, str]] = {}
-        """VDA 5050 orderIds and words of failures, by the ids of the instant actions sent about them."""
+        """VDA 5050 orderIds and failure texts, by the IDs of the instant actions sent for them."""
         self._given_up: dict[str, OrderFailure] = {}
         """Failures for which VDA 5050 orders are cancelled, by orderId."""
 
@@ -132,7 +132,7 @@ class LifeCycle:
         return begun
 
     def withdraw(self, order: TransportOrder, reason: str, *, immediate: bool) -> None:
-        """Withdraw an order that has not ended; of a withdrawn one only the manner may change.
+        """Withdraw an order that has not ended; a withdrawn one can only be cancelled sooner.
 
         With ``immediate`` its robot gets cancelOrder; else it drives to the end of its base, and performs
         the actions there.
@@ -212,7 +212,7 @@ class LifeCycle:
 
     @property
     def settle_due(self) -> bool:
-        """Whether orders or sequences have ended, which may mean something for others."""
+        """Whether orders or sequences have ended, which may affect others."""
         return self._orders.any_ended or self._state.sequences.freed
 
     def settle(self) -> None:
@@ -233,13 +233,13 @@ class LifeCycle:
             self._dispatch(orders)
 
     def update_queue_reasons(self) -> None:
-        """Note in some of the orders further back in the queue why they wait now."""
+        """Update the wait reasons of some orders further back in the queue."""
         now = self._clock.now()
         for order, reason in self._dispatching.outdated_reasons():
             self._orders.put(order.deferred(reason, now))
 
     def _dispatch(self, orders: Sequence[TransportOrder]) -> None:
-        """Assign what can be assigned of these orders, and note of the others why not."""
+        """Assign as many of these orders as possible, and note why the others wait."""
         dispatched, reasons = self._dispatching.dispatch(orders)
         for each in dispatched:
             if each.assignment.gives_up:
@@ -325,7 +325,7 @@ class LifeCycle:
             self.update_reason(vehicle)
 
     def update_reason(self, vehicle: FleetVehicle) -> None:
-        """Note in a vehicle's order what keeps the vehicle from going on."""
+        """Note in a vehicle's order what keeps the vehicle from continuing."""
         order = self._state.order_of(vehicle.key)
         if order is None:
             return
@@ -510,7 +510,7 @@ class LifeCycle:
     # The end
 
     def give_up(self, robot: RobotKey, reason: str) -> None:
-        """Fail the order of a robot, if it has one, whatever robot and policy would do about it."""
+        """Fail the order of a robot, if it has one, regardless of robot and policy."""
         if order := self._state.order_of(robot):
             self._end(order.failed(reason, self._clock.now()))
 

@@ -13,7 +13,7 @@ log = get_logger(__name__)
 
 
 class PathLocks:
-    """New routes respect the locks, and so do vehicles under way beyond their bases."""
+    """New routes respect the locks, and so do driving vehicles beyond their bases."""
 
     def __init__(self, engine: Engine) -> None:
         """Start with the locks of the plant model."""
@@ -40,7 +40,7 @@ class PathLocks:
         """Lock or unlock a path; it is committed when this returns.
 
         Raises:
-            UnknownPathError: there is no such path.
+            UnknownPathError: no such path.
             StoreNotReadyError: the change may be lost.
 
         """

@@ -1,4 +1,4 @@
-"""Conflicts of present orders and vehicles with a new plant model."""
+"""Conflicts of current orders and vehicles with a new plant model."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PROBLEMS_NAMED = 100
 
 
 def conflicts(engine: Engine, new: PlantModel, registry: VehicleRegistry) -> tuple[str, ...]:
-    """Return what of the present orders and vehicles conflicts with the plant model ``new``.
+    """Return the conflicts of current orders and vehicles with the plant model ``new``.
 
     ``registry`` is that of the new plant. Orders must find their destinations, and vehicles what they hold
     and have claimed, unchanged: robots drive on as they were sent, and other vehicles are kept away from
@@ -67,7 +67,7 @@ def _of_vehicles(engine: Engine, new: PlantModel, registry: VehicleRegistry) -> 
 
 
 def _of_robot(vehicle: FleetVehicle, registry: VehicleRegistry) -> Iterator[str]:
-    """Yield why a vehicle that works would not be the same one."""
+    """Yield why a working vehicle would not be the same one."""
     if vehicle.model is None:
         after, taken = registry.of(vehicle.key), registry.named(vehicle.name)
         if (after and after.name != vehicle.name) or (taken and taken.key != vehicle.key):
@@ -81,7 +81,7 @@ def _of_robot(vehicle: FleetVehicle, registry: VehicleRegistry) -> Iterator[str]
 
 
 class _Differences:
-    """Compares what single resources are in two plants."""
+    """Compares single resources in two plants."""
 
     def __init__(self, old: PlantModel, new: PlantModel) -> None:
         self._old = old
@@ -89,7 +89,7 @@ class _Differences:
         self._old_blocks, self._new_blocks = _blocks(old), _blocks(new)
 
     def of(self, place: ResourceSet, *, under_way: bool) -> Iterator[str]:
-        """Yield what of a place is removed or changed; with ``under_way`` also changed positions."""
+        """Yield what is removed or changed at a resource; with ``under_way`` also changed positions."""
         for name in dict.fromkeys((place.point, *place.uses)):
             if name in self._old.blocks_by_name:
                 continue

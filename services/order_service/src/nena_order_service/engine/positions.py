@@ -20,7 +20,7 @@ log = get_logger(__name__)
 
 @dataclass(slots=True)
 class _Sighting:
-    """The last state of a vehicle by which it was placed, and whether that reported where it is."""
+    """The last state that determined a vehicle's position, and whether it reported one."""
 
     state: State
     located: bool
@@ -42,7 +42,7 @@ class Positions:
         self._clock = context.clock
         self._sightings: dict[str, _Sighting] = {}
         self._doubted: dict[str, float] = {}
-        """When routes ended of which the robots reported nothing; only what they report later counts."""
+        """When routes ended without a report of the robots; only later reports count."""
 
     def see(self, vehicle: FleetVehicle) -> bool:
         """Handle the position of a vehicle without a route; return whether that changes what it holds."""
@@ -82,7 +82,7 @@ class Positions:
             self._doubted[vehicle.name] = self._clock.monotonic()
 
     def located(self, vehicle: FleetVehicle) -> bool:
-        """Return whether a vehicle has reported its position, and holds that place."""
+        """Return whether a vehicle has reported its position, and holds those resources."""
         sighting = self._sightings.get(vehicle.name)
         return sighting is not None and sighting.located and vehicle.name in self._traffic
 
@@ -106,7 +106,7 @@ class Positions:
         return "left its route or moves on its own, and has not been seen standing since"
 
     def level(self, vehicle: FleetVehicle) -> IntegrationLevel:
-        """Return how much a vehicle counts."""
+        """Return the integration level of a vehicle."""
         return self._records.of(vehicle.key).integration_level
 
     def set_level(self, vehicle: FleetVehicle, level: IntegrationLevel) -> None:

@@ -44,7 +44,7 @@ class Recovery:
             self._vehicles.change(vehicle.key)
 
     def present_vehicle(self, name: str) -> FleetVehicle | None:
-        """Return the vehicle that is now the robot that had this name; None: it has no orders any longer.
+        """Return the vehicle that is now the robot that had this name; None: it no longer has orders.
 
         If the store does not name that robot, it is the vehicle of this name, unless that one is known to
         have had another name.
@@ -57,7 +57,7 @@ class Recovery:
         return named if named and self._vehicles.name_before(named.key) in (None, name) else None
 
     def present_name(self, name: str) -> str:
-        """Return what the vehicle is called now that had this name; the same where it is none any more."""
+        """Return the current name of the vehicle that had this name; the same if it no longer exists."""
         vehicle = self.present_vehicle(name)
         return vehicle.name if vehicle else name
 
@@ -89,4 +89,4 @@ class Recovery:
 
 
 NOWHERE = ResourceSet("", 0, {})
-"""What a robot holds of which nothing is known but what it was sent."""
+"""The resources of a robot of which only the sent order is known."""

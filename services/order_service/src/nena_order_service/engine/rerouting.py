@@ -1,4 +1,4 @@
-"""Rerouting: replans routes of vehicles under way (openTCS: rerouting).
+"""Rerouting: replans routes of driving vehicles (openTCS: rerouting).
 
 It does so on request, after path locks, and for vehicles that wait for others.
 """
@@ -36,7 +36,7 @@ NOTHING_AHEAD = (
     "its whole route is released and stays as it is; a forced rerouting starts at the robot's position"
 )
 LED_AROUND_AT_ONCE = 20
-"""Vehicles that wait for which other routes are searched at one look; a search takes milliseconds."""
+"""Maximum waiting vehicles for which routes are searched in one check; a search takes milliseconds."""
 OFF_LOCKS_AT_ONCE = 4
 """Vehicles that are led around locked paths in one turn of the event loop."""
 NO_OTHER_WAY = "it already has the best route"
@@ -44,7 +44,7 @@ NO_OTHER_WAY = "it already has the best route"
 
 @dataclass(frozen=True, slots=True)
 class Rerouted:
-    """What has become of it: an outcome, why, and the points from the end of the base on."""
+    """The result: an outcome, its reason, and the points from the end of the base on."""
 
     outcome: ReroutingOutcome
     reason: str
@@ -53,7 +53,7 @@ class Rerouted:
 
 @dataclass(frozen=True, slots=True)
 class _UnderWay:
-    """A vehicle on its way for an order, of which something is not released yet."""
+    """A driving vehicle with an order that is not completely released."""
 
     vehicle: FleetVehicle
     record: SentOrder
@@ -62,7 +62,7 @@ class _UnderWay:
 
 
 class Rerouting:
-    """Replans routes of vehicles under way, in the engine's units of work.
+    """Replans routes of driving vehicles, in the engine's units of work.
 
     The robot's base, and what it holds, never change by that. A *regular* rerouting returns the claims beyond
     the base and claims another route from there; if traffic does not grant that, the old one stays. A
@@ -89,13 +89,13 @@ class Rerouting:
         self._led_around: dict[str, tuple[str, int]] = {}
         """The order of vehicles that were led around others, and how far each had driven by then."""
         self._tried: frozenset[str] = frozenset()
-        """Those of them that were looked at since all had their turn."""
+        """Vehicles that were checked in the current round."""
 
     def request(self, vehicle: FleetVehicle, kind: ReroutingType) -> Rerouted:
         """Replan the route of the order that a vehicle works on.
 
         Raises:
-            NotReroutableError: it works on none, or on one whose way is not to change.
+            NotReroutableError: it works on none, or on one whose route must not change.
             VehicleNotReachedError: it is to be stopped and cannot be reached.
 
         """
@@ -110,9 +110,9 @@ class Rerouting:
         return self._replan(vehicle, order, record, "requested by a host")
 
     def keep_off_locked_paths(self) -> None:
-        """Halt the vehicles whose ways lead over paths that are locked now, at the ends of their bases.
+        """Halt the vehicles whose routes lead over paths that are locked now, at the ends of their bases.
 
-        Those that have not set out request their routes again. :meth:`lead_off_locked_paths` does the rest.
+        Those that have not started request their routes again. :meth:`lead_off_locked_paths` does the rest.
         """
         over = [each.robot for each in self._sent if not each.cancelled and self._leads_over_lock(each)]
         self._over_locks = deque(over)
@@ -121,11 +121,11 @@ class Rerouting:
 
     @property
     def halts(self) -> bool:
-        """Whether vehicles are halted that have to be led around locked paths yet."""
+        """Whether halted vehicles still have to be led around locked paths."""
         return bool(self._over_locks)
 
     def lead_off_locked_paths(self) -> None:
-        """Lead the next halted vehicles around locked paths; those without another way stop before them."""
+        """Lead the next halted vehicles around locked paths; those without another route stop in front of them."""
         robots = [self._over_locks.popleft() for _ in range(min(OFF_LOCKS_AT_ONCE, len(self._over_locks)))]
         self._halt_rest()
         for robot in robots:
@@ -147,7 +147,7 @@ class Rerouting:
             self._driving.end_early(record, partial=True)
 
     def kept_waiting(self) -> Sequence[str]:
-        """Return vehicles that have waited since the last call; of many only some, others each time."""
+        """Return vehicles that have waited since the last call; of many only some, in turn."""
         before, self._waiting = self._waiting, self._traffic.waiting_at_end()
         waiting = [name for name, reached in self._waiting.items() if before.get(name) == reached]
         self._tried = self._tried.intersection(waiting)
@@ -255,14 +255,14 @@ class Rerouting:
         return self._planner.way(under_way.order, under_way.vehicle, standing, avoid=avoid).legs[0]
 
     def _claim_leg(self, under_way: _UnderWay, leg: Leg) -> Refusal | None:
-        """Claim the route along a leg, unless it is the present one; return the refusal, if any."""
+        """Claim the route along a leg, unless it is the current one; return the refusal, if any."""
         if leg.route is None or self._is_present_way(under_way, leg):
             return None
         location = self._planner.route_request(under_way.order, under_way.vehicle, leg).location
         return self._traffic.replan(under_way.vehicle.name, leg.route.steps, location)
 
     def _is_present_way(self, under_way: _UnderWay, leg: Leg) -> bool:
-        """Return whether a leg is what the vehicle is to drive anyway, or nothing to be driven."""
+        """Return whether a leg is the vehicle's current route, or empty."""
         if leg.route is None or not leg.route.steps:
             return True
         rest = under_way.record.vda_order.edges[under_way.record.allocated :]

@@ -1,4 +1,4 @@
-"""Order sequences as their orders go on: which order is next, and which vehicle does them."""
+"""Progress of order sequences: which order is next, and which vehicle executes them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ MARKED = "marked complete by a host"
 
 
 class Sequences:
-    """Changes order sequences as their orders go on."""
+    """Changes order sequences with the progress of their orders."""
 
     def __init__(self, context: Context) -> None:
         self._state = context.state
@@ -50,7 +50,7 @@ class Sequences:
         return f"waits for its turn in order sequence {sequence.name!r}, after {sequence.next_order!r}"
 
     def ended(self, order: TransportOrder) -> tuple[tuple[TransportOrder, ...], str | None]:
-        """Note that an order is at its end.
+        """Note the end of an order.
 
         Return the orders that fail with it, and the name of the next one, if there is one.
         """
@@ -67,7 +67,7 @@ class Sequences:
         return failed, sequence.next_order
 
     def misfit(self, order: TransportOrder, vehicle: str) -> str:
-        """Return why a vehicle must not do an order because of a sequence; empty if it may."""
+        """Return why a vehicle must not execute an order because of a sequence; empty if it may."""
         bound, sequence = self._sequences.of_vehicle(vehicle), self._of(order)
         if bound and bound is not sequence:
             return f"is bound to order sequence {bound.name!r}"
@@ -79,7 +79,7 @@ class Sequences:
         return ""
 
     def meant(self, order: TransportOrder) -> str | None:
-        """Return the vehicle that does an order's sequence; None: it has none, or any vehicle may."""
+        """Return the vehicle that executes an order's sequence; None: it has none, or any vehicle may."""
         sequence = self._of(order)
         return sequence.bound_vehicle or sequence.status.intended_vehicle if sequence else None
 
@@ -97,7 +97,7 @@ class Sequences:
         self._sequences.freed |= sequence.status.finished
 
     def _is_ended(self, name: str) -> bool:
-        """Return whether an order is at its end; one that is not at hand any more has been so for long."""
+        """Return whether an order has ended; an order no longer in memory ended long ago."""
         order = self._orders.named(name)
         return order is None or order.state.final
 

@@ -52,14 +52,14 @@ class PendingChanges:
         return bool(self.stored or self.effects or self.vehicles)
 
     def take(self) -> PendingChanges:
-        """Return the changes so far, and begin with none."""
+        """Return the changes so far, and reset them."""
         taken = replace(self)
         self.stored, self.orders, self.sequences, self.vehicles, self.effects = Changes(), [], [], set(), []
         return taken
 
 
 class Orders:
-    """Transport orders that have not ended, each twice: as it is, and as it is committed.
+    """Transport orders that have not ended, in their current and in their committed version.
 
     Only the committed version may be shown to hosts.
     """
@@ -85,7 +85,7 @@ class Orders:
         return self.last_number
 
     def load(self, order: TransportOrder) -> None:
-        """Add an order that the store has as it is."""
+        """Add an order as stored."""
         self._index(order)
         self._committed[order.number] = order
         self.statistics.loaded(order)
@@ -125,11 +125,11 @@ class Orders:
             self._forget(self._recent.popitem(last=False)[0])
 
     def get(self, number: int) -> TransportOrder:
-        """Return an order as it is; KeyError if it is not in memory."""
+        """Return the current version of an order; KeyError if it is not in memory."""
         return self._orders[number]
 
     def find(self, number: int) -> TransportOrder | None:
-        """Return an order as it is; None if it is not in memory."""
+        """Return the current version of an order; None if it is not in memory."""
         return self._orders.get(number)
 
     def is_over(self, number: int) -> bool:
@@ -138,21 +138,21 @@ class Orders:
         return order is None or order.state.final
 
     def named(self, name: str) -> TransportOrder | None:
-        """Return the order of this name as it is; None if it is not in memory."""
+        """Return the current order of this name; None if it is not in memory."""
         number = self._by_name.get(name)
         return None if number is None else self._orders[number]
 
     def keyed(self, idempotency_key: str | None) -> TransportOrder | None:
-        """Return the order created under this key, as it is; None if it is not in memory."""
+        """Return the current order created under this key; None if it is not in memory."""
         number = self._by_key.get(idempotency_key) if idempotency_key is not None else None
         return None if number is None else self._orders[number]
 
     def visible(self, number: int | None) -> TransportOrder | None:
-        """Return an order as it is committed; None if it is not in memory or was never committed."""
+        """Return the committed version of an order; None if it is not in memory or was never committed."""
         return self._committed.get(number) if number is not None else None
 
     def visible_named(self, name: str) -> TransportOrder | None:
-        """Return the order of this name as it is committed; None if there is none in memory."""
+        """Return the committed order of this name; None if it is not in memory."""
         return self.visible(self._by_name.get(name))
 
     @property
@@ -165,7 +165,7 @@ class Orders:
         return tuple(map(self.get, self.waiting))
 
     def present(self) -> Iterator[TransportOrder]:
-        """Yield the orders that have not ended, as they are."""
+        """Yield the current orders that have not ended."""
         return (order for order in self._orders.values() if not order.state.final)
 
     def unfinished(self) -> Iterator[TransportOrder]:
@@ -190,7 +190,7 @@ class Orders:
 
 
 class OrderSequences:
-    """Order sequences that are not finished, each twice: as it is, and as it is committed."""
+    """Order sequences that are not finished, in their current and in their committed version."""
 
     def __init__(self, pending: PendingChanges) -> None:
         self.freed = False
@@ -241,15 +241,15 @@ class OrderSequences:
                 self._visible[sequence.name] = sequence
 
     def named(self, name: str | None) -> OrderSequence | None:
-        """Return the sequence of this name as it is; None if it is not in memory."""
+        """Return the current sequence of this name; None if it is not in memory."""
         return None if name is None else self._sequences.get(name)
 
     def keyed(self, idempotency_key: str | None) -> OrderSequence | None:
-        """Return the sequence created under this key, as it is; None if it is not in memory."""
+        """Return the current sequence created under this key; None if it is not in memory."""
         return self.named(self._by_key.get(idempotency_key)) if idempotency_key is not None else None
 
     def visible(self, name: str) -> OrderSequence | None:
-        """Return the sequence of this name as it is committed; None if it is not in memory."""
+        """Return the committed sequence of this name; None if it is not in memory."""
         return self._visible.get(name)
 
     def unfinished(self) -> Iterator[OrderSequence]:
@@ -290,7 +290,7 @@ class VehicleRecord(BaseModel):
     acceptable_order_types: tuple[AcceptableOrderType, ...] | None = None
     """As hosts have set them; None: those of the plant model."""
     held: tuple[ResourceSet, ...] = ()
-    """The resources that it held when it began what it does now, oldest first."""
+    """The resources that it held when its current drive began, oldest first."""
     beside: tuple[ResourceSet, ...] | None = None
     """Resources that it may also be on since it broke off its route or was moved; None: it did not."""
     evasion: SentOrder | None = None
@@ -303,7 +303,7 @@ class VehicleRecord(BaseModel):
 
 
 class VehicleRecords:
-    """What is stored of vehicles: integration levels, order types, and the resources that they held last."""
+    """Stored records of vehicles: integration levels, order types, and the resources that they held last."""
 
     def __init__(self, pending: PendingChanges, registry: VehicleRegistry) -> None:
         self._pending = pending
@@ -367,7 +367,7 @@ class SentOrders:
         self._robot_of: dict[int, RobotKey] = {}
 
     def __iter__(self) -> Iterator[SentOrder]:
-        """Yield all VDA 5050 orders under way."""
+        """Yield all active VDA 5050 orders."""
         return iter(tuple(self._sent.values()))
 
     def assign(self, order: TransportOrder, robot: RobotKey) -> None:
@@ -388,7 +388,7 @@ class SentOrders:
         return robot
 
     def load(self, sent: SentOrder) -> None:
-        """Add one that the store has as it is; its transport order is assigned already."""
+        """Add one as stored; its transport order is already assigned."""
         self._sent[sent.robot] = sent
         self._by_id[sent.vda_order.order_id] = sent.robot
 
@@ -438,7 +438,7 @@ class SentOrders:
 
 
 class PendingInstantActions:
-    """Instant actions whose end a host waits for."""
+    """Instant actions whose end a host awaits."""
 
     def __init__(self) -> None:
         self._waiting: dict[str, asyncio.Future[InstantActionEnded]] = {}
@@ -473,14 +473,14 @@ class FleetState:
         self.registry = registry
         self.pending = PendingChanges()
         self.touched: set[str] = set()
-        """Vehicles about which the dispatcher may have to think again, by their names; it empties this."""
+        """Names of vehicles that the dispatcher must check again; it clears this."""
         self.orders = Orders(self.pending, self.touched)
         self.sequences = OrderSequences(self.pending)
         self.vehicles = VehicleRecords(self.pending, registry)
         self.sent_orders = SentOrders(self.pending, self.vehicles)
         self.instant_actions = PendingInstantActions()
         self.pauses: dict[str, int] = {}
-        """Numbers of orders whose vehicles are sent nothing for now, by the vehicles' names."""
+        """Numbers of orders whose vehicles currently receive nothing, by the vehicles' names."""
         self.dispatch_due = False
         """Whether a vehicle or an order may have become free."""
         self.dispatch_later = False
@@ -501,6 +501,6 @@ class FleetState:
             self.touched.add(name)
 
     def order_of(self, robot: RobotKey) -> TransportOrder | None:
-        """Return the transport order that a robot works on, as it is."""
+        """Return the current transport order of a robot."""
         number = self.sent_orders.order_number(robot)
         return None if number is None else self.orders.get(number)

@@ -29,7 +29,7 @@ from nena_shared.vda5050.state import State
 
 
 class Essentials(NamedTuple):
-    """What is published of a vehicle when it changes; all else changes all the time while a robot drives."""
+    """The fields whose change is published; all others change continuously while a robot drives."""
 
     state: VehicleState
     processing_state: ProcessingState
@@ -47,7 +47,7 @@ class Essentials(NamedTuple):
 
     @classmethod
     def of(cls, status: VehicleStatus) -> Self:
-        """Return those of a status."""
+        """Return these fields of a status."""
         return cls(*(getattr(status, name) for name in cls._fields))
 
 

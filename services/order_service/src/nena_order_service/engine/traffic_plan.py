@@ -87,7 +87,7 @@ class TrafficPlans:
         return None if number is None else self._context.state.orders.get(number).name
 
     def _drive(self, vehicle: FleetVehicle, horizon: float) -> Drive:
-        """Return what a vehicle is about to do, as far as it could drive within the horizon."""
+        """Return the next steps of a vehicle, as far as it could drive within the horizon."""
         name = vehicle.name
         journey, held = self._traffic.journey(name), self._traffic.held(name)
         refusal = self._traffic.refusal(name)
@@ -108,7 +108,7 @@ class TrafficPlans:
         return Drive(held, ahead, allocated, tuple(seconds), box_of(vehicle).length_mm, refusal)
 
     def _left_mm(self, vehicle: FleetVehicle, step: ResourceSet) -> float:
-        """Return how much of the path to the next point is left, by where the robot reports to be."""
+        """Return the remaining part of the path to the next point, by the robot's reported position."""
         try:
             pose = self._context.planner.standing(vehicle, self._context.view(vehicle)).pose
         except NotLocatedError:

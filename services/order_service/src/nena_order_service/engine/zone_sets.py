@@ -27,12 +27,12 @@ from nena_shared.vda5050.versions import nearest_codec
 from nena_shared.vda5050.zone_set import ZoneSet
 
 FIRST_PAUSE = 10.0
-"""Seconds until something is tried again; then twice as long each time."""
+"""Seconds until something is retried; then twice as long each time."""
 LONGEST_PAUSE = 600.0
 
 
 class Wanted(BaseModel):
-    """A zone set, and what robots are to do with it."""
+    """A zone set, and its target status at the robots."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -42,7 +42,7 @@ class Wanted(BaseModel):
 
 
 class ZoneStep(StrEnum):
-    """What is to be done at a robot; the actions by their names."""
+    """What to do at a robot; the actions by their names."""
 
     SEND = "zoneSet"
     ENABLE = "enableZoneSet"
@@ -79,7 +79,7 @@ class ZoneDistribution:
         wanted: Mapping[str, Wanted],
         now: float,
     ) -> Iterator[Due]:
-        """Yield what is to be done at a robot that reports ``states``, at ``now`` in monotonic seconds."""
+        """Yield what to do at a robot that reports ``states``, at ``now`` in monotonic seconds."""
         known = {each.zone_set_id: each.zone_set_status for each in states}
         for name, each in wanted.items():
             step = _step(each, known.get(name))
@@ -145,7 +145,7 @@ class ZoneSets:
                 log.exception("unreadable zone set in the store", zone_set=name)
 
     async def run(self) -> None:
-        """Bring to robots what they lack, until cancelled."""
+        """Send robots the zone sets that they lack, until cancelled."""
         await forever("zone sets", self._look_later)
 
     def all(self) -> tuple[ZoneSetStatus, ...]:

@@ -66,7 +66,7 @@ def lost(state: State, *, placed: bool) -> bool:
 
 
 def hindered(state: State) -> str | None:
-    """Return what keeps a robot from driving now, though it takes orders; None if nothing."""
+    """Return what keeps a robot from driving now, although it accepts orders; None if nothing."""
     if state.safety_state.active_emergency_stop is not EmergencyStop.NONE:
         return "has an active emergency stop"
     return "is paused" if state.paused else _without_navigation(state)
@@ -78,7 +78,7 @@ def _without_navigation(state: State) -> str | None:
 
 
 def vehicle_state(state: State | None, link: LinkStatus, instant_ids: Collection[str]) -> VehicleState:
-    """Return the state in openTCS's words; UNKNOWN is a robot that does not report it."""
+    """Return the state in openTCS's terms; UNKNOWN is a robot that does not report it."""
     if state is None or link is not LinkStatus.ONLINE:
         return VehicleState.UNKNOWN
     if failures.fatal(state.errors) is not None:
@@ -119,5 +119,5 @@ def matters(state: State) -> tuple[object, ...]:
 
 
 def equipment(state: State) -> tuple[object, ...]:
-    """Return where a robot has loads, and its maps, for the dispatcher; not what changes all the time."""
+    """Return a robot's load positions and maps, for the dispatcher; no fields that change continuously."""
     return state.loads and tuple(each.load_position for each in state.loads), state.maps

@@ -57,11 +57,11 @@ class RobotControl:
         self._reported: tuple[object, ...] = ()
         self._reported_link = LinkStatus.UNKNOWN
         self._changes = 0
-        """How often anything may have changed."""
+        """Number of possible changes."""
         self._unread = False
         """Whether nothing is sent before the robot's next state, see :meth:`on_broker`."""
         self._mattered: tuple[object, ...] = ()
-        """What mattered of the last state."""
+        """The significant fields of the last state."""
         self._left_at = -1
         """The number of changes when that was handled."""
         self._seen: tuple[tuple[object, ...], RobotView] | None = None
@@ -153,7 +153,7 @@ class RobotControl:
     def new_run(
         self, vda_order: VdaOrder, *, adopted: bool = False, accepted: bool = False, update_id: int = 0
     ) -> OrderExecution:
-        """Make the run of a VDA order at this robot."""
+        """Create the execution of a VDA order at this robot."""
         return OrderExecution(
             self.robot.key,
             vda_order,
@@ -189,7 +189,7 @@ class RobotControl:
         yield from self._advance(now)
 
     def _cannot_get(self, run: OrderExecution, now: float) -> bool:
-        """Return whether the robot cannot be sent now what it still is to get of its VDA order."""
+        """Return whether the rest of its VDA order cannot be sent to the robot now."""
         if run.phase in (VdaOrderPhase.WAITING, VdaOrderPhase.SENT):
             return self._obstacle(now) is not None
         away = self._away(now)
@@ -197,7 +197,7 @@ class RobotControl:
 
     @property
     def quiet(self) -> bool:
-        """Whether nothing is to be done before the robot reports something new."""
+        """Whether there is nothing to do until the robot reports something new."""
         return (self._run is None or self._run.quiet) and not self._instant_actions.busy
 
     def view(self, now: float) -> RobotView:
@@ -406,7 +406,7 @@ class FleetController:
         self._broker_since = 0.0
         self._robots: dict[RobotKey, RobotControl] = {}
         self._busy: dict[RobotKey, RobotControl] = {}
-        """Robots that may have something to do as time passes; most execute what they were sent."""
+        """Robots with a pending timeout; most just execute their orders."""
         self._silences = Silences()
         self._instant_actions = ReleaseManager(settings, utc_now)
 

@@ -38,7 +38,7 @@ class Delivery:
     def is_refused(self, now: float, *, named: bool) -> bool:
         """Return whether a refusal counts; one that names nothing may be about another message.
 
-        In that case the message is sent once more, and the robot gets its time to accept it.
+        In that case the message is resent, and the robot gets its time to accept it.
         """
         if named or self.sendings >= self.settings.sendings:
             return True
@@ -48,7 +48,7 @@ class Delivery:
         return now - self._doubted_at >= self.settings.resend_after
 
     def hold(self) -> None:
-        """Start again at once when the message may be sent again: the robot was out of reach."""
+        """Restart the delivery when the message may be resent: the robot was unreachable."""
         self.sendings = 0
         self._due_at = 0.0
         self._doubted_at = None

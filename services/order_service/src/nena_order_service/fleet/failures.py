@@ -20,7 +20,7 @@ class FailureKind(StrEnum):
     UNFIT = "UNFIT"
     """The robot could never execute it, by its factsheet; nothing was sent."""
     NOT_TAKEN = "NOT_TAKEN"
-    """It was sent again and again, and the robot never took it up."""
+    """It was resent repeatedly, and the robot never accepted it."""
     DRIVE = "DRIVE"
     """The robot had it and could not continue, or gave it up; its operation is not done."""
     ACTION = "ACTION"
@@ -49,7 +49,7 @@ NO_NAVIGATION: Final[frozenset[str]] = frozenset(
 )
 
 STOPPING: Final = frozenset({ErrorLevel.CRITICAL, ErrorLevel.FATAL})
-"""Levels with which a robot does not go on."""
+"""Levels at which a robot does not continue."""
 
 
 ErrorIdentity = tuple[str, frozenset[tuple[str, str]]]
@@ -63,7 +63,7 @@ def identity(error: ErrorEntry) -> ErrorIdentity:
 
 
 def in_words(error: ErrorEntry) -> str:
-    """Return the robot's own words."""
+    """Return the robot's own text."""
     text = f"{error.error_type}: {error.error_description}" if error.error_description else error.error_type
     return f"{text} ({error.error_hint})" if error.error_hint else text
 
@@ -165,7 +165,7 @@ def unexplained(
 
 
 def of_action(errors: Iterable[ErrorEntry], action_id: str) -> Iterator[str]:
-    """Return the robot's words about an action."""
+    """Return the robot's texts about an action."""
     return (in_words(error) for error in errors if action_id in _referenced(error, "actionId"))
 
 
@@ -177,7 +177,7 @@ def _new_stops(errors: Iterable[ErrorEntry], before: frozenset[ErrorIdentity]) -
 
 
 def _is_about(error: ErrorEntry, vda_order: VdaOrder) -> bool | None:
-    """Return whether the error names the VDA order or a part of it; None where it names none at all."""
+    """Return whether the error names the VDA order or a part of it; None if it names none at all."""
     orders = _referenced(error, "orderId")
     if orders:
         return vda_order.order_id in orders

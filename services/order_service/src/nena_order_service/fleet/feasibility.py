@@ -136,7 +136,7 @@ def _fitted_in_order(action: Action, abilities: Abilities) -> Action:
 def _fitted_position(
     node: Node, position: NodePosition, heading: float, abilities: Abilities
 ) -> NodePosition:
-    """Leave out or fill; a heading with every deviation allowed is none that the robot has to keep."""
+    """Remove or fill; a heading with unlimited deviation does not bind the robot."""
     demanded = abilities.required_fields
     changes: dict[str, Any] = {}
     if not abilities.takes_field(XY):
@@ -238,7 +238,7 @@ def _headings(nodes: tuple[Node, ...]) -> Iterator[float]:
 
 
 def _typed(parameter: ActionParameter, wanted: ActionParameterDescription | None) -> ActionParameter:
-    """Read a text as what it is wanted as, and write a number as text; what cannot be read so stays."""
+    """Convert a text to the declared type, and a number to text; unconvertible values stay unchanged."""
     if wanted is None:
         return parameter
     if wanted.value_data_type is ValueDataType.STRING and isinstance(parameter.value, int | float):

@@ -24,7 +24,7 @@ FACTSHEET_REQUEST: Final = "factsheetRequest"
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How an instant action ended; ``status`` is None where the robot never reported its end."""
+    """How an instant action ended; ``status`` is None if the robot never reported its end."""
 
     status: ActionStatus | None
     reason: str

@@ -23,7 +23,7 @@ from nena_shared.tasks import end
 log = get_logger(__name__)
 
 ANSWERED_WITHIN = 5.0
-"""Seconds in which an order service that leads answers; a record without an answer was left behind."""
+"""Seconds in which an active order service answers; a record without an answer is stale."""
 
 
 class FleetTakenError(StartError):
@@ -54,7 +54,7 @@ class LeaderRecord(Resource):
 
     @property
     def rank(self) -> tuple[int, str]:
-        """The greatest one keeps the fleet: robots refuse commands of older epochs."""
+        """The highest one keeps the fleet: robots refuse commands of older epochs."""
         return self.epoch, self.instance
 
 
@@ -115,7 +115,7 @@ class LeaderElection:
             await end(linking)
 
     def _ask(self) -> None:
-        """Ask for the leader: retained records arrive before our own question does."""
+        """Request the leader: retained records arrive before our own request."""
         self._link.publish(Outbound(self._question, self._own.instance.encode()))
 
     def _on_question(self, message: Inbound) -> None:
@@ -176,7 +176,7 @@ class LeaderElection:
         self._link.publish(Outbound(self._topic, body, retain=True))
 
     def _lost(self) -> None:
-        """Forget what another connection has shown."""
+        """Discard what an earlier connection has shown."""
         self._holds, self._left = False, None
         if self._giving_up:
             self._giving_up.cancel()

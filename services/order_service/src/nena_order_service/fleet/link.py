@@ -61,7 +61,7 @@ Message = Order | InstantActions | Responses | ZoneSetTransfer
 
 @dataclass(frozen=True, slots=True)
 class RobotAddress:
-    """The version that a robot speaks, and its topics."""
+    """The version that a robot uses, and its topics."""
 
     codec: Codec
     scheme: TopicScheme
@@ -177,7 +177,7 @@ class RobotAddresses:
         return self._dialects.get(robot, STANDARD)
 
     def of(self, robot: RobotKey) -> RobotAddress | None:
-        """Return where to speak to ``robot``; None for one that is unknown and has sent nothing yet."""
+        """Return topics and version of ``robot``; None if it is unknown and has sent nothing yet."""
         return self._addresses.get(robot)
 
     def learn(
@@ -287,7 +287,7 @@ M = TypeVar("M", Connection, Factsheet, State)
 Take = Callable[[RobotKey, M, float], Outputs]
 
 MALFORMED_LOGGED_EACH: Final = 100
-"""Of a robot's malformed messages, the first and then each of so many is logged."""
+"""Logged malformed messages of a robot: the first, and then one in this many."""
 
 _PLURALS: Final = {Topic.STATE.value: "states", Topic.CONNECTION.value: "connection messages"}
 """Messages without which a robot cannot be given orders."""
@@ -445,7 +445,7 @@ class FleetLink:
         self._sent[_mark(topic, payload)] = None
 
     def _subscribe_to(self, topic: Topic, kind: type[M], take: Take[M], *, qos: int) -> None:
-        """Subscribe to a topic of all robots; ``take`` gets messages that are well-formed and current."""
+        """Subscribe to a topic of all robots; ``take`` receives well-formed, current messages."""
 
         def handle(scheme: TopicScheme, inbound: Inbound) -> None:
             self.statistics.received[topic] += 1
@@ -457,7 +457,7 @@ class FleetLink:
             self._mqtt.subscribe(scheme.for_all(topic), partial(handle, scheme), qos=qos)
 
     def _read(self, kind: type[M], scheme: TopicScheme, inbound: Inbound) -> tuple[RobotKey, M] | None:
-        """Read a message; one that is malformed, outdated or from a robot too many is passed over."""
+        """Read a message; ignore one that is malformed, outdated or from a robot beyond the limit."""
         self._notice_broker()
         robot = scheme.robot_of(inbound.topic)
         if robot is None:

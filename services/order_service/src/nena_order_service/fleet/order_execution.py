@@ -84,7 +84,7 @@ class Progress:
     failed: tuple[ActionState, ...]
     """The VDA order's actions that have failed."""
     retriable: tuple[ActionState, ...]
-    """Those that have failed and may be tried again."""
+    """Those that have failed and may be retried."""
     unreported: frozenset[str]
     """IDs of the VDA order's actions that are missing from the state."""
 
@@ -150,7 +150,7 @@ class OrderExecution:
     """Follows one VDA order. When ``ended`` is true its end has been reported, and no event follows.
 
     One that is ``adopted`` may have been sent before; ``accepted`` is whether the robot is known to have it.
-    ``vda_order`` is what the robot has by its states, or is to have at first, with all updates up to
+    ``vda_order`` is what the robot has by its states, or is to have initially, with all updates up to
     ``update_id``; one update at a time is active, and the newest plan waits behind it. The ``cancel`` is made
     and sent by the owner once :meth:`wants_cancel` returns True.
     """
@@ -236,7 +236,7 @@ class OrderExecution:
 
     @property
     def quiet(self) -> bool:
-        """Whether nothing is to be done before the robot reports something new: it does what it was sent."""
+        """Whether there is nothing to do until the robot reports something new: it executes its order."""
         waits = self._pending or self._plan or self._standing_since is not None
         return self.phase is VdaOrderPhase.RUNNING and not waits
 
@@ -281,7 +281,7 @@ class OrderExecution:
         return waiting and state is not None and self._may_be_at_robot(state)
 
     def on_event(self, event: FleetOutput) -> None:
-        """Handle the retry of an action: if it is RETRIABLE again, it has failed once more.
+        """Handle the retry of an action: if it is RETRIABLE again, it has failed again.
 
         VDA 5050 3.0 section 6.2.3.
         """
@@ -301,7 +301,7 @@ class OrderExecution:
             yield from self._settle_cancel(state)
 
     def on_tick(self, state: State | None, now: float) -> Iterator[FleetOutput]:
-        """Fail what takes too long."""
+        """Fail what has timed out."""
         if self.phase is VdaOrderPhase.SENT and self._delivery.failed(now):
             times = self._settings.sendings
             yield self._fail(
@@ -344,7 +344,7 @@ class OrderExecution:
         )
 
     def _take_echo(self, state: State) -> None:
-        """Note that the robot has the update under way, or, after a restart, that it has an older one."""
+        """Note that the robot has the pending update, or, after a restart, an older one."""
         if state.order_id != self.vda_order.order_id:
             return
         pending = self._pending
@@ -413,7 +413,7 @@ class OrderExecution:
             self._look_for_standstill(state, now)
 
     def _report_retriable(self, state: State, actions: tuple[ActionState, ...]) -> Iterator[FleetOutput]:
-        """Report, once for each failure, that an action may be tried again."""
+        """Report, once for each failure, that an action may be retried."""
         known, self._retriable = self._retriable, frozenset(each.action_id for each in actions)
         for each in actions:
             failure = self._failed_actions(state, (each,))
@@ -522,7 +522,7 @@ def _words(errors: Iterable[ErrorEntry]) -> tuple[str, ...]:
 
 
 def _lost(state: State, order_id: str, update_id: int) -> ExecutionFailure:
-    """Return how an order ends that the robot had and does not have any more, or has further on."""
+    """Return how an order ends that the robot no longer has, or has in a later update."""
     if state.order_id == order_id and state.order_update_id > update_id:
         return ExecutionFailure(
             FailureKind.UNCLEAR,

@@ -117,7 +117,7 @@ class LinkStatus(StrEnum):
     HIBERNATING = "HIBERNATING"
     CONNECTION_BROKEN = "CONNECTION_BROKEN"
     SILENT = "SILENT"
-    """It should be there, but its last state is too old."""
+    """It should be online, but its last state is too old."""
     UNREADABLE = "UNREADABLE"
     """It is online, but its messages cannot be read."""
 
@@ -165,11 +165,11 @@ class RobotView:
     order_id: str | None
     order_phase: VdaOrderPhase | None
     wait_reason: str
-    """What the VDA order waits for, in words; empty where it waits for nothing but the robot's driving."""
+    """What the VDA order waits for, in words; empty if it waits for nothing but the robot's driving."""
     stale: bool = False
     """Whether that state is from before it connected."""
     deviations: tuple[Repair, ...] = ()
-    """What had to be repaired in its messages."""
+    """Repaired deviations of its messages."""
 
 
 ORDER_PREFIX: Final = "order."
@@ -222,7 +222,7 @@ class Abilities:
 
     @cached_property
     def takes_retries(self) -> bool:
-        """Whether an action that has failed may be tried again by ``retry``."""
+        """Whether an action that has failed may be retried by ``retry``."""
         rules = self.codec.rules if self.codec else None
         known = rules is not None and ActionStatus.RETRIABLE in rules.action_statuses
         listed = not self.lists_actions or bool(self.declarations(RETRY))
@@ -292,7 +292,7 @@ class Robot:
     _silent_after: float = 0.0
     _order: MessageOrder = field(default_factory=MessageOrder)
     _placed_until: float | None = None
-    """From when on it counts as one that does not report where it is, if it does not since it connected."""
+    """When it counts as never reporting its position, unless it does so after connecting."""
     _online_id: int | None = None
     """The headerId of the last connection message, if that was ONLINE."""
     _connections: deque[tuple[int, datetime]] = field(default_factory=lambda: deque(maxlen=CONNECTIONS_KEPT))

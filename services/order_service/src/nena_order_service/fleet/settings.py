@@ -16,13 +16,13 @@ class ReleasePolicy(StrEnum):
     EXCLUSIVE = "exclusive"
     """One robot at a time, in the order of asking."""
     ALL = "all"
-    """Everybody."""
+    """All robots."""
     NONE = "none"
     """All requests are refused."""
 
 
 class FleetSettings(SettingsGroup):
-    """How patient fleet control is with robots; seconds throughout."""
+    """Timeouts and limits of fleet control; all times in seconds."""
 
     silent_after: float = Field(
         35.0,

@@ -1,4 +1,4 @@
-"""Counts what passes between the order service and its robots, for the metrics."""
+"""Counts the messages and orders between the order service and its robots, for the metrics."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SENT: Final = (Topic.ORDER, Topic.INSTANT_ACTIONS, Topic.RESPONSES, Topic.ZONE_S
 RESENT: Final = (Topic.ORDER, Topic.INSTANT_ACTIONS)
 
 ACTIONS_REMEMBERED: Final = 1000
-"""Ids of the last instant actions: one that is sent again is known by them."""
+"""Ids of the last instant actions: one that is resent is known by them."""
 
 
 @dataclass(slots=True)
@@ -58,7 +58,7 @@ class FleetStatistics:
         self.ended = {"finished": 0, "cancelled": 0, "failed": 0}
         """VDA orders by their outcome."""
         self.failures = dict.fromkeys(FailureKind, 0)
-        """VDA orders that have failed, by how."""
+        """VDA orders that have failed, by kind."""
         self.sending = Histogram(ANSWERS)
         """From the decision to send a VDA order to its first sending: the robot could not be sent it."""
         self.acknowledgement = Histogram(ANSWERS)

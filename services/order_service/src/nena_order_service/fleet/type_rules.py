@@ -55,11 +55,11 @@ class TypeRules:
         )
 
     def at(self, point: Point) -> VehicleTypeAtPoint | None:
-        """Return how the vehicle may use a point; None: nothing is ruled."""
+        """Return how the vehicle may use a point; None: no rule."""
         return self._common(point.vehicle_types)
 
     def along(self, edge: DirectedEdge) -> VehicleTypeOnPath | None:
-        """Return how the vehicle may use an edge; None: nothing is ruled."""
+        """Return how the vehicle may use an edge; None: no rule."""
         return self._common(edge.path.vehicle_types) if edge.is_forward else None
 
     def _common(self, uses: Iterable[Use]) -> Use | None:
@@ -81,7 +81,7 @@ def edge_fields(
     standing: Standing,
     profile: RobotProfile,
 ) -> Iterator[dict[str, object]]:
-    """Yield what the edges of a route say by their rules, for a robot that starts where it stands.
+    """Yield the edge fields of a route by its rules, for a robot that starts at its position.
 
     Of several orientations, the one with the least turning is taken, from the heading with which the robot
     reaches the one that it needs at the end.

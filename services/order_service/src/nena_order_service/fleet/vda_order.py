@@ -80,7 +80,7 @@ class VdaOrder(WireObject):
 
 
 NO_ACTION: Final = ""
-"""What an operation is mapped to that is nothing but the drive."""
+"""The action type of operations that only drive."""
 
 RECHARGE_ACTION: Final = "startCharging"
 
@@ -189,7 +189,7 @@ def order_id(order_name: str, drive_order_index: int, attempt: int = 0) -> str:
 
 @dataclass(frozen=True, slots=True)
 class _Stop:
-    """A node in the making: m and rad of the map ``map_id``."""
+    """A node being built: m and rad of the map ``map_id``."""
 
     node_id: str
     place: MapPlace
@@ -433,7 +433,7 @@ def _base_length(vda_order: VdaOrder) -> int:
 
 
 def _outline(vda_order: VdaOrder, base: int) -> tuple[object, ...]:
-    """Return what makes a base the same; how exactly it is written may differ, as by a newer factsheet."""
+    """Return the identity of a base; its optional fields may differ, such as by a newer factsheet."""
     parts: tuple[Node | Edge, ...] = (*vda_order.nodes[:base], *vda_order.edges[: base - 1])
     return tuple(
         (_name(each), each.sequence_id, tuple(action.action_id for action in each.actions)) for each in parts

@@ -24,7 +24,7 @@ INSIDE: Final = frozenset({RequestStatus.GRANTED, RequestStatus.REVOKED, Request
 
 @dataclass(slots=True)
 class _Asked:
-    """A request that a robot states, and what it was answered last; seconds are monotonic."""
+    """A robot's request, and the last answer to it; seconds are monotonic."""
 
     robot: RobotKey
     request_id: str
@@ -43,7 +43,7 @@ class _Asked:
 
 @dataclass(slots=True)
 class ReleaseManager:
-    """Keeps the robots' requests for each place, in order; ``utc_now`` returns the time for leases.
+    """Keeps the robots' requests for each zone or edge, in order; ``utc_now`` returns the time for leases.
 
     A place is held from the grant until the robot's state no longer has the request: also by a silent robot,
     or one whose grant was revoked while it was inside. A robot may send several requests for a place, one for

@@ -1,1 +1,1 @@
-"""Transport orders: what becomes of them, and whether a request for one makes sense in the plant."""
+"""Transport orders: their life cycle, and the validation of requests against the plant."""

@@ -19,7 +19,7 @@ PREFIXES: Final = {PARK_TYPE: "Park-", RECHARGE_TYPE: "Recharge-"}
 """What the names of these orders begin with, by their types; for people: hosts may name theirs so, too."""
 
 JUST_FAIL: Final = (FailureStep(do=FailureMeasure.FAIL),)
-"""A new one is made where it is still needed."""
+"""A new one is created if it is still needed."""
 
 
 def park_request(vehicle: str, point: str) -> TransportOrderRequest:
@@ -57,5 +57,5 @@ def is_automatic_recharge(order: TransportOrder) -> bool:
 
 
 def automatic_name(request: TransportOrderRequest) -> str:
-    """Return the order of such a request a name that nothing else has."""
+    """Return a unique name for the order of such a request."""
     return f"{PREFIXES[request.type]}{sortable_id()}"

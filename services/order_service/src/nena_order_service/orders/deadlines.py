@@ -15,7 +15,7 @@ FIRST_SWEEP = 64
 class DueTimes:
     """Keeps one time of each watched order.
 
-    The ends of orders need not be reported: what is watched of orders that are over is dropped whenever
+    Ended orders need not be reported: what is watched of orders that are over is dropped whenever
     there is twice as much as the last time.
     """
 
@@ -27,11 +27,11 @@ class DueTimes:
         self._sweep_at = FIRST_SWEEP
 
     def __len__(self) -> int:
-        """Return how much is kept."""
+        """Return the number of entries."""
         return len(self._queue)
 
     def watch(self, number: int, time: datetime) -> None:
-        """Watch an order, in place of what was watched of it before."""
+        """Watch an order, replacing its earlier entry."""
         if self._times.get(number) == time:
             return
         self._times[number] = time
@@ -62,7 +62,7 @@ def deadline_of(order: TransportOrder) -> datetime | None:
 
 
 def reason(order: TransportOrder, now: datetime) -> str:
-    """Return which time has gone by."""
+    """Return which time has passed."""
     status = order.status
     if status.timeout is not None and status.created + timedelta(seconds=status.timeout) <= now:
         return f"timeout: not done within {status.timeout:g} s of its creation"
@@ -70,7 +70,7 @@ def reason(order: TransportOrder, now: datetime) -> str:
 
 
 def timeout_of(order: TransportOrder) -> datetime | None:
-    """Return when an order is to be ended, in UTC, so that restarts change nothing about it; None: never."""
+    """Return when an order times out, in UTC, so that restarts do not change it; None: never."""
     status = order.status
     ends = (
         start + timedelta(seconds=seconds)

@@ -37,7 +37,7 @@ REQUEST_FIELDS = ("order_types", "intended_vehicle", "failure_fatal", "propertie
 
 
 class SequenceRuleError(Exception):
-    """A change that the rules do not have: a fault of the caller, never of a host."""
+    """A change that the rules do not allow: a fault of the caller, never of a host."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,13 +73,13 @@ class OrderSequence:
 
     @property
     def next_order(self) -> str | None:
-        """Name of the one order that may be done now; None: it waits for one."""
+        """Name of the order that may be executed now; None: it waits for one."""
         index = self.status.finished_index + 1
         return self.status.orders[index] if index < len(self.status.orders) else None
 
     @property
     def bound_vehicle(self) -> str | None:
-        """Name of the vehicle that does nothing else until the sequence is finished; None: there is none."""
+        """Name of the vehicle reserved until the sequence is finished; None: there is none."""
         return None if self.status.finished else self.status.processing_vehicle
 
     def refusals(self, request: TransportOrderRequest) -> Iterator[str]:
@@ -116,7 +116,7 @@ class OrderSequence:
         return self._changed(now, event, vehicle, processing_vehicle=vehicle)
 
     def rebound(self, vehicle: str) -> Self:
-        """Call the vehicle that does it by its present name."""
+        """Set the current name of its vehicle."""
         status = self.status.model_copy(
             update={"processing_vehicle": vehicle, "version": self.status.version + 1}
         )

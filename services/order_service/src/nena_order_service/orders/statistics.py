@@ -1,4 +1,4 @@
-"""Counts what becomes of transport orders, for the metrics: of committed versions only."""
+"""Counts the results of transport orders, for the metrics: of committed versions only."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ S = TransportOrderState
 
 
 class Wait(StrEnum):
-    """What an order without a vehicle at work waits for."""
+    """What an order waits for while no vehicle works on it."""
 
     DEPENDENCY = "dependency"
     """Other orders, which have to be finished first."""
@@ -24,7 +24,7 @@ class Wait(StrEnum):
 
 
 def wait_of(order: TransportOrder) -> Wait | None:
-    """Return what an order waits for; None: it is at its end, or a vehicle works on it."""
+    """Return what an order waits for; None: it has ended, or a vehicle works on it."""
     status = order.status
     if status.state.final:
         return None
@@ -52,7 +52,7 @@ class OrderStatistics:
         """From the creation to the end, by the final state."""
 
     def loaded(self, order: TransportOrder) -> None:
-        """Count an order from before the restart as it is."""
+        """Count an order from before the restart in its current state."""
         self._move(None, order)
 
     def changed(self, before: TransportOrder | None, order: TransportOrder) -> None:

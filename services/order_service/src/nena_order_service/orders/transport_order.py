@@ -44,7 +44,7 @@ class EventCode(StrEnum):
 
 
 def sortable_id() -> str:
-    """Return an id that nothing else has; later ones sort behind earlier ones."""
+    """Return a unique ID; later ones sort behind earlier ones."""
     return f"{time.time_ns() // 1_000_000:012x}{token_hex(5)}"
 
 
@@ -60,7 +60,7 @@ SUCCESSORS: dict[TransportOrderState, frozenset[TransportOrderState]] = {
     S.FAILED: frozenset(),
     S.UNROUTABLE: frozenset(),
 }
-"""Which states may follow which, in openTCS's life cycle; and an order may go on with another vehicle."""
+"""Which states may follow which, in openTCS's life cycle; and an order may continue with another vehicle."""
 
 REQUEST_FIELDS = (
     "type",
@@ -87,7 +87,7 @@ RESOURCES_TO_AVOID = "tcs:resourcesToAvoid"
 
 
 class IllegalTransitionError(Exception):
-    """A change that the life cycle does not have: a fault of the caller, never of a host."""
+    """A change that the life cycle does not allow: a fault of the caller, never of a host."""
 
     def __init__(self, name: str, state: TransportOrderState, change: str) -> None:
         super().__init__(f"transport order {name!r} is {state}: {change} is not possible")
@@ -165,7 +165,7 @@ class TransportOrder:
 
     @property
     def current(self) -> DriveOrderStatus:
-        """The destination that it is at."""
+        """The current destination."""
         return self.status.drive_orders[self.index]
 
     @property
@@ -201,7 +201,7 @@ class TransportOrder:
         return self if self.status.held or reason == self.status.reason else self.changed(reason=reason)
 
     def unroutable(self, reason: str, now: datetime) -> Self:
-        """Refuse a RAW order for which the plant has no way."""
+        """Refuse a RAW order for which the plant has no route."""
         return self._ended(S.UNROUTABLE, reason, now)
 
     def deferred(self, reason: str, now: datetime) -> Self:
@@ -255,7 +255,7 @@ class TransportOrder:
         )
 
     def drive_order_finished(self, index: int, now: datetime) -> Self:
-        """Note that drive order ``index`` is done; where there is a next one, the vehicle travels on.
+        """Note that drive order ``index`` is done; if there is a next one, the vehicle travels on.
 
         A drive order that is not the current one changes nothing.
         """
@@ -294,7 +294,7 @@ class TransportOrder:
         )
 
     def failed(self, reason: str, now: datetime) -> Self:
-        """End it badly; drive orders that are not done have failed."""
+        """Fail it; drive orders that are not finished have failed."""
         drive_orders = tuple(
             each
             if each.state is DriveOrderState.FINISHED
@@ -318,13 +318,13 @@ class TransportOrder:
         return self.changed(drive_orders=self.with_current(current), history=(*self.status.history, entry))
 
     def hindered(self, why: str) -> Self:
-        """Note what keeps its vehicle from going on, empty for nothing; the same again changes nothing."""
+        """Note what keeps its vehicle from continuing, empty for nothing; the same again changes nothing."""
         self.require("being hindered", S.BEING_PROCESSED, S.WITHDRAWN)
         reason = f"{_doing(self.status)}, but {why}" if why else _doing(self.status)
         return self if reason == self.status.reason else self.changed(reason=reason)
 
     def overdue(self, now: datetime) -> Self:
-        """Note that its deadline has passed; nothing else follows from that."""
+        """Note that its deadline has passed; this has no other effect."""
         if self.state.final or self.status.late:
             return self
         entry = self.entry(now, EventCode.DEADLINE_PASSED)
@@ -360,7 +360,7 @@ class TransportOrder:
         return self.changed(history=(*self.status.history, entry), **changes)
 
     def failed_while_held(self, words: str) -> Self:
-        """Add what has happened to a held order since; nothing is done about it before it is resumed."""
+        """Add what has happened to a held order since; this has no effect until it is resumed."""
         assert self.status.held, "asked for held orders only"  # noqa: S101 - for the type
         reason = f"{self.status.held.reason}; since then: {words}"
         return self.changed(held=self.status.held.model_copy(update={"reason": reason}))
@@ -394,7 +394,7 @@ class TransportOrder:
         return order.dispatchable_again(entry, excluded_vehicles=excluded)
 
     def skipped(self, why: str, now: datetime) -> Self:
-        """Leave the current operation out, and go on; its drive order counts as failed."""
+        """Skip the current operation, and continue; its drive order counts as failed."""
         entry = self.entry(now, EventCode.SKIPPED, self.current.destination.operation, why)
         return self.moved_on(DriveOrderState.FAILED, entry)
 
@@ -487,12 +487,12 @@ def why_withdrawn(status: TransportOrderStatus) -> str:
 
 
 def held_in_words(hold: Hold) -> str:
-    """Return by whom an order is held, since when and why."""
+    """Return who holds an order, since when and why."""
     return f"held by {hold.by} since {hold.since:%Y-%m-%d %H:%M:%S} UTC: {hold.reason}"
 
 
 def _doing(status: TransportOrderStatus) -> str:
-    """Return what a vehicle does for an order that it has."""
+    """Return what a vehicle is doing for its order."""
     vehicle, index = status.processing_vehicle, status.current_drive_order_index
     if status.state is S.WITHDRAWN:
         return f"{why_withdrawn(status)}; waiting for vehicle {vehicle} to release it"

@@ -1,4 +1,4 @@
-"""Checks a request for a transport order against the plant: all that is wrong with it at once, in words."""
+"""Checks a request for a transport order against the plant, and reports all problems at once."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ NAMES_SHOWN = 10
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing that is wrong with a request; ``unknown``: it names something that there is not."""
+    """A problem of a request; ``unknown``: it names something that does not exist."""
 
     text: str
     unknown: bool = False
 
 
 class InvalidRequestError(Exception):
-    """A request that makes no sense in this plant."""
+    """A request that does not fit this plant."""
 
     def __init__(self, findings: Iterable[Finding]) -> None:
         self.findings = tuple(findings)
@@ -40,7 +40,7 @@ class InvalidRequestError(Exception):
 
     @property
     def only_unknown(self) -> bool:
-        """Whether nothing is wrong but names of things that there are not."""
+        """Whether the only problems are unknown names."""
         return all(finding.unknown for finding in self.findings)
 
 
@@ -56,7 +56,7 @@ def check_request(request: TransportOrderRequest, plant: PlantModel, vehicles: C
 
 
 def check_order(order: TransportOrderStatus, plant: PlantModel) -> None:
-    """Raise InvalidRequestError if an order that was made once does not fit the plant any more."""
+    """Raise InvalidRequestError if an existing order no longer fits the plant."""
     destinations = [each.destination for each in order.drive_orders]
     _raise_if_any(
         [*_check_destinations(destinations, plant), *_check_resources_to_avoid(order.properties, plant)]

@@ -1,4 +1,4 @@
-"""VDA 5050 orders: made of drive orders or to make room, and what is stored of those sent."""
+"""VDA 5050 orders: built from drive orders or to make room, and the stored ones."""
 
 from __future__ import annotations
 
@@ -54,9 +54,9 @@ class SentOrder(BaseModel):
     update_id: int = 0
     way: tuple[ResourceSet, ...] = ()
     partial: bool = False
-    """Whether it ends before its destination, and its order is to go on from there."""
+    """Whether it ends before its destination, and its order is to continue from there."""
     cancelled: bool = False
-    """Whether the robot is to be sent cancelOrder."""
+    """Whether cancelOrder is to be sent."""
 
     @classmethod
     def of(
@@ -87,7 +87,7 @@ class SentOrder(BaseModel):
         return len(self.way) if self.released_to is None else self.released_to // 2
 
     def ahead(self, reached: int) -> tuple[str, ...]:
-        """Name the path and the point behind the ``reached``-th node; nothing at the end."""
+        """Return the path and the point behind the ``reached``-th node; empty at the end."""
         if reached >= len(self.vda_order.edges):
             return ()
         path = self.vda_order.edges[reached].edge_id.removesuffix(BACKWARD_SUFFIX)
@@ -99,7 +99,7 @@ class SentOrder(BaseModel):
         return self.model_copy(update={"released_to": end})
 
     def updated(self, **changes: object) -> Self:
-        """Return the record with changes that the robot is sent as an update."""
+        """Return the record with changes that are sent as an update."""
         return self.model_copy(update={**changes, "update_id": self.update_id + 1})
 
     @property
@@ -152,7 +152,7 @@ class OrderPlanner:
     def __init__(
         self, plant: PlantModel, finder: RouteFinder, operations: OperationMap, *, speed_limits: bool = True
     ) -> None:
-        """``speed_limits``: whether robots are sent how fast they may drive."""
+        """``speed_limits``: whether robots receive speed limits."""
         self.plant = plant
         self._speed_limits = speed_limits
         self.finder = finder
@@ -187,7 +187,7 @@ class OrderPlanner:
         standing: Standing,
         avoid: frozenset[str] = frozenset(),
     ) -> RoutePlan:
-        """Find the way through the destinations that are not reached yet, which keeps off ``avoid``, too.
+        """Find the route through the remaining destinations, which also avoids ``avoid``.
 
         Raises NoRouteError.
         """
@@ -231,7 +231,7 @@ class OrderPlanner:
         return ""
 
     def route_request(self, order: TransportOrder, vehicle: FleetVehicle, leg: Leg) -> RouteRequest:
-        """Return what a vehicle wants of traffic for the current drive order, whose way is ``leg``."""
+        """Return the vehicle's route request for the current drive order, with the route ``leg``."""
         destination = order.status.drive_orders[order.status.current_drive_order_index].destination
         if destination.coordinate:
             goal = self.finder.nearest(destination.coordinate)
@@ -251,7 +251,7 @@ class OrderPlanner:
     ) -> VdaOrder:
         """Make the VDA order of the current drive order, along ``route`` or straight to its coordinate.
 
-        Where it is ``retriable``, its actions may be tried again at the robot (VDA 5050 3.0 section 6.6.9).
+        Where it is ``retriable``, its actions may be retried at the robot (VDA 5050 3.0 section 6.6.9).
         """
         index, destination = order.index, order.current.destination
         location = self.plant.locations_by_name.get(destination.location_name or "")

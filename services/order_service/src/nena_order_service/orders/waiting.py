@@ -23,7 +23,7 @@ class OrderKind(NamedTuple):
     dispensable: bool
     automatic: bool
     demands: tuple[tuple[str, str, str], ...]
-    """Operation, loadType and lhd of each destination that is left."""
+    """Operation, loadType and lhd of each remaining destination."""
 
 
 def kind_of(order: TransportOrder) -> OrderKind:
@@ -116,7 +116,7 @@ class WaitingOrders:
             yield from tuple(self._for_one.get(vehicle, ()))
 
     def naming(self, vehicle: str) -> Iterator[OrderKind]:
-        """Yield the kinds of orders that wait for this vehicle alone."""
+        """Yield the kinds of orders that wait for this vehicle only."""
         return iter(tuple(self._for_one.get(vehicle, ())))
 
     def example(self, kind: OrderKind) -> int:

@@ -76,17 +76,17 @@ class Route:
 
     @property
     def length_m(self) -> float:
-        """The length of the way in metres, whatever the costs are."""
+        """Length of the route, metres, independent of costs."""
         return sum(step.path.length_mm for step in self.steps) / MM_PER_M
 
     @property
     def points(self) -> tuple[str, ...]:
-        """The names of all points on the way, with both ends."""
+        """The names of all points of the route, with both ends."""
         return (self.source, *(step.destination for step in self.steps))
 
 
 class NoRouteError(Exception):
-    """No way leads from `source` to any of `destinations` for this vehicle without what it is to avoid."""
+    """No route leads from `source` to any of `destinations` for this vehicle, given what it must avoid."""
 
     def __init__(
         self, source: str, destinations: Iterable[str], vehicle: Vehicle | None, avoid: Iterable[str]
@@ -110,13 +110,13 @@ class NoRouteError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class RoutingProfile:
-    """The traits of a vehicle that make a difference for its routes; None means without bound (mm/s, mm)."""
+    """The traits of a vehicle that affect its routes; None: unlimited (mm/s, mm)."""
 
     group: str = ""
     max_velocity_mm_s: int | None = None
     max_reverse_velocity_mm_s: int | None = None
     vehicle_types: frozenset[str] = frozenset()
-    """Its possible types; it goes only where each of them may."""
+    """Its possible types; it only uses what all of them may use."""
     bounding_box: BoundingBox | None = None
     allowed_maps: frozenset[str] | None = None
 
@@ -242,18 +242,18 @@ class VehicleKinds:
 
 
 _COST: Final[Callable[[Step], float]] = attrgetter("cost")
-"""A function in C, for it is called for every edge that a search meets."""
+"""Implemented in C, because a search calls it for every edge."""
 
 
 @dataclass(frozen=True, slots=True)
 class CostMap:
-    """What it costs to reach one point, wherever a vehicle starts; kept small, for there are many."""
+    """Costs to reach one point from any start; compact, because many are cached."""
 
     indices: Mapping[str, int]
     costs: array[float]
 
     def source(self, point: str) -> float:
-        """Return the cost from a point; infinity where there is no way."""
+        """Return the cost from a point; infinity if there is no route."""
         return self.costs[self.indices[point]]
 
 
@@ -320,9 +320,9 @@ class RoutingGraph:
     def shortest(
         self, source: str, destination: str, burden: Mapping[str, float] | None = None
     ) -> tuple[Step, ...] | None:
-        """Return the cheapest steps between two points, or None if there is no way.
+        """Return the cheapest steps between two points, or None if there is no route.
 
-        ``burden`` names edges and points, and by which share of its cost each makes a step to it dearer.
+        ``burden`` maps edges and points to the share of a step's cost that they add.
         """
         start, goal = self._indices[source], self._indices[destination]
         if start == goal:
@@ -352,7 +352,7 @@ class RoutingGraph:
         return tuple(steps)
 
     def costs_from(self, source: str, destinations: Iterable[str]) -> dict[str, float]:
-        """Return what it costs to reach those of the destinations that can be reached."""
+        """Return the costs of the reachable destinations."""
         start, indices = self._indices[source], {name: self._indices[name] for name in destinations}
         goals = {*indices.values()} - {start}
         # A search for one goal ends there, one for several covers everything reachable.
@@ -363,7 +363,7 @@ class RoutingGraph:
         return {**costs, source: 0.0} if source in indices else costs
 
     def costs_to(self, destination: str) -> CostMap:
-        """Return what it costs to reach a point from each point."""
+        """Return the costs to reach a point from each point."""
         if self._backward is None:
             self._backward = self._graph.copy()
             self._backward.reverse()
@@ -417,7 +417,7 @@ class CostEvaluator(Protocol):
     """Returns the cost of an edge, 0 or more; infinity and NaN exclude the edge."""
 
     def __call__(self, edge: DirectedEdge, profile: RoutingProfile, /) -> float:
-        """Return what it costs a vehicle of this profile to drive along the edge."""
+        """Return the cost of the edge for a vehicle of this profile."""
         ...
 
 
@@ -452,7 +452,7 @@ class ExplicitProperties:
     """Costs written at the paths for each group: `tcs:routingCostForward<GROUP>` and `...Reverse<GROUP>`.
 
     Where the property is missing or no number from 0 up, the cost is `missing`: high, so that such a path is
-    used only where there is no other route.
+    used only if there is no other route.
     """
 
     missing: float = 1_000_000.0
@@ -478,7 +478,7 @@ class BoundingBoxLimit:
         self._points = plant.points_by_name
 
     def __call__(self, edge: DirectedEdge, profile: RoutingProfile, /) -> float:
-        """Return 0, or infinity where the vehicle is too large."""
+        """Return 0, or infinity if the vehicle is too large."""
         box = profile.bounding_box
         limit = self._points[edge.destination].max_vehicle_bounding_box
         return 0.0 if box is None or limit.contains(box) else inf

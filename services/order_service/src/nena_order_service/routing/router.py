@@ -98,7 +98,7 @@ class Router:
         """Return one route for each destination, one after the other, with the lowest total cost.
 
         Each destination is a choice of points, such as the access points of a location. The choice that is
-        cheapest for the whole route is taken, even if another point would have been nearer at first. Raises
+        cheapest for the whole route is taken, even if another point would have been nearer initially. Raises
         as `route` does; NoRouteError names the first destination that cannot be reached.
         """
         self._check_points([source, *chain.from_iterable(destinations)])
@@ -123,14 +123,14 @@ class Router:
         return self._graph(vehicle).along(start, way)
 
     def costs_from(self, source: str, *, vehicle: Vehicle | None = None) -> dict[str, float]:
-        """Return what it costs to reach each point that can be reached. Raises UnknownObjectError."""
+        """Return the cost of each reachable point. Raises UnknownObjectError."""
         self._check_points((source,))
         return self._graph(vehicle).costs_from(source, self._plant.points_by_name)
 
     def costs_to(
         self, destination: str, *, vehicle: Vehicle | None = None, avoid: Collection[str] = frozenset()
     ) -> CostMap:
-        """Return what it costs to reach a point from each point; remembered until a path is locked or not.
+        """Return the costs to reach a point from each point; cached until a lock of a path changes.
 
         Many starts and few goals are compared by this without a search for each. Raises UnknownObjectError.
         """
@@ -152,11 +152,11 @@ class Router:
                 self.costs_to(point.name, vehicle=vehicle)
 
     def kind(self, vehicle: Vehicle | None) -> int:
-        """Return a number for the kind of a vehicle: those of one kind have the same ways."""
+        """Return a number for the kind of a vehicle: those of one kind have the same routes."""
         return self._kinds.of(vehicle).number
 
     def types(self, vehicle: Vehicle | None) -> frozenset[str]:
-        """Return the types of which a vehicle may be, as far as they matter for its ways."""
+        """Return the possible types of a vehicle, as far as they affect its routes."""
         return self._kinds.of(vehicle).profile.vehicle_types
 
     def _graph(self, vehicle: Vehicle | None, avoid: Collection[str] = ()) -> RoutingGraph:
@@ -213,7 +213,7 @@ def _longer(graph: RoutingGraph, ways: Mapping[str, _Way], choice: Collection[st
 
 @dataclass(frozen=True, slots=True)
 class Leg:
-    """The way of one drive order: along a route, or without one straight to its coordinate."""
+    """The leg of one drive order: along a route, or without one straight to its coordinate."""
 
     cost: float
     """In the router's unit; mm to a coordinate."""
@@ -221,7 +221,7 @@ class Leg:
 
     @property
     def points(self) -> tuple[str, ...]:
-        """The names of all points on the way, with both ends; none on the way to a coordinate."""
+        """The names of all points of the leg, with both ends; none for a coordinate."""
         return self.route.points if self.route else ()
 
 
@@ -257,7 +257,7 @@ class RouteFinder:
         *,
         action_type: Callable[[str], str] = action_of,
     ) -> None:
-        """Use a router; ``any_day`` is another one, for what could be done if hosts unlocked paths.
+        """Use a router; ``any_day`` is another one, for routes that exist if hosts unlock paths.
 
         ``action_type`` returns the VDA 5050 action of an operation, which layouts may forbid somewhere.
         """
@@ -279,13 +279,13 @@ class RouteFinder:
         self._locks = dict(locks)
 
     def prepare(self, vehicles: Iterable[Vehicle | None]) -> None:
-        """Build what the first routes of these vehicles need, and those of no certain vehicle."""
+        """Build what the first routes of these vehicles need, and those without a specific vehicle."""
         each_kind = {self.router.kind(vehicle): vehicle for vehicle in (None, *vehicles)}
         self.router.prepare(each_kind.values())
         self._any_day.prepare((None,))
 
     def is_locked(self, path: str) -> bool:
-        """Return whether new routes keep off a path; what is no path of the plant is not locked."""
+        """Return whether new routes avoid a path; unknown paths are not locked."""
         known = self._plant.paths_by_name.get(path)
         return known is not None and self._locks.get(path, known.locked)
 
@@ -307,7 +307,7 @@ class RouteFinder:
         vehicle: Vehicle | None = None,
         avoid: Collection[str] = frozenset(),
     ) -> RoutePlan:
-        """Find the cheapest way from the point ``start``.
+        """Find the cheapest route from the point ``start``.
 
         Raises:
             NoRouteError: some destination cannot be reached from the one before.
@@ -380,7 +380,7 @@ def _distance_mm(point: Point, coordinate: Coordinate) -> float:
 
 
 class RouteCost(NamedTuple):
-    """What a way costs in the router's unit; infinity where there is none."""
+    """Costs of a route in the router's unit; infinity if there is none."""
 
     complete: float
     """All of it."""
@@ -393,7 +393,7 @@ NO_WAY = RouteCost(inf, inf)
 
 @dataclass(frozen=True, slots=True)
 class _Entry:
-    """One point at which the first destination can be served, and what the rest costs from there."""
+    """One point at which the first destination can be served, and the cost of the rest from there."""
 
     to_it: CostMap
     rest: float
@@ -519,7 +519,7 @@ class VehicleRoutes(Routes):
         avoid: Collection[str] = frozenset(),
         burden: Mapping[str, float] | None = None,
     ) -> Route:
-        """Return the cheapest route; raises NoRouteError. One with a ``burden`` is not remembered."""
+        """Return the cheapest route; raises NoRouteError. One with a ``burden`` is not cached."""
         if burden:
             model = self._model_of(vehicle)
             return self._router.route(start, goal, vehicle=model, avoid=avoid, burden=burden)
@@ -535,11 +535,11 @@ class VehicleRoutes(Routes):
         return self._router.along(start, way, vehicle=self._model_of(vehicle))
 
     def costs(self, vehicle: str, start: str) -> Mapping[str, float]:
-        """Return what it costs to reach each point that can be reached."""
+        """Return the cost of each reachable point."""
         return self._router.costs_from(start, vehicle=self._model_of(vehicle))
 
     def forget(self) -> None:
-        """Forget all routes: the plant has changed."""
+        """Drop all cached routes: the plant has changed."""
         self._route.cache_clear()
 
     def _model(self, vehicle: str) -> str | None:
@@ -548,7 +548,7 @@ class VehicleRoutes(Routes):
     def _find(
         self, vehicle: str | None, start: str, goal: str, avoid: frozenset[str]
     ) -> Route | NoRouteError:
-        """Return what is remembered: that there is no way costs as much to find out as one."""
+        """Return a cached result; finding that no route exists costs as much as finding one."""
         model = self._model_of(vehicle) if vehicle else None
         try:
             return self._router.route(start, goal, vehicle=model, avoid=avoid)

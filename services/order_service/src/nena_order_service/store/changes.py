@@ -56,7 +56,7 @@ class Changes:
         self.orders[order.number] = change
 
     def put_mission(self, order_number: int, document: Document | None) -> None:
-        """Add what is sent for an order, or None where nothing is any more."""
+        """Add what is sent for an order, or None if nothing is any more."""
         self.missions[order_number] = document
 
     def put_vehicle(self, robot: str, document: Document) -> None:

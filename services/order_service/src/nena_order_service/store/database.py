@@ -111,7 +111,7 @@ def equals(column: Column[Any], text: str) -> ColumnElement[bool]:
 
 
 def execute(connection: Connection, statement: str, rows: Sequence[DatabaseRow]) -> None:
-    """Execute a statement for each row; nothing where there is none."""
+    """Execute a statement for each row; nothing if there is none."""
     if rows:
         connection.exec_driver_sql(statement, list(rows) if len(rows) > 1 else rows[0])
 

@@ -19,7 +19,7 @@ class InstanceLock:
     """
 
     def __init__(self, path: Path) -> None:
-        """Open and lock ``path``; makes an empty file where there is none, a new one for SQLite.
+        """Open and lock ``path``; makes an empty file if there is none, a new one for SQLite.
 
         Raises:
             OSError: it cannot be opened; BlockingIOError: another process has it.

@@ -112,7 +112,7 @@ class LeaderLock:
         self._connection: Connection | None = None
 
     def connect(self) -> bool:
-        """Connect where there is no connection; return whether there was none.
+        """Connect if there is no connection; return whether there was none.
 
         Raises:
             DBAPIError: the database does not answer.
@@ -152,7 +152,7 @@ class LeaderLock:
         return True
 
     def active_url(self) -> str:
-        """Read where the active order service is found; empty where none is recorded.
+        """Read where the active order service is found; empty if none is recorded.
 
         Raises:
             DBAPIError: the database does not answer.

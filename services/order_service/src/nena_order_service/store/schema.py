@@ -304,7 +304,7 @@ def open_database(url: str) -> Engine:
     """Open the database and bring its tables to what this program needs.
 
     Raises:
-        StoreError: there is no such database, it cannot be written, or its tables are of another release.
+        StoreError: no such database, it cannot be written, or its tables are of another release.
 
     """
     engine = make_engine(url)

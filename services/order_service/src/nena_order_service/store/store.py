@@ -41,7 +41,7 @@ LOSS_SHOWN = 3.0
 class Store:
     """Commits changes in their order; all waiting ones are committed together.
 
-    While the database fails, it is retried for ever, with pauses: until it succeeds, nothing that depends on
+    While the database fails, it is retried forever, with pauses: until it succeeds, nothing that depends on
     the changes is published. Call every method in the event loop's thread.
     """
 
@@ -73,7 +73,7 @@ class Store:
         self._answers: set[asyncio.Future[None]] = set()
         self.commits = 0
         self.failures = 0
-        """How often a commit failed and was tried again."""
+        """How often a commit failed and was retried."""
         self.commit_seconds = Histogram(SHORT)
         self.numbers = ChangeNumbers()
 

@@ -1,4 +1,4 @@
-"""How vehicles at rest make room for others: which free place each is sent to (decision 0038)."""
+"""How vehicles at rest make room for others: which free point each is sent to (decision 0038)."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from nena_shared.plant import PlantModel
 from nena_shared.plant.track import PointType
 
 CANDIDATES_TRIED = 8
-"""How many free places are tried for a vehicle that makes room; places farther away are hardly better."""
+"""Free points tried for a vehicle that makes room; points farther away are hardly better."""
 
 VehicleTest = Callable[[str], bool]
-"""Returns whether something is true of the vehicle with this name."""
+"""A condition on the vehicle with this name."""
 
 
 def no_vehicle(_vehicle: str) -> bool:
-    """Return that it is true of no vehicle."""
+    """Return False: the condition holds for no vehicle."""
     return False
 
 
@@ -36,7 +36,7 @@ class Evasion:
 
 
 class Evader:
-    """Finds free places for vehicles at rest that have to make room, and claims their routes there."""
+    """Finds free points for vehicles at rest that have to make room, and claims their routes there."""
 
     def __init__(self, plant: PlantModel, resources: Resources, scheduler: Scheduler, routes: Routes) -> None:
         self._plant = plant
@@ -96,7 +96,7 @@ class Evader:
     def _ways_out(
         self, vehicle: str, kept_free: list[ResourceSet]
     ) -> Iterator[tuple[Route, list[ResourceSet]]]:
-        """Yield routes to free places, the best first: parking positions, then near points."""
+        """Yield routes to free points, the best first: parking positions, then near points."""
         occupant = self._scheduler.occupant(vehicle)
         costs = self._routes.costs(vehicle, occupant.point)
         kept = {resource for each in kept_free for resource in each.uses} | {occupant.point}

@@ -1,4 +1,4 @@
-"""Forecast of when vehicles under way arrive where.
+"""Forecast of when driving vehicles arrive at their points.
 
 It starts from the state of traffic control and changes nothing of it: each vehicle drives its route at the
 speeds of its paths, and enters what another vehicle holds once that one has left it.
@@ -46,19 +46,19 @@ class _Course:
     drive: Drive
     held: deque[ResourceSet]
     reached: int = 0
-    """How many of the sets ahead it has reached."""
+    """Number of sets ahead that it has reached."""
     arrivals: list[float] = field(default_factory=list)
 
 
 class Forecast:
-    """Drives vehicles along their ways, in the time of the forecast alone."""
+    """Drives vehicles along their routes, in forecast time only."""
 
     def __init__(self, drives: Mapping[str, Drive], horizon: float = HORIZON) -> None:
         self._holds = UseIndex()
         self._arrivals: list[tuple[float, str]] = []
         self._standing: set[str] = set()
         self._waiting: defaultdict[str, list[str]] = defaultdict(list)
-        """Vehicles that may be able to go on once a resource is free, and others that could not before."""
+        """Vehicles that may be able to continue once a resource is free, and others that could not before."""
         self._courses: dict[str, _Course] = {}
         for name, drive in drives.items():
             self._courses[name] = _Course(drive, deque(drive.held))
@@ -75,7 +75,7 @@ class Forecast:
                     self._go_on(other, now)
 
     def arrivals(self, vehicle: str) -> tuple[float, ...]:
-        """Return after how many seconds a vehicle arrives at each set ahead, as far as known."""
+        """Return after how many seconds a vehicle arrives at each set ahead, if known."""
         return tuple(self._courses[vehicle].arrivals)
 
     def _arrive(self, name: str, now: float) -> list[str]:
@@ -127,7 +127,7 @@ UNKNOWN_SPEED_MM_S: Final = 1000
 
 
 class Pace:
-    """How long vehicles take along the paths of one plant, at the maximum speed that both allow."""
+    """Travel times of vehicles on the paths of one plant, at the maximum speed that both allow."""
 
     def __init__(self, plant: PlantModel) -> None:
         self._known_types = plant.vehicle_types

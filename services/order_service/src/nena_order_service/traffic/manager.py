@@ -48,7 +48,7 @@ class TrafficManager:
         """Why vehicles wait, and how far the others would have had to turn back (mm) when that began."""
         self._left_at: dict[str, tuple[ResourceSet, ...]] = {}
         """The same of those that were seen standing since, beside a point: until they are on one or drive on.
-        By their pose alone they might seem clear of a path that is not straight."""
+        Their pose alone may wrongly show them clear of a curved path."""
         self._to_extend: dict[str, None] = {}
         """Vehicles whose routes may not be completely allocated; see :meth:`extending`."""
         self._halted: frozenset[str] = frozenset()
@@ -80,7 +80,7 @@ class TrafficManager:
         return occupant.point == point and (occupant.entry is None) == on_point
 
     def journey(self, vehicle: str) -> Journey | None:
-        """Return the vehicle's way, to be read; None while it rests."""
+        """Return the vehicle's route, read-only; None while it rests."""
         return self._journeys.get(vehicle)
 
     def seen(self, vehicle: str, found: Found, box: BoundingBox, *, moving: bool = False) -> bool:
@@ -165,11 +165,11 @@ class TrafficManager:
         self._scheduler.remove(vehicle)
 
     def request_route(self, route_request: RouteRequest, *, first: bool = False) -> None:
-        """Handle what a vehicle that rests wants; see :meth:`TrafficControl.request_route`."""
+        """Handle the route request of a resting vehicle; see :meth:`TrafficControl.request_route`."""
         self._control.request_route(route_request, first=first)
 
     def drop(self, vehicle: str) -> None:
-        """Forget what a vehicle wants."""
+        """Drop a vehicle's request."""
         self._control.drop(vehicle)
 
     def forget_routes(self) -> None:
@@ -211,7 +211,7 @@ class TrafficManager:
                 yield from self._control.clear(journey.refusal.vehicles, way, movable)
 
     def stuck(self, movable: Callable[[str], bool], lost: Callable[[str], bool]) -> Iterator[str]:
-        """Yield the vehicles under way that wait for vehicles at rest which will not make room.
+        """Yield the driving vehicles that wait for vehicles at rest which will not make room.
 
         These cannot be sent away, or it is unknown when they could be. Call it after :meth:`decide`.
         """
@@ -340,7 +340,7 @@ class TrafficManager:
         return vehicle in self._broken_off
 
     def extending(self) -> list[tuple[str, Journey]]:
-        """Return the vehicles under way of whose ways not all is allocated, with their ways.
+        """Return the driving vehicles whose routes are not completely allocated, with their routes.
 
         The others need nothing of traffic until they arrive, and there may be many of them.
         """
@@ -350,11 +350,11 @@ class TrafficManager:
 
     @property
     def waiting(self) -> frozenset[str]:
-        """The vehicles that traffic may keep from going on, or from departing."""
+        """The vehicles that traffic may keep from continuing or departing."""
         return frozenset((*(name for name, _ in self.extending()), *self._control.requesting))
 
     def why_waiting(self, vehicle: str) -> str:
-        """Return why a vehicle does not depart or go on; empty where traffic does not keep it."""
+        """Return why a vehicle does not depart or continue; empty if traffic does not keep it."""
         refusal = self.refusal(vehicle)
         if refusal is None:
             self._turn_backs.pop(vehicle, None)
@@ -362,7 +362,7 @@ class TrafficManager:
         return refusal.in_words(self.turn_back_mm(vehicle, refusal))
 
     def refusal(self, vehicle: str) -> Refusal | None:
-        """Return what was refused to a vehicle that does not depart or go on; None: nothing."""
+        """Return the refusal of a vehicle that does not depart or continue; None: nothing."""
         journey = self._journeys.get(vehicle)
         return (journey and journey.refusal) or self._control.why_waiting(vehicle)
 
@@ -380,6 +380,6 @@ class TrafficManager:
         return cached[1]
 
     def sharing(self, vehicle: str) -> str:
-        """Return with whom a vehicle shares a place that was allocated to neither; empty for none."""
+        """Return which vehicle shares a position that was allocated to neither; empty for none."""
         found = self._scheduler.sharing(vehicle) if vehicle in self._scheduler else None
         return f"stands on {found[1]!r} together with {found[0]}" if found else ""

@@ -40,7 +40,7 @@ class ResourceSet:
 
 
 class Resources:
-    """Finds the resources that each step over one plant needs; none if they are not ``exclusive``."""
+    """Finds the resources that each step in one plant needs; none if they are not ``exclusive``."""
 
     def __init__(self, plant: PlantModel, *, exclusive: bool = True) -> None:
         self._exclusive = exclusive
@@ -84,7 +84,7 @@ class Resources:
     def along(
         self, steps: Iterable[Step], *, start: ResourceSet, location: str | None = None
     ) -> Iterator[ResourceSet]:
-        """Yield the resources of each step of a way from ``start`` on; the last also has ``location``."""
+        """Yield the resources of each step of a route from ``start`` on; the last also has ``location``."""
         way = tuple(steps)
         before = start
         for index, step in enumerate(way):
@@ -164,7 +164,7 @@ class Crossings:
         self._open.clear()
 
     def is_open(self, point: str) -> bool:
-        """Return whether others can go around a point."""
+        """Return whether others can drive around a point."""
         known = self._open.get(point)
         if known is None:
             others = self._neighbours.get(point, set())
@@ -313,7 +313,7 @@ class Found:
 
 @dataclass(frozen=True, slots=True)
 class OccupiedResources:
-    """What a vehicle stands on, and what it needs to reach the point where its routes begin."""
+    """The resources that a vehicle occupies, and those that it needs to reach the start of its routes."""
 
     under: ResourceSet
     entry: ResourceSet | None = None
@@ -336,7 +336,7 @@ class OccupancyFinder:
         )
 
     def of(self, found: Found, box: BoundingBox) -> OccupiedResources:
-        """Return the footing of a vehicle of this size."""
+        """Return what a vehicle of this size occupies."""
         reach_mm = box.length_mm / 2 + abs(box.reference_offset_x_mm)
         members = list(dict.fromkeys(self._under(found, reach_mm)))
         under = self._resources.on(found.point, members)
@@ -380,7 +380,7 @@ def _box(*points: Point) -> Box:
 
 
 def _distance_mm(place: tuple[float, float], one: tuple[float, float], other: tuple[float, float]) -> float:
-    """Return the distance of a place from the line between two others."""
+    """Return the distance of a position from the line between two others."""
     along = (other[0] - one[0], other[1] - one[1])
     apart = (place[0] - one[0], place[1] - one[1])
     square = along[0] ** 2 + along[1] ** 2

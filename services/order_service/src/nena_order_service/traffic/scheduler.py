@@ -15,7 +15,7 @@ class WaitReason(Enum):
     """Why resources are not granted."""
 
     HELD = auto()
-    """Others hold them, and will go on."""
+    """Others hold them, and will continue."""
     RESTING = auto()
     """Others rest on them."""
     ORDER = auto()
@@ -24,15 +24,15 @@ class WaitReason(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """Why a vehicle must wait, and for whom."""
+    """Why a vehicle must wait, and which vehicles it waits for."""
 
     reason: WaitReason
     vehicles: tuple[str, ...]
     resource: str
     between: tuple[str, ...] = ()
-    """Others by whom those ``vehicles`` and the one that waits would wait for each other."""
+    """Others through which those ``vehicles`` and the waiting one would wait for each other."""
     way: tuple[ResourceSet, ...] = field(default=(), compare=False, repr=False)
-    """What was asked for, where others must go first so that the vehicles do not block each other."""
+    """The requested resources, if others must go first so that the vehicles do not block each other."""
 
     def __str__(self) -> str:
         return self.in_words()
@@ -76,7 +76,7 @@ class Scheduler:
         self._ends = UseIndex()
         self._rests: dict[str, list[ResourceSet]] = {}
         self._versions: Counter[str] = Counter()
-        """How often what a vehicle holds, claims or will rest on has changed."""
+        """Number of changes of what a vehicle holds, claims or will rest on."""
         self._later: defaultdict[str, Counter[str]] = defaultdict(Counter)
         """For each vehicle those that cannot arrive before it, by the number of resources that cause this."""
 

@@ -1,4 +1,4 @@
-"""Traffic control: which vehicle may begin its route or go on, and which ones must make room (decision 0038).
+"""Traffic control: which vehicle may begin or continue its route, and which must make room (decision 0038).
 
 This is prioritised planning, as in multi-agent path finding (MAPF), over resources that are claimed before
 they are allocated, as in openTCS. :mod:`.scheduler` keeps it safe: it allocates a resource to one vehicle
@@ -10,12 +10,12 @@ when; they guarantee that each request is granted in the end:
    blocking others. Claims are short, so vehicles follow each other closely.
 3. **Right of way.** The oldest vehicle that has to wait reserves its next section: no other may claim a way
    that ends there. So the section becomes free, however many younger requests there are.
-4. **Making room.** Vehicles that rest on the route of another are sent to a free place (:mod:`.evasion`).
+4. **Making room.** Vehicles that rest on the route of another are sent to a free point (:mod:`.evasion`).
    Only the right of way moves a vehicle that itself wants to go somewhere, unless it waits for itself.
 5. **Letting out.** A vehicle that made room for one which it had enclosed does not return before that one
-   has left. Without this rule the two would move to and fro for ever.
+   has left. Without this rule the two would move back and forth forever.
 6. **Detours.** A route avoids points and paths with much traffic, and leads around vehicles at rest if that
-   is not much longer. A vehicle that waits in traffic gets another route where that is cheaper, unless it
+   is not much longer. A vehicle that waits in traffic gets another route if that is cheaper, unless it
    has the right of way: then others make room on its present one.
 
 A *way* is a route as resource sets, in driving order: what the vehicle needs to reach each of its points.
@@ -96,14 +96,14 @@ class RouteRejection:
 
 @dataclass(frozen=True, slots=True)
 class MoreClaimed:
-    """A vehicle under way claims more of its route than before."""
+    """A driving vehicle claims more of its route than before."""
 
     vehicle: str
 
 
 @dataclass(frozen=True, slots=True)
 class Displacement:
-    """A vehicle under way waits where another one has to pass: its route ends there, so it can make room."""
+    """A driving vehicle waits where another one has to pass: its route ends there, so it can make room."""
 
     vehicle: str
 
@@ -113,7 +113,7 @@ Decision = RouteGrant | RouteRejection | MoreClaimed | Evasion | Displacement
 
 @dataclass(slots=True)
 class Journey:
-    """A way under way: its sets, how many of them are allocated, and how many the vehicle has reached."""
+    """A route in progress: its sets, how many of them are allocated, and how many the vehicle has reached."""
 
     way: tuple[ResourceSet, ...]
     allocated: int = 0
@@ -123,7 +123,7 @@ class Journey:
 
     @property
     def all_allocated(self) -> bool:
-        """Whether nothing of the way is left to be allocated."""
+        """Whether the whole route is allocated."""
         return self.allocated == len(self.way)
 
 
@@ -137,7 +137,7 @@ class _RightOfWay:
 
 @dataclass(frozen=True, slots=True)
 class _Refused:
-    """Why a vehicle could not claim, and what it wanted to claim."""
+    """Why a vehicle could not claim, and the requested claim."""
 
     refusal: Refusal
     way: list[ResourceSet]
@@ -145,7 +145,7 @@ class _Refused:
 
 @dataclass(frozen=True, slots=True)
 class _KnownRefusal:
-    """What a vehicle under way was refused; valid until one of the vehicles that caused it changes."""
+    """What was refused to a driving vehicle; valid until one of the vehicles that caused it changes."""
 
     refused: _Refused
     versions: dict[str, int]
@@ -167,7 +167,7 @@ class TrafficControl:
         self.resources = resources or Resources(plant)
         self.scheduler = Scheduler()
         self.journeys: dict[str, Journey] = {}
-        """The vehicles under way."""
+        """The driving vehicles."""
         self._routes = _RouteSearch(plant, routes, self.scheduler, self.journeys)
         self._evader = Evader(plant, self.resources, self.scheduler, routes)
         self._turns = _Turns()
@@ -177,7 +177,7 @@ class TrafficControl:
         self._in_the_way: set[str] = set()
         """The vehicles on which the last attempt to claim a section depended."""
         self._right_of_way: _RightOfWay | None = None
-        """Which vehicle had it in the last decision."""
+        """The vehicle that had it in the last decision."""
         self._lets_out: dict[str, _LetOut] = {}
         """Vehicles that made room for one which they enclosed."""
         self.unfinished = False
@@ -208,11 +208,11 @@ class TrafficControl:
             self._turns.end(vehicle)
 
     def forget_refusal(self, vehicle: str) -> None:
-        """Forget why a vehicle could not go on: its route has changed or ended."""
+        """Drop the reason why a vehicle could not continue: its route has changed or ended."""
         self._refusals.pop(vehicle, None)
 
     def forget(self, vehicle: str) -> None:
-        """Forget a vehicle and its turn."""
+        """Remove a vehicle and its turn."""
         self.drop(vehicle)
         self._turns.end(vehicle)
         self._lets_out.pop(vehicle, None)
@@ -288,7 +288,7 @@ class TrafficControl:
             movable: whether a vehicle at rest could drive away now: it does nothing else there.
             lost: whether it is unknown when a vehicle at rest could drive away. A vehicle that waits for such
                 a one takes a detour of any length, and does not get the right of way: the others would wait
-                for it for ever.
+                for it forever.
             extending: the vehicles under way with a part of their route that is not allocated yet.
             searches: how many routes are searched at most; if that is not enough, it is ``unfinished``.
 
@@ -406,7 +406,7 @@ class TrafficControl:
     def _extend_claim(self, vehicle: str, right_of_way: _RightOfWay | None) -> _Refused | None:
         """Claim more of a way under way; return why not if the vehicle is left with no claim at all.
 
-        A refusal is not tried again until one of the vehicles that caused it has changed. One that the right
+        A refusal is not retried until one of the vehicles that caused it has changed. One that the right
         of way caused is: that may be another vehicle's by then.
         """
         journey, claimed = self.journeys[vehicle], len(self.scheduler.occupant(vehicle).claimed)
@@ -522,7 +522,7 @@ class TrafficControl:
                 yield Displacement(other)
 
     def _waits_for(self, vehicle: str, others: set[str]) -> bool:
-        """Return whether one of the others keeps a vehicle from going on; otherwise it merely pauses."""
+        """Return whether one of the others keeps a vehicle from continuing; otherwise it only pauses."""
         refusal = self._refusals.get(vehicle)
         return refusal is not None and not others.isdisjoint(refusal.vehicles)
 
@@ -587,7 +587,7 @@ class _Turns:
 
 
 class _RouteSearch:
-    """Finds the routes of requests, away from traffic; a route is kept while its vehicle waits for it."""
+    """Finds the routes of requests, avoiding traffic; a route is kept while its vehicle waits for it."""
 
     def __init__(
         self, plant: PlantModel, routes: Routes, scheduler: Scheduler, journeys: Mapping[str, Journey]
@@ -655,11 +655,11 @@ class _RouteSearch:
         return other if sum(map(cost, other.steps)) < WORTH_IT * sum(map(cost, present)) else None
 
     def forget(self, vehicle: str) -> None:
-        """Forget the route of one vehicle."""
+        """Drop the cached route of one vehicle."""
         self._found.pop(vehicle, None)
 
     def forget_all(self) -> None:
-        """Forget all routes."""
+        """Drop all cached routes."""
         self._found.clear()
 
     def _burden_now(self) -> Mapping[str, float]:

@@ -24,7 +24,7 @@ WAYS_TRIED = 8
 
 @dataclass(frozen=True, slots=True)
 class Prospect:
-    """What a vehicle would find at points where it could park, and on its ways there."""
+    """What a vehicle would find at points where it could park, and on its routes there."""
 
     cost: Callable[[str], float]
     """Cost of the route to a point; infinity if there is none."""
@@ -46,7 +46,7 @@ class Prospect:
 
 @dataclass(frozen=True, slots=True)
 class Parking:
-    """Where to park; without a ``point`` no drive is needed, or ``reason`` says why none is possible."""
+    """Where to park; without a ``point`` no drive is needed, or ``reason`` explains why none is possible."""
 
     point: str = ""
     reason: str = ""
@@ -137,7 +137,7 @@ def _priority(point: Point) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Recharging:
-    """Where to recharge, and by which operation; without a ``location`` ``reason`` says why nowhere."""
+    """Where to recharge, and by which operation; without a ``location``, ``reason`` explains why."""
 
     location: str = ""
     operation: str = ""
@@ -174,7 +174,7 @@ class RechargeLocations:
 
         ``cost`` returns the cost of the route to a point, infinity if there is none. ``taken`` returns
         whether another vehicle is at a point or is going there, ``held_in_vain`` whether that vehicle has no
-        need to be there: such a place is used if none is free.
+        need to be there: such a location is used if none is free.
         """
         properties = model.properties if model else {}
         assigned = properties.get(ASSIGNED_RECHARGE_LOCATION)

@@ -16,13 +16,13 @@ from nena_shared.vda5050.topics import RobotKey
 
 @dataclass(frozen=True, slots=True)
 class FleetVehicle:
-    """One vehicle: its name for hosts, and the robot that it is."""
+    """One vehicle: its name for hosts, and its robot."""
 
     name: str
     key: RobotKey
     profile: RobotProfile
     model: Vehicle | None
-    """As the plant model has it; None: it does not."""
+    """Its data in the plant model; None: not in it."""
     obstacle: str = ""
     """Why it never gets orders, as a predicate; empty if it may."""
 
@@ -56,7 +56,7 @@ class VehicleRegistry:
         return self._names
 
     def model(self, name: str) -> Vehicle | None:
-        """Return the plant model's data of a vehicle; None where it has none."""
+        """Return the plant model's data of a vehicle; None if it has none."""
         known = self._by_name.get(name)
         return known.model if known else None
 
@@ -115,11 +115,11 @@ DEFAULT_MANUFACTURER = "NeNa"
 
 
 COMBINATIONS_KEPT = 1000
-"""Robots of a fleet have the same maps: few are made for many states."""
+"""Cached, because robots of a fleet have the same maps."""
 
 
 def robot_maps(state: State) -> tuple[RobotMap, ...] | None:
-    """Return the maps of a robot; None where it reports none."""
+    """Return the maps of a robot; None if it reports none."""
     if state.maps is None:
         return None
     return _maps(tuple((each.map_id, each.map_version, each.map_status) for each in state.maps))
@@ -134,7 +134,7 @@ def _maps(reported: tuple[tuple[str, str, MapStatus], ...]) -> tuple[RobotMap, .
 
 
 def why_not_on(map_id: str, state: State) -> str:
-    """Return, as a predicate, why a robot cannot drive on a map; empty where it can, or reports no maps."""
+    """Return, as a predicate, why a robot cannot drive on a map; empty if it can, or reports no maps."""
     maps = robot_maps(state)
     if not maps or not map_id:
         return ""

@@ -40,7 +40,7 @@ FIELDS_OF_2_0: Final = frozenset(
 
 
 class LifRecord(PlantRecord):
-    """An object of the file. The lenient reader converts numbers to strings where needed."""
+    """An object of the file. The lenient reader converts numbers to strings if needed."""
 
     model_config = ConfigDict(coerce_numbers_to_str=True)
 
