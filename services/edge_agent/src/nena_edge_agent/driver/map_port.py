@@ -16,7 +16,7 @@ from nena_edge_agent.driver.port import AreaAt, FramelessEvent, GoalAt, Mover, O
 
 @dataclass(frozen=True, slots=True)
 class MapPose:
-    """A place and heading: m and rad in the frame of the robot's own map ``map_id``."""
+    """A position and heading: m and rad in the frame of the robot's own map ``map_id``."""
 
     x: float
     y: float
@@ -50,7 +50,7 @@ class MapArea(AreaAt):
 
 @dataclass(frozen=True, slots=True)
 class MapPlanReport:
-    """The way that navigation means to drive: m of the map ``map_id``, two points or more."""
+    """The path planned by navigation: m of the map ``map_id``, two points or more."""
 
     points: tuple[tuple[float, float], ...]
     map_id: str

@@ -48,7 +48,7 @@ class PlantFrame:
 
     @classmethod
     def of(cls, texts: Mapping[str, str]) -> Self:
-        """Read transforms as the settings have them; raises ValueError."""
+        """Parse the transforms of the settings; raises ValueError."""
         return cls({map_id: parse_transform(text) for map_id, text in texts.items()})
 
     def on(self, map_id: str) -> MapTransform:
@@ -56,17 +56,17 @@ class PlantFrame:
         return self.transforms.get(map_id, SAME)
 
     def to_map(self, pose: Pose) -> MapPose:
-        """Return a pose of the plant as the robot's map has it."""
+        """Convert a pose from the plant to the robot's map."""
         found = self.on(pose.map_id).pose_to_map(geometry.PlantPose(pose.x, pose.y, pose.theta))
         return MapPose(found.x_m, found.y_m, found.heading_rad, pose.map_id)
 
     def to_plant(self, pose: MapPose) -> Pose:
-        """Return a pose of the robot's map as the plant has it."""
+        """Convert a pose from the robot's map to the plant."""
         found = self.on(pose.map_id).pose_to_plant(geometry.MapPose(pose.x, pose.y, pose.theta))
         return Pose(found.x_m, found.y_m, found.heading_rad, pose.map_id)
 
     def goal(self, goal: DriveGoal) -> MapGoal:
-        """Return a goal as the robot's map has it."""
+        """Convert a goal to the robot's map."""
         return MapGoal(
             goal.generation,
             self.to_map(goal.pose),
@@ -79,7 +79,7 @@ class PlantFrame:
         )
 
     def area(self, area: Area) -> MapArea:
-        """Return an area as the robot's map has it."""
+        """Convert an area to the robot's map."""
         to_map = self.on(area.map_id).pose_to_map
         places = (to_map(geometry.PlantPose(x, y, 0.0)) for x, y in area.points)
         return MapArea(area.map_id, tuple((place.x_m, place.y_m) for place in places))
@@ -106,7 +106,7 @@ class PlantFrame:
 
 
 class PlantFrameDriver:
-    """A driver in the plant's frame, made of one on the robot's map."""
+    """A driver in the plant's frame, wrapping one on the robot's map."""
 
     def __init__(self, make: Callable[[MapEmit], MapDriver], frame: PlantFrame, emit: Emit) -> None:
         """Build the driver; ``emit`` gets its events in the plant's frame."""

@@ -34,7 +34,7 @@ P = TypeVar("P")
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """A place and heading: m and rad in the plant's frame of the map ``map_id``."""
+    """A position and heading: m and rad in the plant's frame of the map ``map_id``."""
 
     x: float
     y: float
@@ -84,14 +84,14 @@ class DriveGoal(GoalAt[Pose]):
 
 
 class DriveFailure(StrEnum):
-    """Why a drive did not get there."""
+    """Why a drive did not arrive."""
 
     ABORTED = "ABORTED"
-    """Navigation gave up: unreachable, blocked, outside of the map."""
+    """Navigation stopped trying: unreachable, blocked, outside of the map."""
     CANCELED_FROM_OUTSIDE = "CANCELED_FROM_OUTSIDE"
     """Another client cancelled the goal."""
     NOT_TAKEN_UP = "NOT_TAKEN_UP"
-    """Navigation never took the goal, in spite of its being given several times."""
+    """Navigation never accepted the goal, although it was sent several times."""
     OUTSIDE_TOLERANCE = "OUTSIDE_TOLERANCE"
     """Navigation reports success, but the pose is not within the allowed deviation."""
     NAVIGATION_GONE = "NAVIGATION_GONE"
@@ -236,7 +236,7 @@ class DriveLimits:
 
 @dataclass(frozen=True, slots=True)
 class PlanReport:
-    """The way that navigation means to drive to its goal, from where the robot was: m, two points or more."""
+    """The path planned by navigation to its goal, from the robot's position then: m, two points or more."""
 
     points: tuple[tuple[float, float], ...]
 
@@ -305,7 +305,7 @@ class GoalTable:
 
 @dataclass(frozen=True, slots=True)
 class SessionReport:
-    """The life of the robot's ROS session, and where it is in the graph; ``reason``: why it has failed."""
+    """The life of the robot's ROS session, and its position in the graph; ``reason``: why it has failed."""
 
     state: SessionState
     namespace: str
@@ -343,20 +343,20 @@ FramelessEvent = (
     | GoalTable
     | SessionReport
 )
-"""What is the same in each frame."""
+"""Events that are the same in each frame."""
 
 DriverEvent = FramelessEvent | PoseReport | PlanReport | NoRouteReport
 Emit = Callable[[DriverEvent], None]
 
 
 class Mover(Protocol):
-    """What of a driver is the same in each frame."""
+    """The part of a driver that is the same in each frame."""
 
     async def start(self) -> None:
         """Start; events may be emitted from now on.
 
         Raises:
-            nena_shared.program.StartError: it cannot work here; the text says what to do.
+            nena_shared.program.StartError: it cannot work here; the text explains what to do.
         """
         ...
 

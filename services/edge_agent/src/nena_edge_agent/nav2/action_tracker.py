@@ -38,11 +38,11 @@ WITHOUT_REASON = (
     "no reason reported. Probably its lifecycle manager deactivated or paused it, or one of its servers "
     "did not answer in time: default_server_timeout of bt_navigator is 20 ms, too short for a loaded computer"
 )
-"""What to think of a goal that is aborted with error code 0."""
+"""Explanation of a goal that is aborted with error code 0."""
 SAME = 0.001
-"""Metres that two places of the same node may differ by."""
+"""Maximum distance between two poses of the same node, metres."""
 TURNED_AWAY = 0.3
-"""Increase of the distance to a place, m, at which the robot no longer drives to it."""
+"""Increase of the distance to a pose, m, at which the robot no longer drives to it."""
 
 
 FROM_END = 1.0
@@ -50,7 +50,7 @@ FROM_END = 1.0
 
 
 class WayDriven:
-    """Follows a goal over several places; those behind the one that is wanted next are its ``ahead``."""
+    """Follows a goal through several poses; those behind the next one are its ``ahead``."""
 
     def __init__(self) -> None:
         self._places: tuple[MapPose, ...] = ()
@@ -58,16 +58,16 @@ class WayDriven:
         self._closest = math.inf
 
     def begin(self, goal: MapGoal) -> None:
-        """Note the places that navigation gets."""
+        """Note the poses sent to navigation."""
         self._places = (goal.pose, *goal.ahead)
         self.go_on()
 
     def go_on(self) -> None:
-        """Note that the next place is wanted now."""
+        """Note that the next pose is the goal now."""
         self._let_go, self._closest = False, math.inf
 
     def covers(self, goal: MapGoal) -> bool:
-        """Return whether navigation, as it is, drives to ``goal`` and over what is ahead of it."""
+        """Return whether navigation already drives to ``goal`` and through the poses ahead of it."""
         wanted = (goal.pose, *goal.ahead)
         if len(self._places) <= 1 or len(wanted) > len(self._places):
             return False
@@ -76,7 +76,7 @@ class WayDriven:
         return all(same)
 
     def left(self, goal: MapGoal, places: int) -> None:
-        """Note how many places navigation still means to drive to."""
+        """Note how many poses navigation still has to reach."""
         self._let_go = self._let_go or places <= len(goal.ahead)
 
     def missed(self, goal: MapGoal, pose: MapPose) -> bool:
@@ -93,14 +93,14 @@ POSE_STEP = 0.05
 YAW_STEP = 0.1
 """Radians."""
 PROGRESS_PERIOD = 1.0
-"""Seconds between two reports of what is left."""
+"""Seconds between two reports of the remaining distance."""
 FRESH = 0.5
 """Seconds for which a pose of the feedback is preferred to one of the localisation, which is rarer."""
 
 
 @dataclass(frozen=True, slots=True)
 class FeedbackReading:
-    """One message: the place in m and rad of ``frame``, the way that is left in m and in places."""
+    """One message: the position in m and rad of ``frame``, the remaining distance in m and in poses."""
 
     goal_id: str
     x: float
@@ -227,11 +227,11 @@ class ActionTracker(GoalTracker):
 
     @property
     def busy(self) -> bool:
-        """Whether something is waited for, so that :meth:`tick` is needed."""
+        """Whether something is awaited, so that :meth:`tick` is needed."""
         return self._aborted is not None or self._registry.yields or super().busy
 
     def go_to(self, goal: MapGoal, now: float) -> list[Command]:
-        """Drive to ``goal``; where the one that is driven leads there anyway, nothing is sent."""
+        """Drive to ``goal``; if the current goal already leads there, nothing is sent."""
         drive = self._drive
         same = drive is not None and drive is self._sent_for and drive.goal_id in self._sent
         if drive is not None and same and self._aborted is None and self._way.covers(goal):
@@ -241,14 +241,14 @@ class ActionTracker(GoalTracker):
         return super().go_to(goal, now)
 
     def on_pose(self, pose: MapPose, now: float) -> list[Command]:
-        """Handle a pose; a place that the robot skips on a route over several is driven to again."""
+        """Handle a pose; a skipped pose of a goal through several is driven to again."""
         drive = self._drive
         if drive is not None and drive.reached_at is None and self._way.missed(drive.goal, pose):
             self._give_alone(drive)
         return super().on_pose(pose, now)
 
     def on_places(self, goal_id: str, left: int) -> None:
-        """Handle the number of places that navigation has left to drive to."""
+        """Handle the number of poses that navigation still has to reach."""
         drive = self._drive
         if drive is not None and drive.goal_id == goal_id:
             self._way.left(drive.goal, left)
@@ -304,7 +304,7 @@ class ActionTracker(GoalTracker):
         self._out.append(SendGoal(drive.goal, goal_id))
 
     def _bind(self, drive: GoalDrive, claimed: tuple[str, ...]) -> None:
-        """Find the goal in the array, should the answer to it be lost."""
+        """Find the goal in the array in case its answer was lost."""
         super()._bind(drive, claimed)
         if drive.goal_id is None and drive is self._sent_for:
             listed = [each for each in self._sent if self._registry.status(each) is not None]
@@ -323,7 +323,7 @@ class ActionTracker(GoalTracker):
             self._give_alone(drive)
 
     def _give_alone(self, drive: GoalDrive) -> None:
-        """Send a goal again without the places behind it."""
+        """Resend a goal without the poses behind it."""
         log.info("a skipped node is driven to separately", generation=drive.goal.generation)
         self._drive = GoalDrive(replace(drive.goal, ahead=()))
 
@@ -374,7 +374,7 @@ class ActionTracker(GoalTracker):
 
 
 class ActionSide:
-    """Carries out what the tracker wants of the action, and hands it the answers; ``apply`` does the rest.
+    """Carries out the tracker's commands at the action, and passes it the answers; ``apply`` does the rest.
 
     rclpy is loaded with the first client, not before.
     """

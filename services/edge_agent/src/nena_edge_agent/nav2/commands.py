@@ -1,4 +1,4 @@
-"""What the goal tracker and the localisation want done by the driver."""
+"""Commands of the goal tracker and the localisation to the driver."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class AskResult:
 
 @dataclass(frozen=True, slots=True)
 class CancelGoal:
-    """Call the cancel service for this goal alone (zero stamp)."""
+    """Call the cancel service for this goal only (zero stamp)."""
 
     goal_id: str
 

@@ -102,7 +102,7 @@ READINGS = 5
 
 @dataclass(frozen=True, slots=True)
 class Nav2Options:
-    """What only some robots with Nav2 have."""
+    """Features that only some robots with Nav2 have."""
 
     extensions: Sequence[NodeExtension] = ()
     """Topics and services of plug-ins on the robot's nodes."""
@@ -302,7 +302,7 @@ class Nav2Driver:
             )
 
     async def _begin_session(self) -> None:
-        """Join the graph as far as the settings want it; where ROS refuses, it is retried later."""
+        """Join the graph if the settings require it; if ROS refuses, retry later."""
         if not self._settings.start_session:
             self.session.report_stopped()
             return
@@ -343,7 +343,7 @@ class Nav2Driver:
             await node.stop()
 
     def _lose_place(self, problem: str) -> None:
-        """Report that the robot's position is unknown; the one of before counts no more."""
+        """Report that the robot's position is unknown; the previous one no longer counts."""
         report = self._localisation.report()
         self._forget_place()
         self._tracker.forget_pose()
@@ -352,7 +352,7 @@ class Nav2Driver:
             self._report(replace(report, localized=False, vx=None, omega=None, problem=problem))
 
     def _forget_place(self) -> None:
-        """Start again to learn where the robot is: it may be another one, or be pushed around."""
+        """Discard the robot's position: it may be another robot, or may have been moved."""
         settings = self._settings
         self._localisation = Localisation(settings, self._map_id)
         self._localiser_watch = LocaliserWatch()
@@ -423,7 +423,7 @@ class Nav2Driver:
         return NavigationReport(available=False, reason=self._too_fast)
 
     def _with_map(self, report: NavigationReport) -> NavigationReport:
-        """Wait for Nav2 to have the map that is enabled."""
+        """Wait for Nav2 to load the enabled map."""
         if self._map_server is None:
             return report
         if self._map_server.look():
@@ -431,7 +431,7 @@ class Nav2Driver:
         return self._while_map_stays(report)
 
     def _with_paths(self, report: NavigationReport) -> NavigationReport:
-        """Wait for a controller that takes paths where the next goal has one."""
+        """Wait for a controller that accepts paths if the next goal has one."""
         wanted = self._tracker.wanted
         if not report.available or wanted is None or not wanted.path or self._tracker.controller_takes_paths:
             return report
@@ -440,7 +440,7 @@ class Nav2Driver:
         return NavigationReport(available=False, reason=reason)
 
     def _while_map_stays(self, report: NavigationReport) -> NavigationReport:
-        """Return a report that counts now: another map may have been enabled since it was made."""
+        """Return an up-to-date report: another map may have been enabled since the report."""
         problem = self._map_server.problem if self._map_server is not None else ""
         if not report.available or not problem:
             return report
@@ -508,7 +508,7 @@ class Nav2Driver:
         self.session.failed(reason)
 
     def _on_session(self, report: SessionReport) -> None:
-        """Report the session; without one there is no Nav2, and with a new one it is looked for."""
+        """Report the session; without one Nav2 is unavailable, and with a new one it is searched for."""
         self._report(report)
         if report.state in (SessionState.NOT_ACTIVE, SessionState.FAILED):
             self._lose_place("its ROS session is not active")
@@ -609,7 +609,7 @@ class Nav2Driver:
             self._report(report)
 
     def _on_plan(self, plan: tuple[str, tuple[tuple[float, float], ...]]) -> None:
-        """Report a plan for our own drive; others plan too, and whose it is shows by where it ends."""
+        """Report a plan for our own drive; its end distinguishes it from plans of other clients."""
         frame, points = plan
         ours = frame.removeprefix("/") == self._settings.frame
         if ours and len(points) > 1 and self._tracker.wants(points[-1]):
@@ -694,7 +694,7 @@ class Nav2Driver:
 
 
 def _ends(event: MapDriverEvent) -> bool:
-    """Return whether the robot drives to no goal of ours any more, and the limit of the last one is over."""
+    """Return whether the robot no longer drives to a goal of ours, so that its limit ends."""
     if isinstance(event, DriveFailed):
         # after these the controller may drive on to the goal of before
         return event.failure not in (DriveFailure.NAVIGATION_GONE, DriveFailure.NOT_TAKEN_UP)

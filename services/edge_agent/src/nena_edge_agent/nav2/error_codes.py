@@ -58,12 +58,12 @@ _FAMILIES = {
     900: "docking has failed",
     9000: "the navigator has failed",
 }
-"""From these codes on, the single meanings do not help a person at the robot."""
+"""From these codes on, the specific meanings do not help a person at the robot."""
 _UNKNOWN = "unknown error code of Nav2"
 
 
 def meaning_of(code: int, message: str = "") -> Meaning | None:
-    """Return the meaning of an ``error_code``, with Nav2's own ``error_msg``; None: there is no reason."""
+    """Return the meaning of an ``error_code``, with Nav2's own ``error_msg``; None: no reason."""
     if not code and not message:
         return None
     known = _MEANINGS.get(code)

@@ -1,8 +1,8 @@
 """Send goals to Nav2 by topic and follow them: which are ours, their status, what to do next.
 
-Events and the time (monotonic seconds) go in, commands come out. A goal waits (for Nav2, or for the end of a
-cancelled goal), is sent until the status array confirms it, is followed by its ID, and counts as reached when
-a pose agrees. If the navigator ignores a halt, the controller itself is stopped.
+Its input is events and the time (monotonic seconds), its output commands. A goal waits (for Nav2, or for the
+end of a cancelled goal), is sent until the status array confirms it, is followed by its ID, and counts as
+reached when a pose agrees. If the navigator ignores a halt, the controller itself is stopped.
 """
 
 from __future__ import annotations
@@ -49,9 +49,9 @@ class GoalDrive:
     goal: MapGoal
     times_given: int = 0
     counted_from: int = 0
-    """How often it had been given when Nav2 was last away; those do not count."""
+    """How often it had been sent when Nav2 was last unavailable; these do not count."""
     preempts: bool = False
-    """Whether it was given while another goal was driven, whose result it may get."""
+    """Whether it was sent while another goal was active, whose result it may get."""
     interrupted: bool = False
     """Whether the controller was stopped on the way: the navigator may mistake that for success."""
     give_up_at: float | None = None
@@ -59,7 +59,7 @@ class GoalDrive:
     reached_at: float | None = None
     pose_asked_at: float | None = None
     late_at: float = -inf
-    """When a pose showed the robot driving last, though it is where it was to go."""
+    """When a pose last showed the robot driving, although it has arrived."""
     _shown_driving: bool = False
     """Whether the last pose shows the robot driving."""
 
@@ -102,7 +102,7 @@ STALE_THETA = 0.2
 PLAN_TOLERANCE = 0.75
 """Metres from the goal at which Nav2 may end its plan."""
 SAME = 0.001
-"""Metres, or radians, that two places of the same node may differ by."""
+"""Maximum difference between two poses of the same node, metres or radians."""
 RECLAIM_TIME = 10.0
 """Seconds after a restart in which the order may still request Nav2's current goal."""
 OBEYED_WITHIN = 0.5
@@ -114,7 +114,7 @@ OBEYED_AFTER = 1.0
 GIVEN_UP_AFTER = 2.0
 """Seconds without feedback after which the drive fails also where the robot has stopped."""
 RECLAIM_SERVER_WAIT = 5.0
-"""Seconds for the navigator to appear that drives to a goal of an earlier run; then the robot is stopped."""
+"""Timeout for the navigator of an earlier run's goal to appear, seconds; then the robot is stopped."""
 
 
 @dataclass(slots=True)
@@ -135,7 +135,7 @@ class GoalTracker:
     """The rules of driving by topics; every method returns what to do now."""
 
     server = "bt_navigator"
-    """The node that drives, for people."""
+    """The node that drives, for texts."""
 
     def __init__(self, settings: GoalSettings) -> None:
         self._settings = settings
@@ -147,7 +147,7 @@ class GoalTracker:
         self._drive: GoalDrive | None = None
         self._halt: _Halt | None = None
         self.halts_after: GoalTracker | None = None
-        """Another tracker of the same robot: while it has not answered a halt, this one does not."""
+        """Another tracker of the same robot: this one answers a halt only after it."""
         self._cancels: dict[str, float] = {}
         self._runaway = False
         """Whether the robot may drive without the navigator that was to stop it."""
@@ -160,12 +160,12 @@ class GoalTracker:
         self._reclaimed: MapOwnGoals | None = None
         self._reclaimed_until: float | None = None
         self._arrived_at: float | None = None
-        """When the last goal was reached, while a pose at rest still has to be requested."""
+        """When the last goal was reached; set while a pose at rest still has to be requested."""
         self._out: list[Command] = []
 
     @property
     def busy(self) -> bool:
-        """Whether something is waited for, so that :meth:`tick` is needed."""
+        """Whether something is awaited, so that :meth:`tick` is needed."""
         drive = self._drive
         waiting = drive is not None and (drive.goal_id is None or drive.reached_at is not None)
         stopping = self._halt is not None or bool(self._cancels) or self._runaway
@@ -173,7 +173,7 @@ class GoalTracker:
 
     @property
     def driving(self) -> bool:
-        """Whether Nav2 drives for the goal that is wanted."""
+        """Whether Nav2 drives to the current goal."""
         drive = self._drive
         return drive is not None and drive.goal_id is not None and drive.reached_at is None
 
@@ -184,7 +184,7 @@ class GoalTracker:
 
     @property
     def wanted(self) -> MapGoal | None:
-        """The goal that is driven or waits to be."""
+        """The active or waiting goal."""
         return self._drive.goal if self._drive is not None else None
 
     @property
@@ -205,11 +205,11 @@ class GoalTracker:
         return self._halt is not None
 
     def awaits_goal(self, now: float) -> bool:
-        """Return whether a goal that was given may yet be taken up."""
+        """Return whether a sent goal may still be accepted."""
         return self._registry.awaiting(now)
 
     def wants(self, place: tuple[float, float]) -> bool:
-        """Return whether a plan that ends at ``place`` (m) is for the goal that is wanted."""
+        """Return whether a plan that ends at ``place`` (m) is for the current goal."""
         drive = self._drive
         if drive is None:
             return False
@@ -294,7 +294,7 @@ class GoalTracker:
         return self._advance(now)
 
     def forget_pose(self) -> None:
-        """Forget the robot's pose: the localisation has lost it."""
+        """Discard the robot's pose: the localisation has lost it."""
         self._pose = None
 
     def on_velocity(self, speed: float, omega: float, now: float) -> None:
@@ -376,7 +376,7 @@ class GoalTracker:
             self._fail(drive, DriveFailure.ABORTED, text)
 
     def _answer_halt(self, now: float) -> None:
-        """Confirm a halt once the robot is at standstill; fail it if it moves on or nothing confirms it."""
+        """Confirm a halt once the robot is at standstill; fail it if it keeps moving or is not confirmed."""
         halt, registry = self._halt, self._registry
         if halt is None:
             return
@@ -431,7 +431,7 @@ class GoalTracker:
         return f"{asked}; its controller {answer} answered, and there is no odometry"
 
     def _run_away(self, now: float) -> None:
-        """Assume that the controller may drive on although the navigator does not lead it any more."""
+        """Assume that the controller may keep driving without its navigator."""
         self._runaway, self._stop_answered, self._stop_again_at = True, False, now
 
     def _stop_motion(self, now: float) -> None:
@@ -453,7 +453,7 @@ class GoalTracker:
             self._out.append(StopMotion())
 
     def _judge_arrival(self, now: float) -> None:
-        """Accept success only if the pose agrees; one that may be old is requested again."""
+        """Accept success only if the pose agrees; request a pose that may be old again."""
         drive = self._drive
         if drive is None or drive.reached_at is None:
             return
@@ -540,7 +540,7 @@ class GoalTracker:
         return True
 
     def _earlier(self, goals: MapOwnGoals) -> tuple[str | None, MapPose | None]:
-        """Return the newest goal of an earlier run that may still be driven, and where it leads to."""
+        """Return the newest goal of an earlier run that may still be active, and its pose."""
         if self._registry.given_before:
             return self._registry.given_before, goals.given
         return next(reversed(goals.goal_ids), None), goals.pose
@@ -570,7 +570,7 @@ class GoalTracker:
         return "no goal can be sent: Nav2 does not finish cancelling the previous goal"
 
     def _cancel_leftovers(self, now: float) -> None:
-        """Cancel goals of ours that are not wanted any more, again and again until they end.
+        """Cancel our obsolete goals, repeatedly until they end.
 
         While a drive is wanted, goals before it are left to be pre-empted: a cancel could meet the new one.
         """
@@ -605,7 +605,7 @@ class GoalTracker:
         self._report(DriveFailed(drive.goal.generation, failure, description, hint, code))
 
     def _report_table(self) -> None:
-        """Report the goals that are listed, before what they mean for a drive."""
+        """Report the listed goals, before their effects on a drive."""
         table = self._registry.table
         if table != self._table:
             self._table = table

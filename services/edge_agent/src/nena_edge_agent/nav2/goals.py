@@ -29,7 +29,7 @@ ENDED_SHOWN = 5
 
 @dataclass(frozen=True, slots=True)
 class News:
-    """What an array brings: ids that turn out to be ours, ids of ours that are lost."""
+    """The changes of an array: IDs that turn out to be ours, IDs of ours that are lost."""
 
     claimed: tuple[str, ...]
     lost: frozenset[str]
@@ -149,7 +149,7 @@ class GoalRegistry:
         return bool(gone)
 
     def _without_crashed(self, servers: frozenset[str]) -> frozenset[str]:
-        """Remove the servers that others have replaced; one that outlives its successors was never away."""
+        """Remove the servers that others have replaced; one that outlives its successors was never gone."""
         if servers - self._servers - self._replaced:
             self._replaced |= self._servers
         self._replaced &= servers
@@ -249,7 +249,7 @@ YIELD_TIME = 10.0
 """Seconds in which another client can resend a goal that Nav2 rejected because this agent drove."""
 
 LENGTH = 8
-"""Bytes of an id, of 16, that are the same in all ids of an agent; the others are drawn by lot."""
+"""Bytes of an id, of 16, that are the same in all ids of an agent; the others are random."""
 
 
 class GoalIdPrefix:
@@ -259,7 +259,7 @@ class GoalIdPrefix:
         self._prefix = hashlib.sha256(f"nena {node_name}".encode()).digest()[:LENGTH].hex()
 
     def new(self) -> str:
-        """Draw an id that no goal has had."""
+        """Return a new random ID."""
         return self._prefix + secrets.token_hex(16 - LENGTH)
 
     def matches(self, goal_id: str) -> bool:

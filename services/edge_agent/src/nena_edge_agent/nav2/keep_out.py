@@ -90,13 +90,13 @@ def _draw(rows: list[bytearray], sides: Iterable[tuple[Point, Point]]) -> None:
 
 
 class KeepOutMask:
-    """Publishes the mask and what names it, latched, once there is something to keep out of."""
+    """Publishes the mask and its description, latched, once the robot has areas to avoid."""
 
     def __init__(self, settings: RosSettings) -> None:
         self._settings = settings
         self._mask: Mask | None = None
         self._wanted: list[tuple[Point, ...]] = []
-        """What the newest mask is made of, or is to be."""
+        """Areas of the newest mask, drawn or pending."""
         self._session: RosSession | None = None
         self._node: Any = None
         self._masks: Any = None
@@ -109,7 +109,7 @@ class KeepOutMask:
             self._publish(self._mask)
 
     async def show(self, areas: Iterable[MapArea], map_id: str) -> None:
-        """Publish the areas of one map as the only ones to keep out of.
+        """Publish the areas of one map as the only ones to avoid.
 
         A thread draws them: a large mask takes a tenth of a second. One that is replaced meanwhile is not
         published.

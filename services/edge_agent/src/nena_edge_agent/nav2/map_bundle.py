@@ -1,4 +1,4 @@
-"""Maps of Nav2 as fleet control brings them: an archive (zip or tar) of a YAML file and its image."""
+"""Maps of Nav2 as fleet control sends them: an archive (zip or tar) of a YAML file and its image."""
 
 from __future__ import annotations
 
@@ -53,10 +53,10 @@ _ORIGIN: Final = re.compile(
 )
 _PGM: Final = re.compile(rb"P[25](?:\s|#[^\n]*\n)+(\d{1,9})(?:\s|#[^\n]*\n)+(\d{1,9})\s")
 _BMP: Final = struct.Struct("<18xii")
-"""Width and height in the head of a BMP."""
+"""Width and height in the header of a BMP."""
 _ZIP_ENTRY: Final = b"PK\x01\x02"
 _PGM_HEAD: Final = 4096
-"""Bytes of a PGM in which its size is looked for, comments among them."""
+"""Bytes of a PGM searched for its size, including comments."""
 
 _UNPACKERS: Final[Mapping[bytes, Callable[[bytes, int], bytes]]] = {
     b"\x1f\x8b": lambda content, limit: gzip.GzipFile(fileobj=io.BytesIO(content)).read(limit),
@@ -80,7 +80,7 @@ _UNREADABLE: Final = (
     LookupError,
     RuntimeError,  # passwords, methods of compression, heads of heads of heads
 )
-"""What the readers of archives raise at damaged or forged ones."""
+"""Exceptions of the archive readers for damaged or forged archives."""
 
 
 class BadBundleError(Exception):
@@ -133,10 +133,10 @@ class MapBundle:
 
 
 def _entries(name: str, text: str) -> dict[str, str]:
-    """Return what map_server is to read of a YAML file.
+    """Return the part of a YAML file for map_server.
 
     Raises:
-        BadBundleError: something is missing, twice there, or no such value.
+        BadBundleError: a key is missing or duplicate, or a value is invalid.
 
     """
     lines = [(found["key"], _value(found["value"])) for found in _ENTRY.finditer(text)]
@@ -166,7 +166,7 @@ def _value(text: str) -> str:
 
 
 def _check_size(name: str, suffix: str, image: bytes) -> None:
-    """Read how many pixels an image has before map_server makes room for them.
+    """Read the number of pixels of an image before map_server allocates memory for them.
 
     Raises:
         BadBundleError: it is no such image, or has too many pixels.

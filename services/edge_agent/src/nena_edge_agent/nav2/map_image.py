@@ -32,7 +32,7 @@ _OPACITIES: Final = bytes(
     UNKNOWN_OPACITY if value > SURE else round(value / SURE * 255) for value in range(256)
 )
 _RANKS: Final = bytes((value + 1) % 256 if value <= SURE or value == UNKNOWN else 0 for value in range(256))
-"""Unknown 0, free 1, surely occupied 101: the greater one counts where cells are drawn together."""
+"""Unknown 0, free 1, surely occupied 101: the maximum counts if cells are merged."""
 _VALUES: Final = bytes((rank - 1) % 256 for rank in range(256))
 
 
@@ -113,7 +113,7 @@ class MapWatch:
         session.subscribe(node, OccupancyGrid, self._topic, LATCHED, read=self.read, handle=self._on_map)
 
     def read(self, grid: Any) -> MapImage | None:  # noqa: ANN401
-        """Build the map of a nav_msgs/OccupancyGrid; None: it is the same as before.
+        """Build the map of a nav_msgs/OccupancyGrid; None: unchanged.
 
         Raises:
             ValueError: it is too large, or no grid.

@@ -31,7 +31,7 @@ class MapNotLoadedError(Exception):
 
 
 class MapUser(Protocol):
-    """What works on the map that is loaded."""
+    """The user of the loaded map."""
 
     @property
     def drives(self) -> bool:
@@ -61,7 +61,7 @@ class MapServer:
         self._publishers: frozenset[bytes] = frozenset()
         self._problem = ""
         self._change = ""
-        """What is awaited while another map is being enabled."""
+        """The awaited map while another one is being enabled."""
         self._user: MapUser | None = None
         self._mark: Path | None = None
         self._session: RosSession | None = None
@@ -88,7 +88,7 @@ class MapServer:
 
     @property
     def problem(self) -> str:
-        """Why Nav2 does not have the map that it should; empty: it has."""
+        """Why Nav2 does not have the enabled map; empty: it has."""
         return self._change or self._problem
 
     def expect(self, map_id: str, file: str) -> None:
@@ -103,7 +103,7 @@ class MapServer:
 
     @property
     def unplaced(self) -> bool:
-        """Whether a map was enabled, also in an earlier run, and no place on it was set since."""
+        """Whether a map was enabled, also in an earlier run, and no position on it was set since."""
         return self._mark is not None and self._mark.exists()
 
     def placed(self) -> None:
@@ -160,7 +160,7 @@ class MapServer:
         return True
 
     async def load_again(self) -> None:
-        """Load the map that is enabled; if that fails, it is due again at the next look."""
+        """Load the enabled map; if that fails, it is due again at the next check."""
         async with self._turn:
             if not self._problem:
                 return  # another map was enabled meanwhile, and map_server has it

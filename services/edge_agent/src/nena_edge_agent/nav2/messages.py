@@ -60,7 +60,7 @@ def initial_pose_message(pose: MapPose, frame: str, *, xy_variance: float, theta
 
 
 def cancel_request(goal_id: str) -> Any:  # noqa: ANN401
-    """Build the action_msgs/srv/CancelGoal request for one goal: its id with stamp zero means it alone."""
+    """Build the action_msgs/srv/CancelGoal request for one goal: its ID with stamp zero selects it only."""
     request = CancelGoal.Request()
     request.goal_info.goal_id.uuid = list(bytes.fromhex(goal_id))
     return request
@@ -105,7 +105,7 @@ def pose_reading(message: Any) -> PoseReading:  # noqa: ANN401
     """Read a geometry_msgs/PoseWithCovarianceStamped.
 
     Raises:
-        UnusablePoseError: the place is not finite or the orientation no unit quaternion.
+        UnusablePoseError: the position is not finite or the orientation no unit quaternion.
 
     """
     place, turn = message.pose.pose.position, message.pose.pose.orientation
@@ -127,7 +127,7 @@ def pose_reading(message: Any) -> PoseReading:  # noqa: ANN401
 
 
 def plan_points(message: Any) -> tuple[str, tuple[tuple[float, float], ...]]:  # noqa: ANN401
-    """Read a nav_msgs/Path: its frame, and not more of its points than are of use, the last one always.
+    """Read a nav_msgs/Path: its frame, and a limited number of its points, always including the last one.
 
     Raises:
         UnusablePoseError: a point is not finite.

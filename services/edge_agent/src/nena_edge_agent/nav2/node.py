@@ -59,7 +59,7 @@ class Listeners:
 
 
 class Nav2Node:
-    """Sends to Nav2 and listens to it; ``start`` before anything else, ``stop`` in the end."""
+    """Sends to Nav2 and receives from it; call ``start`` first, ``stop`` last."""
 
     def __init__(
         self, settings: RosSettings, listeners: Listeners, extensions: Sequence[NodeExtension] = ()

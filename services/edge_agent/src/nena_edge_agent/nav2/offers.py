@@ -1,4 +1,4 @@
-"""What Nav2 offers beside driving, as far as this machine has the types for it.
+"""Features of Nav2 beside driving, if this machine has their types.
 
 A robot's ROS installation has ``nav2_msgs`` as a rule; the agent works without.
 """
@@ -46,7 +46,7 @@ NO_OFFERS = Nav2Offers()
 
 
 def nav2_offers(settings: RosSettings) -> Nav2Offers:
-    """Return what the settings want and this machine has the types for."""
+    """Return the configured features for which this machine has the types."""
     by_action = settings.navigation is not Navigation.TOPICS and interface(NAVIGATE) is not None
     return Nav2Offers(
         limits_speed=settings.nav2.speed_limit and interface(SPEED_LIMIT) is not None,

@@ -68,12 +68,12 @@ class Trackers:
 
     @property
     def busy(self) -> bool:
-        """Whether something is waited for, so that :meth:`tick` is needed."""
+        """Whether something is awaited, so that :meth:`tick` is needed."""
         return self._next is not None or self.navigator.busy or self.controller.busy
 
     @property
     def driving(self) -> bool:
-        """Whether Nav2 drives for the goal that is wanted."""
+        """Whether Nav2 drives to the current goal."""
         return self._current.driving
 
     @property
@@ -83,22 +83,22 @@ class Trackers:
 
     @property
     def goal_id(self) -> str | None:
-        """The goal that Nav2 drives to for us, once it has taken it."""
+        """The goal that Nav2 drives to for us, once it has accepted it."""
         return self._current.goal_id
 
     @property
     def wanted(self) -> MapGoal | None:
-        """The goal that is driven or waits to be."""
+        """The active or waiting goal."""
         return self._next or self._current.wanted
 
     @property
     def may_drive(self) -> bool:
-        """Whether Nav2 drives for us, or may yet take up a goal that was given."""
+        """Whether Nav2 drives for us, or may still accept a sent goal."""
         return self.navigator.may_drive or self.controller.may_drive
 
     @property
     def by_action(self) -> bool:
-        """Whether the navigator is given goals by its action."""
+        """Whether goals are sent to the navigator by its action."""
         return self.navigator.by_action
 
     def wants(self, place: tuple[float, float]) -> bool:
@@ -106,7 +106,7 @@ class Trackers:
         return self.navigator.wants(place)
 
     def reclaim(self, goals: MapOwnGoals, *, paths: bool = False) -> None:
-        """Treat the goals of an earlier run as ours; a path of that run is ended, and given again.
+        """Treat the goals of an earlier run as ours; a path of that run is ended, and sent again.
 
         ``paths``: the earlier run may have followed one.
         """
@@ -124,7 +124,7 @@ class Trackers:
         return [*self._of(self._current, self._current.drop(now)), *self._begin_next(now)]
 
     def drop(self, now: float) -> list[Command]:
-        """Cancel what is driven, without an answer."""
+        """Cancel the current goal, without an answer."""
         self._next = None
         return self._of(self._current, self._current.drop(now))
 
@@ -137,25 +137,25 @@ class Trackers:
         return [*self._of(self.controller, commands), *self._of(self._current, self._current.halt(now))]
 
     def on_statuses(self, entries: Sequence[GoalEntry], now: float) -> list[Command]:
-        """Take the navigator's status array."""
+        """Handle the navigator's status array."""
         return [*self.navigator.on_statuses(entries, now), *self._begin_next(now)]
 
     def on_path_statuses(self, entries: Sequence[GoalEntry], now: float) -> list[Command]:
-        """Take the controller's status array, which has the navigator's paths too."""
+        """Handle the controller's status array, which also has the navigator's paths."""
         commands = self._of(self.controller, self.controller.on_statuses(entries, now))
         return [*commands, *self._begin_next(now)]
 
     def on_servers(
         self, navigators: frozenset[str], controllers: frozenset[str], now: float
     ) -> list[Command]:
-        """Take the endpoint ids of those who publish the status arrays."""
+        """Handle the endpoint IDs of the publishers of the status arrays."""
         return [
             *self.navigator.on_servers(navigators, now),
             *self._of(self.controller, self.controller.on_servers(controllers, now)),
         ]
 
     def on_navigation(self, report: NavigationReport, now: float) -> list[Command]:
-        """Note whether goals can be given; the controller follows its path also without a navigator."""
+        """Note whether goals can be sent; the controller follows its path also without a navigator."""
         own = report
         if not self.controller_takes_paths:
             own = NavigationReport(available=False, reason="no controller takes paths")
@@ -179,16 +179,16 @@ class Trackers:
         return self._of(self._current, self._current.on_silence(seconds, now))
 
     def on_pose(self, pose: MapPose, now: float) -> list[Command]:
-        """Take a pose that the localisation has sent."""
+        """Handle a pose of the localisation."""
         return self._both(lambda tracker: tracker.on_pose(pose, now), now)
 
     def forget_pose(self) -> None:
-        """Forget where the robot is: the localisation does not know it any more."""
+        """Discard the robot's pose: the localisation has lost it."""
         self.navigator.forget_pose()
         self.controller.forget_pose()
 
     def on_velocity(self, speed: float, omega: float, now: float) -> None:
-        """Take a velocity of the odometry: m/s and rad/s."""
+        """Handle a velocity of the odometry, m/s and rad/s."""
         self.navigator.on_velocity(speed, omega, now)
         self.controller.on_velocity(speed, omega, now)
 
@@ -197,7 +197,7 @@ class Trackers:
         return self._both(lambda tracker: tracker.tick(now), now)
 
     def of_controller(self, commands: Iterable[Command]) -> list[Command]:
-        """Return what the controller's tracker wants done, for the driver."""
+        """Return the commands of the controller's tracker for the driver."""
         return self._of(self.controller, commands)
 
     def _both(self, call: Callable[[ActionTracker], list[Command]], now: float) -> list[Command]:
@@ -238,7 +238,7 @@ class Trackers:
 
 
 class PathSide(ActionSide):
-    """Carries out what the tracker wants of the controller's action, and hands it the answers."""
+    """Carries out the tracker's commands at the controller's action, and passes it the answers."""
 
     def __init__(
         self,
@@ -258,7 +258,7 @@ class PathSide(ActionSide):
         self._path_client: PathClient | None = None
 
     def new_path_client(self, settings: RosSettings) -> PathClient:
-        """Return what is to enter a new node."""
+        """Return the extension for a new node."""
         from nena_edge_agent.nav2.path_client import PathClient, PathListeners  # noqa: PLC0415 - loads rclpy
 
         listeners = PathListeners(self._on_result, self._take_feedback, self._on_statuses)

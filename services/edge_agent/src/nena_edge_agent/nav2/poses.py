@@ -15,7 +15,7 @@ PLAN_POINTS = 100
 
 
 def thinned(points: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
-    """Return not more points of a plan than are of use, the last one always."""
+    """Return a limited number of points of a plan, always including the last one."""
     step = max(1, -(-len(points) // PLAN_POINTS))
     return (*points[:-1:step], *points[-1:])
 
@@ -41,7 +41,7 @@ def quaternion_of(yaw: float) -> tuple[float, float]:
 
 
 def localized(reading: PoseReading, settings: LocalisationSettings) -> bool:
-    """Whether the localisation is sure enough of the pose; one without a sane variance is not."""
+    """Whether the localisation is sure enough of the pose; one without a valid variance is not."""
     xy_limit, yaw_limit = settings.xy_spread_limit**2, settings.theta_spread_limit**2
     return (
         0.0 <= reading.x_variance <= xy_limit

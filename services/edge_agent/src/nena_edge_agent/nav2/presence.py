@@ -19,14 +19,14 @@ POSE_FIRST = (
     "set the initial position first. Nav2's planner gives up after waiting 60 s for it: if Nav2 "
     "has run longer without one, restart it"
 )
-"""What to do where Nav2 is not active and the robot has no pose."""
+"""What to do if Nav2 is not active and the robot has no pose."""
 
 
 class Lifecycle(Enum):
     """The state that Nav2's lifecycle manager reports."""
 
     ABSENT = auto()
-    """There is no such service: nothing is known, and Nav2 counts as active."""
+    """The service does not exist: nothing is known, and Nav2 counts as active."""
     STARTING = auto()
     """The service exists but has not answered yet, as during Nav2's bring-up."""
     ACTIVE = auto()
@@ -63,7 +63,7 @@ class Presence:
 
 
 class LifecycleWatch:
-    """Makes up its mind by the answers of the lifecycle manager: one that stays out can be chance."""
+    """Determines the state by the lifecycle manager's answers: a single missing answer can be chance."""
 
     def __init__(self) -> None:
         self._misses = 0

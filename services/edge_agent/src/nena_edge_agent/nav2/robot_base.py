@@ -70,7 +70,7 @@ class Standstill:
 REACH = 0.1
 """Metres, or radians, that count as movement."""
 AWAY = 0.5
-"""Metres that a robot gets on after recoveries, to count as moving again (Nav2 backs up by 0.3 m)."""
+"""Metres that a robot must progress after recoveries to count as moving again (Nav2 backs up by 0.3 m)."""
 TURNED = 4.0
 """Radians that a robot may turn on one spot and count as moving; Nav2's recoveries turn again and again."""
 LONGEST_GAP = 1.0
@@ -80,7 +80,7 @@ LONGEST_GAP = 1.0
 class MovementWatch:
     """Follows odometry and poses; ``timeout`` is in seconds, times are monotonic seconds.
 
-    Nav2's recoveries (it spins, backs up and waits) are no progress: while they are counted, and where they
+    Nav2's recoveries (it spins, backs up and waits) are no progress: while they are counted, and if they
     cannot be, a robot counts as moving only where it gets away from its place.
     """
 
@@ -138,12 +138,12 @@ class MovementWatch:
         return self._moved_at is not None and now - self._moved_at >= self._timeout
 
     def _get_on(self, now: float) -> None:
-        """Note that the robot has got away from where it was."""
+        """Note that the robot has left its earlier position."""
         self._moved_at, self._recovering, self._turned = now, False, 0.0
         self._spot, self._pose_spot = (self._x, self._y), self._anchor
 
     def _stir(self, now: float) -> None:
-        """Note that the robot has moved, and maybe only on the spot."""
+        """Note that the robot has moved, possibly only on the spot."""
         if not self._recovering and self._turned < TURNED:
             self._moved_at = now
 
@@ -174,7 +174,7 @@ class Battery:
         self._warned = False
 
     def report(self, reading: BatteryReading) -> BatteryReport | None:
-        """Return the report for a reading; none where the charge was not measured."""
+        """Return the report for a reading; none if the charge was not measured."""
         if not math.isfinite(reading.percentage):
             return None
         self._check_scale(reading.percentage)
@@ -205,7 +205,7 @@ STOP = 1
 
 
 class CollisionMonitor:
-    """Listens to a collision monitor, which reports its state on each change."""
+    """Handles the state of a collision monitor, which reports each change."""
 
     def __init__(self, topic: str, on_report: Callable[[CollisionReport], None]) -> None:
         self._topic = topic

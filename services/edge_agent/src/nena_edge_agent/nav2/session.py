@@ -41,7 +41,7 @@ class RosMailbox(Generic[T]):
         self._post = post
 
     def put(self, item: T) -> None:
-        """Leave an item; returns at once."""
+        """Queue an item; returns at once."""
         with self._lock:
             self._items.append(item)
             post, self._posted = not self._posted, True
@@ -61,7 +61,7 @@ log = get_logger(__name__)
 
 
 class RosSession:
-    """One node in one domain. A session that has ended or failed is not started again: make a new one."""
+    """One node in one domain. A session that has ended or failed is not restarted: create a new one."""
 
     def __init__(self, *, node_name: str, namespace: str, domain_id: int) -> None:
         """Prepare the session, in the event loop that it will work for."""
@@ -186,7 +186,7 @@ class RosSession:
             self._executor.create_task(self._stop.set)
 
     def _run(self, populate: Callable[[Any], None]) -> None:
-        """Live in the thread: open, spin, close."""
+        """Run the thread: open, spin, close."""
         reason = "its thread has ended"
         try:
             with ExitStack() as stack:

@@ -30,7 +30,7 @@ from nena_shared.log import get_logger
 from nena_shared.vda5050.topics import RobotKey
 
 M_ARENA_MAX = -8
-"""Of glibc's mallopt: how many pools there may be."""
+"""Parameter of glibc's mallopt: maximum number of memory pools."""
 POOLS = 2
 
 
@@ -52,7 +52,7 @@ def prepare_environment() -> None:
 
 
 def _limit_memory_pools() -> None:
-    """Set what MALLOC_ARENA_MAX would set; other C libraries have no such thing."""
+    """Set what MALLOC_ARENA_MAX would set; other C libraries have no such parameter."""
     if "MALLOC_ARENA_MAX" not in os.environ and hasattr(own := ctypes.CDLL(None), "mallopt"):
         own.mallopt(M_ARENA_MAX, POOLS)
 
@@ -76,7 +76,7 @@ class NodeExtension(Protocol):
 log = get_logger(__name__)
 
 LONGEST_RETRY = 60.0
-"""Seconds between two tries to begin at most."""
+"""Maximum seconds between two attempts to begin."""
 
 
 class SessionManager:
@@ -151,7 +151,7 @@ class SessionManager:
                 self.report_stopped()
 
     async def look(self) -> None:
-        """Try again what has failed, if it is time to."""
+        """Retry after a failure, if due."""
         if self.state is not SessionState.FAILED or self._clock.monotonic() < self._again_at:
             return
         async with self.step:
@@ -213,11 +213,11 @@ class SessionStore:
     """One robot's file. It counts for as long as the settings are those that it was written against."""
 
     def __init__(self, folder: Path, robot: RobotKey) -> None:
-        """Prepare; the folder need not be there yet."""
+        """Prepare; the folder may not exist yet."""
         self._file = folder.expanduser() / f"{quote(str(robot), safe='')}.ros.json"
 
     def read(self, settings: RosSettings) -> RosAddress:
-        """Return the address that was kept, or that of the settings if none was, or none that counts."""
+        """Return the stored address, or that of the settings without a valid stored one."""
         own = RosAddress.of(settings)
         try:
             record = _Record.model_validate_json(self._file.read_bytes())

@@ -1,4 +1,4 @@
-"""Settings of the ROS side: where the robot is in the ROS graph, and how patient the driver is with it."""
+"""Settings of the ROS side: position of the robot in the ROS graph, and the driver's timeouts."""
 
 from __future__ import annotations
 
@@ -54,25 +54,25 @@ Namespace = Annotated[str, Field(max_length=200), AfterValidator(_ros_namespace)
 RosName = Annotated[str, Field(min_length=1, max_length=200), AfterValidator(_ros_name)]
 NodeName = Annotated[str, Field(min_length=1, max_length=100), AfterValidator(_ros_node_name)]
 DomainId = Annotated[int, Field(ge=0, le=232)]
-"""Above, Fast DDS ends the program without a word."""
+"""Above, Fast DDS ends the program without a message."""
 Seconds = Annotated[float, Field(gt=0, le=600, allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Radians = Annotated[float, Field(gt=0, le=math.pi)]
 
 
 GOAL_TOLERANCE = 0.25
-"""Metres from a goal within which Nav2 counts it as reached, where nothing else is known."""
+"""Default goal tolerance of Nav2, metres, if it is unknown."""
 
 
 class Navigation(StrEnum):
     """How goals are sent to Nav2."""
 
     AUTO = "auto"
-    """By its action where this machine has the types and the robot the server, else by topics."""
+    """By its action if this machine has the types and the robot the server, else by topics."""
     TOPICS = "topics"
     ACTION = "action"
     THROUGH_POSES = "through_poses"
-    """By the action that drives over several places: nodes ahead are given with the next one."""
+    """By the action for several poses: nodes ahead are sent with the next one."""
 
 
 class PoseSource(StrEnum):
@@ -241,7 +241,7 @@ class LocalisationSettings(SettingsGroup):
 
 
 class OfferSettings(SettingsGroup):
-    """What of Nav2 is used where this machine has the types for it, nav2_msgs."""
+    """The features of Nav2 that are used if this machine has nav2_msgs."""
 
     speed_limit: bool = Field(
         default=True,
@@ -374,5 +374,5 @@ class RosAddress:
         return settings.model_copy(update={"namespace": self.namespace, "domain_id": self.domain_id})
 
     def __str__(self) -> str:
-        """Report it to people."""
+        """Return it as text for people."""
         return f"namespace {self.namespace}, domain {self.domain_id}"

@@ -23,7 +23,7 @@ REPEATED_AFTER = 0.3
 
 
 class SpeedLimiter:
-    """Sends the lower one of two limits to the controller: that of the goal, and that of the place.
+    """Sends the lower one of two limits to the controller: that of the goal, and that of the position.
 
     Nav2 treats a limit above its own speed as its speed, so such a limit is not sent. The topic is not
     latched: a controller that appears gets the limit. A current limit is repeated, because MPPI drops it
@@ -76,7 +76,7 @@ class SpeedLimiter:
         return NO_LIMIT if lowest >= self._own_speed else max(lowest, SLOWEST)
 
     def reclaim(self) -> None:
-        """Leave the limit as it is until the next goal or the end of all goals."""
+        """Keep the limit until the next goal or the end of all goals."""
         self._reclaimed = True
 
     def problem(self, goal_limit: float | None) -> str:
@@ -95,7 +95,7 @@ class SpeedLimiter:
         self._repeat()
 
     def for_place(self, limit: float | None) -> None:
-        """Set the limit of the robot's present or next place, m/s; None: no limit."""
+        """Set the limit at the robot's current or next position, m/s; None: no limit."""
         self._of_place = limit
         self._send()
 

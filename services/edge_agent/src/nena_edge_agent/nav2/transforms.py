@@ -1,4 +1,4 @@
-"""The robot's pose by the transforms of its frames, where no localisation publishes a pose.
+"""The robot's pose by the transforms of its frames, if no localisation publishes a pose.
 
 SLAM, nav2_loopback_sim and other localisers publish the transform ``map`` → ``odom`` alone; the robot's
 odometry publishes ``odom`` → ``base_link`` many times a second.
@@ -60,7 +60,7 @@ class Chain:
         self._timeout = timeout
         self._known: dict[str, tuple[Transform, float]] = {}
         self.missing = ""
-        """Why there was no pose at the last look."""
+        """Why there was no pose at the last check."""
 
     def put(self, transforms: tuple[Transform, ...], now: float) -> bool:
         """Store transforms; return whether one of them may move the robot."""
@@ -89,7 +89,7 @@ class Chain:
 
 
 def transforms_of(message: Any) -> tuple[Transform, ...]:  # noqa: ANN401 - rclpy carries no types
-    """Read a tf2_msgs/TFMessage; transforms with numbers that are none are left out."""
+    """Read a tf2_msgs/TFMessage; transforms with invalid numbers are left out."""
     found = []
     for each in message.transforms:
         place, turn = each.transform.translation, each.transform.rotation
@@ -147,7 +147,7 @@ class TransformWatch:
         return missing and f"{missing} since {self._settings.transform_timeout:g} s"
 
     def look(self) -> None:
-        """Begin to listen where nothing publishes poses, and cease where something does."""
+        """Subscribe if nothing publishes poses, and unsubscribe if something does."""
         source = self._settings.pose_source
         if source is PoseSource.TOPIC or self._session is None:
             return
