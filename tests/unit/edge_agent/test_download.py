@@ -59,7 +59,7 @@ async def test_a_server_that_goes_silent_is_given_up(files: Files) -> None:
     link = files.put("/map.pgm", b"map")
     files.slow.add("/map.pgm")
 
-    with pytest.raises(DownloadError, match=r"silent for 0\.2 s"):
+    with pytest.raises(DownloadError, match=r"no data for 0\.2 s"):
         await download(link, None, SETTINGS.model_copy(update={"silence": 0.2}))
     with pytest.raises(DownloadError, match=r"not downloaded within 0\.1 s"):
         await download(link, None, SETTINGS.model_copy(update={"timeout": 0.1, "silence": 0.4}))

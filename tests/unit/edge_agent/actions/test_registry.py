@@ -146,7 +146,7 @@ def test_one_that_is_not_installed_is_a_mistake_in_the_settings(
         ("missing", "plug-in 'missing' cannot be loaded: ImportError: No module named 'acme'"),
         ("fails", "plug-in 'fails' failed to start: OSError: no hydraulics"),
         ("unavailable", "plug-in 'unavailable' does not work on this robot: it needs ROS"),
-        ("none", "plug-in 'none' gives <object object"),
+        ("none", "plug-in 'none' returned <object object"),
         ("NOT_A_FACTORY", "plug-in 'NOT_A_FACTORY' names 7, which does not create plug-ins"),
     ],
 )

@@ -61,7 +61,7 @@ def test_a_missing_pose_is_named_before_a_nav2_that_waits_for_it(lifecycle: Life
     ("view", "link", "text", "remedy"),
     [
         (RosView(), Link.DOMAIN, "domain 42", "UDP multicast"),
-        (RosView(busy_domains=(0, 7)), Link.DOMAIN, "there are nodes in 0, 7", "ros.domain_id"),
+        (RosView(busy_domains=(0, 7)), Link.DOMAIN, "nodes are visible in 0, 7", "ros.domain_id"),
         (replace(WELL, servers=0), Link.NAMESPACE, "namespace /r1", "start Nav2"),
         (replace(WELL, servers=0, elsewhere=("/", "/r2")), Link.NAMESPACE, "in /, /r2", "ros.namespace"),
         (replace(WELL, lifecycle=Lifecycle.INACTIVE), Link.NAVIGATION, "not active", "autostart"),

@@ -118,12 +118,12 @@ def test_a_corridor_alone_is_driven_in_the_middle_line() -> None:
         (
             {"control_points": (ControlPoint(x=0.2, y=0), *QUARTER[1:])},
             ErrorType.VALIDATION_FAILURE,
-            "0.20 m from the start node",
+            "starts 0.20 m from its node",
         ),
         (
             {"control_points": (*QUARTER[:2], ControlPoint(x=10, y=9))},
             ErrorType.VALIDATION_FAILURE,
-            "1.00 m from the end node",
+            "ends 1.00 m from its node",
         ),
         (
             {"control_points": (QUARTER[0], ControlPoint(x=900, y=0), QUARTER[2])},
