@@ -38,8 +38,8 @@ def _topic_errors(vehicle: Vehicle, serial: str) -> Iterator[PlantProblem]:
         text = f"manufacturer and serial number have more than {KEY_LENGTH} characters together"
         yield PlantProblem("NOT_IN_TOPICS", kind, name, text)
     if any(sign in f"{vehicle.manufacturer}{serial}" for sign in "/+#"):
-        text = f"manufacturer and serial number hold no '/', '+' or '#', but are {vehicle.manufacturer!r} "
-        yield PlantProblem("NOT_IN_TOPICS", kind, name, f"{text}and {serial!r}")
+        text = f"{vehicle.manufacturer!r} and {serial!r} must not contain '/', '+' or '#'"
+        yield PlantProblem("NOT_IN_TOPICS", kind, name, text)
     try:
         codec_named(vehicle.properties.get(keys.VDA5050_VERSION) or "2.1.0")
     except UnknownVersionError as error:

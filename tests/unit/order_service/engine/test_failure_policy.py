@@ -82,7 +82,7 @@ STEPS = st.lists(
 SITUATIONS = st.builds(
     Situation,
     st.sampled_from(K),
-    **{name: st.booleans() for name in ("begun", "carrying", "others", "other_way", "heard")},
+    **{name: st.booleans() for name in ("begun", "carrying", "others", "other_way", "online")},
 )
 
 

@@ -125,7 +125,7 @@ class Rerouting:
         return bool(self._over_locks)
 
     def lead_off_locked_paths(self) -> None:
-        """Lead the next halted vehicles around locked paths; those without another route stop in front of them."""
+        """Lead the next halted vehicles around locked paths; without another route, they stop there."""
         robots = [self._over_locks.popleft() for _ in range(min(OFF_LOCKS_AT_ONCE, len(self._over_locks)))]
         self._halt_rest()
         for robot in robots:
