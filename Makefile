@@ -80,10 +80,11 @@ test-all: $(STAMP) action-types broker browser ## all tests, with long and quara
 conformance: $(STAMP) ## regenerate docs/vda5050.md: conformance clause by clause, with its tests
 	PYTHONPATH=tests $(BIN)/python -m conformance.table
 
-reference: $(STAMP) ## regenerate docs/configuration.md, docs/metrics.md and docs/compatibility.md: settings, metrics, deviating robots
+reference: $(STAMP) ## regenerate docs/configuration.md, docs/metrics.md, docs/compatibility.md and docs/opentcs-web-api.md
 	PYTHONPATH=tests $(BIN)/python -m reference.configuration
 	PYTHONPATH=tests $(BIN)/python -m reference.metrics
 	PYTHONPATH=tests $(BIN)/python -m reference.compatibility
+	PYTHONPATH=tests $(BIN)/python -m reference.opentcs_web_api
 
 soak: soak-site soak-pauses soak-nemesis soak-cores ## soak-site, soak-pauses, soak-nemesis, then soak-cores
 

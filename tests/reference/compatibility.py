@@ -20,7 +20,8 @@ def document() -> str:
     head = ("the robot sends", "version", "outcome", "reported as", "`reason`")
     table = [row(head), row("---" for _ in head), *map(_row, DEVIATIONS)]
     text = (_HERE / "compatibility_introduction.md").read_text(encoding="utf-8")
-    return "\n".join([text + f"{len(DEVIATIONS)} deviations: {summary}.", "", *table, ""])
+    peers = (_HERE / "compatibility_peers.md").read_text(encoding="utf-8")
+    return "\n".join([text + f"{len(DEVIATIONS)} deviations: {summary}.", "", *table, peers])
 
 
 def _outcome(deviation: Deviation) -> str:

@@ -141,7 +141,7 @@ async def _begin_and_serve(
             await supervisor.wait(stop)
     finally:
         if begun:
-            runner.service.stream.close()
+            runner.service.close_streams()
         await server.close()
         if begun:
             await _shut_down(runner.service)

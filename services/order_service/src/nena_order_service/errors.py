@@ -107,6 +107,13 @@ class OrderEndedError(RefusedError):
         super().__init__(f"Transport order {name!r} is already {state} and cannot be changed.")
 
 
+class OrderAssignedError(Exception):
+    """A vehicle has the order, or a sequence: its intended vehicle cannot be changed."""
+
+    def __init__(self, name: str, reason: str) -> None:
+        super().__init__(f"The intended vehicle of transport order {name!r} cannot be changed: {reason}.")
+
+
 class OrderWithdrawnError(RefusedError):
     """The order is about to end and cannot be held."""
 

@@ -19,6 +19,7 @@ from nena_order_service.api.events import EventStream
 from nena_order_service.api.host_requests import HostRequests, HostServices, SequenceRequests
 from nena_order_service.api.metrics import SECTIONS, Monitored
 from nena_order_service.api.mqtt import MqttApi, MqttLimits
+from nena_order_service.api.opentcs_events import ChangeLog
 from nena_order_service.api.operations import HostOperations
 from nena_order_service.api.rest import ChangePlant, Service, make_app
 from nena_order_service.api.statuses import Heartbeat, RetainedSweep, StatusPublisher
@@ -72,6 +73,7 @@ class OrderService:
     app: FastAPI
     mqtt_api: MqttApi
     stream: EventStream
+    changes: ChangeLog
     hosts: HostServices
     loop_lag: LoopLag
     elected: asyncio.Event | None = None
@@ -100,9 +102,14 @@ class OrderService:
             await self.elected.wait()
         await self.mqtt.run()
 
+    def close_streams(self) -> None:
+        """End the streams of events."""
+        self.stream.close()
+        self.changes.close()
+
     async def end(self) -> None:
         """End all that clients wait for."""
-        self.stream.close()
+        self.close_streams()
         self.publisher.close()
         self.heartbeat.end(self.mqtt)
         await self.mqtt_api.close()
@@ -137,13 +144,15 @@ def build(
     plant_json, end_kept = plant.to_json().encode(), settings.end_kept
     publisher = StatusPublisher(mqtt, topics, engine, plant_json=plant_json, end_kept=end_kept, epoch=epoch)
     stream = EventStream(engine, settings.events)
-    engine.unit_of_work.listeners += [publisher, stream]
+    changes = ChangeLog(plant, clock)
+    engine.unit_of_work.listeners += [publisher, stream, changes]
     sweep = RetainedSweep(settings.mqtt, client_id=f"{client_id}-sweep", engine=engine, publisher=publisher)
     operations = HostOperations(hosts)
     limits = MqttLimits(settings.hosts, clock)
     mqtt_api = MqttApi(mqtt, topics, operations, limits=limits, max_body=settings.max_body)
     loop_lag = LoopLag(clock)
     parts = Monitored(engine, fleet, mqtt, mqtt_api, stream, loop_lag, {} if answers is None else answers)
+    opentcs_app = opentcs.make_app(hosts, operations, engine, changes, change_plant or _no_change)
     service = Service(
         plant_json=plant_json,
         change_plant=change_plant,
@@ -151,11 +160,23 @@ def build(
         readiness=lambda: readiness(mqtt, store, loop_lag.longest),
         max_body=settings.max_body,
         metrics=Exposition(parts, SECTIONS).text,
-        mounted=_mounted(settings, plant, engine, hosts, operations),
+        mounted={} if not settings.opentcs_prefix else {settings.opentcs_prefix: opentcs_app},
     )
     app = make_app(operations, stream, service)
     return OrderService(
-        engine, fleet, publisher, heartbeat, sweep, mqtt, app, mqtt_api, stream, hosts, loop_lag, elected
+        engine,
+        fleet,
+        publisher,
+        heartbeat,
+        sweep,
+        mqtt,
+        app,
+        mqtt_api,
+        stream,
+        changes,
+        hosts,
+        loop_lag,
+        elected,
     )
 
 
@@ -182,17 +203,8 @@ def _make_host_services(engine: Engine, fleet: FleetLink) -> HostServices:
     )
 
 
-def _mounted(
-    settings: OrderServiceSettings,
-    plant: PlantModel,
-    engine: Engine,
-    hosts: HostServices,
-    operations: HostOperations,
-) -> dict[str, ASGIApp]:
-    """Return other applications by the paths below which they answer."""
-    if not settings.opentcs_prefix:
-        return {}
-    return {settings.opentcs_prefix: opentcs.make_app(hosts, operations, plant=plant, dispatch=engine.look)}
+async def _no_change(_: PlantModel) -> None:
+    raise StoreNotReadyError(CHANGING)
 
 
 def _client_id(settings: OrderServiceSettings, epoch: int) -> str:

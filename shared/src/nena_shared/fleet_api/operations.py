@@ -371,6 +371,7 @@ INTEGRATION_LEVEL = Operation(
     subject="vehicle",
     result="vehicle",
     refusals=_VEHICLE_CHANGE,
+    opentcs=(f"PUT {VEHICLES}/{{name}}/integrationLevel",),
 )
 ORDER_TYPES = Operation(
     "acceptableOrderTypes",

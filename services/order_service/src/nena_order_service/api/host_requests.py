@@ -14,6 +14,7 @@ from nena_order_service.engine.zone_sets import ZoneSets
 from nena_order_service.errors import (
     KeyReusedError,
     NameTakenError,
+    OrderAssignedError,
     OrderEndedError,
     OrderWithdrawnError,
     SequenceNameTakenError,
@@ -205,6 +206,23 @@ class HostRequests:
         """Resume a held order; one that is not held is unchanged. ``seen`` as in :meth:`withdraw`."""
         order = await self._living(name, seen)
         self._engine.resume(order.number, by, reason)
+        await self._engine.unit_of_work.wait_committed()
+        return self._visible(order)
+
+    async def intend(self, name: str, vehicle: str | None) -> TransportOrderStatus:
+        """Set the vehicle that is to do an order which no vehicle has yet; None: any.
+
+        Raises:
+            OrderAssignedError: a vehicle has it, or the order belongs to a sequence.
+        """
+        order = await self._living(name, None)
+        if vehicle is not None:
+            self._vehicle(vehicle)
+        if order.state not in (TransportOrderState.ACTIVE, TransportOrderState.DISPATCHABLE):
+            raise OrderAssignedError(name, f"it is {order.state}")
+        if order.status.wrapping_sequence is not None:
+            raise OrderAssignedError(name, f"it belongs to sequence {order.status.wrapping_sequence!r}")
+        self._engine.intend(order.number, vehicle)
         await self._engine.unit_of_work.wait_committed()
         return self._visible(order)
 

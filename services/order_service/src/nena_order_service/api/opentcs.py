@@ -1,30 +1,36 @@
-"""openTCS's web API, version 1, for orders, sequences, vehicles and paths; its clients need another URL."""
+"""openTCS's web API, version 1; its clients need another URL. docs/opentcs-web-api.md lists its routes."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
+from contextlib import suppress
 from datetime import UTC, datetime
-from http import HTTPStatus
 from math import degrees
 from typing import Annotated, Any, Self, TypeVar
 
-from fastapi import FastAPI, Query, Request, Response
-from fastapi.exceptions import RequestValidationError
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from fastapi import FastAPI, Query, Response
+from pydantic import BaseModel, Field, TypeAdapter
 from starlette.datastructures import MutableHeaders
-from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Receive, Scope, Send
 
+from nena_order_service.api import opentcs_devices, opentcs_events, opentcs_plant
 from nena_order_service.api.host_requests import HostRequests, HostServices, SequenceRequests
+from nena_order_service.api.opentcs_answers import Body, NotPossibleError, done, install
+from nena_order_service.api.opentcs_events import LAST_MOMENT, ChangeLog, StateTimes
+from nena_order_service.api.opentcs_plant import ChangePlant
 from nena_order_service.api.operations import Call, HostOperations
-from nena_order_service.api.problems import FORESEEN, problem_of
+from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.path_locks import PathLocks
-from nena_order_service.errors import NameTakenError, SequenceNameTakenError
+from nena_order_service.errors import (
+    NameTakenError,
+    NotReroutableError,
+    OrderAssignedError,
+    OrderEndedError,
+    SequenceNameTakenError,
+)
 from nena_order_service.store.database import OrderFilter, SequenceFilter
-from nena_shared.findings import FINDINGS_SHOWN, in_words
 from nena_shared.fleet_api import operations as table
-from nena_shared.fleet_api.base import CamelCase, Moment
+from nena_shared.fleet_api.base import Moment
 from nena_shared.fleet_api.requests import SOMEBODY, InstantActionAnswer, InstantActionRequest
 from nena_shared.fleet_api.transport_order import (
     Destination,
@@ -38,6 +44,7 @@ from nena_shared.fleet_api.transport_order import (
 from nena_shared.fleet_api.vehicle import (
     ANY_TYPE,
     AcceptableOrderType,
+    IntegrationLevel,
     OrderType,
     PrecisePosition,
     ProcessingState,
@@ -47,84 +54,14 @@ from nena_shared.fleet_api.vehicle import (
 from nena_shared.log import get_logger
 from nena_shared.plant import BoundingBox, PlantModel, Vehicle
 from nena_shared.plant.track import MM_PER_M
-from nena_shared.web.problem import describe_problems
 
 log = get_logger(__name__)
 
 E = TypeVar("E", bound=Callable[..., Any])
 
 
-class NotPossibleError(Exception):
-    """Something that openTCS can do and NeNa cannot, or not that way."""
-
-    def __init__(self, *reasons: str) -> None:
-        super().__init__("; ".join(reasons))
-        self.reasons = reasons
-
-
-def answer(status: int, reasons: tuple[str, ...], headers: dict[str, str] | None = None) -> Response:
-    """Return a response of sentences."""
-    return Response(json.dumps(reasons), status, headers, "application/json")
-
-
-def _findings(error: RequestValidationError | ValidationError) -> tuple[str, ...]:
-    return tuple(in_words(error.errors(), whole="body", root="body", most=FINDINGS_SHOWN))
-
-
-def install(app: FastAPI) -> None:
-    """Answer every error of ``app`` as openTCS does, and describe it.
-
-    What is refused before it gets here (too large, too frequent, not logged in) is answered with a problem.
-    """
-    describe_problems(app, {"application/json": {"type": "array", "items": {"type": "string"}}})
-
-    @app.exception_handler(RequestValidationError)
-    async def malformed(_request: Request, error: RequestValidationError) -> Response:
-        return answer(
-            HTTPStatus.BAD_REQUEST,
-            _findings(error),
-        )
-
-    @app.exception_handler(ValidationError)
-    async def invalid(_request: Request, error: ValidationError) -> Response:
-        return answer(
-            HTTPStatus.BAD_REQUEST,
-            _findings(error),
-        )
-
-    @app.exception_handler(HTTPException)
-    async def refused(_request: Request, error: HTTPException) -> Response:
-        return answer(error.status_code, (str(error.detail),), dict(error.headers or {}))
-
-    @app.exception_handler(NotPossibleError)
-    async def not_possible(_request: Request, error: NotPossibleError) -> Response:
-        return answer(HTTPStatus.BAD_REQUEST, error.reasons)
-
-    async def foreseen(_request: Request, error: Exception) -> Response:
-        problem = problem_of(error)
-        # openTCS has no 422.
-        status = (
-            HTTPStatus.BAD_REQUEST if problem.status == HTTPStatus.UNPROCESSABLE_ENTITY else problem.status
-        )
-        return answer(status, problem.errors or (problem.detail,))
-
-    for kind in FORESEEN:
-        app.add_exception_handler(kind, foreseen)
-
-    @app.exception_handler(Exception)
-    async def failed(request: Request, error: Exception) -> Response:
-        log.error("request failed", path=request.url.path, exc_info=error)
-        return answer(HTTPStatus.INTERNAL_SERVER_ERROR, (problem_of(error).detail,))
-
-
 END_OF_TIME = datetime(9999, 12, 31, 23, 59, 59, tzinfo=UTC)
 """openTCS's value for an order without a deadline, as near as it can be written."""
-
-
-class Body(CamelCase):
-    """A JSON object; fields that openTCS has and NeNa has not are passed over."""
-
-    model_config = ConfigDict(extra="ignore")
 
 
 class DestinationRequest(Body):
@@ -293,12 +230,14 @@ class VehicleState(Body):
     integration_level: str
     paused: bool = False
     proc_state: str
+    proc_state_timestamp: Moment
     transport_order: str | None
     current_position: str | None
     precise_position: Triple | None
-    orientation_angle: float | None
-    """Degrees."""
+    orientation_angle: float | str
+    """Degrees; ``NaN``: not known."""
     state: str
+    state_timestamp: Moment
     allocated_resources: tuple[tuple[str, ...], ...] = ()
     claimed_resources: tuple[tuple[str, ...], ...] = ()
     acceptable_order_types: tuple[AcceptableOrderType, ...]
@@ -307,7 +246,7 @@ class VehicleState(Body):
     envelope_key: str | None = None
 
     @classmethod
-    def of(cls, status: VehicleStatus, model: Vehicle | None) -> Self:
+    def of(cls, status: VehicleStatus, model: Vehicle | None, times: StateTimes) -> Self:
         """Convert one of NeNa's vehicles, with its entry in the plant model."""
         model = model or Vehicle(name=status.name)
         position, levels = status.precise_position, model.energy_thresholds
@@ -323,13 +262,16 @@ class VehicleState(Body):
             energy_level=round(status.energy_level or 0),
             integration_level=status.integration_level.value,
             proc_state=status.processing_state.value,
+            proc_state_timestamp=times.processing_state,
             transport_order=status.transport_order,
             current_position=status.current_position,
             precise_position=Triple.of(position) if position else None,
             acceptable_order_types=status.acceptable_order_types,
             allowed_order_types=tuple(each.name for each in status.acceptable_order_types),
-            orientation_angle=round(degrees(position.theta), 3) if position else None,
+            orientation_angle=round(degrees(position.theta), 3) if position else "NaN",
             state=status.state.value,
+            state_timestamp=times.state,
+            envelope_key=model.envelope_key,
         )
 
 
@@ -369,6 +311,8 @@ class OrderSequenceState(Body):
     failure_fatal: bool
     intended_vehicle: str | None
     processing_vehicle: str | None
+    creation_time: Moment
+    finished_time: Moment | str
     properties: tuple[Property, ...]
 
     @classmethod
@@ -385,6 +329,8 @@ class OrderSequenceState(Body):
             failure_fatal=sequence.failure_fatal,
             intended_vehicle=sequence.intended_vehicle,
             processing_vehicle=sequence.processing_vehicle,
+            creation_time=sequence.created,
+            finished_time=sequence.finished_time or LAST_MOMENT,
             properties=sequence.properties,
         )
 
@@ -392,11 +338,13 @@ class OrderSequenceState(Body):
 _SEQUENCES = TypeAdapter(list[OrderSequenceState])
 
 
-def _add_sequences(app: FastAPI, requests: SequenceRequests) -> None:
+def _add_sequences(app: FastAPI, requests: SequenceRequests, vehicles: HostRequests) -> None:
     @_serve(app, table.LIST_SEQUENCES, response_model=list[OrderSequenceState])
     async def list_sequences(
         intended_vehicle: Annotated[str | None, Query(alias="intendedVehicle")] = None,
     ) -> Response:
+        if intended_vehicle is not None:
+            vehicles.vehicle(intended_vehicle)
         found = await requests.sequences(SequenceFilter(intended_vehicle=intended_vehicle, limit=LISTED))
         states = [OrderSequenceState.of(each.status) for each in found]
         return Response(_SEQUENCES.dump_json(states, by_alias=True), media_type="application/json")
@@ -415,7 +363,7 @@ def _add_sequences(app: FastAPI, requests: SequenceRequests) -> None:
     @_serve(app, table.COMPLETE_SEQUENCE, response_class=Response)
     async def complete(name: str) -> Response:
         await requests.complete(name)
-        return _done()
+        return done()
 
 
 LISTED = 1000
@@ -448,27 +396,27 @@ class AccessKey:
 def make_app(
     hosts: HostServices,
     operations: HostOperations,
-    *,
-    plant: PlantModel,
-    dispatch: Callable[[], None],
+    engine: Engine,
+    changes: ChangeLog,
+    change_plant: ChangePlant,
 ) -> FastAPI:
-    """Make the ASGI application; ``dispatch`` triggers the dispatcher."""
+    """Make the ASGI application; ``changes`` listens to the engine."""
     app = FastAPI(title="openTCS web API, version 1, as NeNa serves it", docs_url=None, redoc_url=None)
     install(app)
-    _add_dispatcher(app, dispatch)
+    _add_dispatcher(app, engine.look)
     _add_orders(app, hosts.requests)
-    _add_sequences(app, hosts.sequences)
-    _add_vehicles(app, hosts.requests, operations, plant)
+    _add_assignment(app, hosts.requests, engine.look)
+    _add_sequences(app, hosts.sequences, hosts.requests)
+    _add_vehicles(app, hosts.requests, operations, engine.plant, changes)
     _add_paths(app, hosts.locks)
+    opentcs_plant.add_routes(app, engine.plant, hosts.locks, change_plant)
+    opentcs_devices.add_routes(app, hosts.requests, engine)
+    opentcs_events.add_routes(app, changes)
     return app
 
 
 def _json(body: BaseModel) -> Response:
     return Response(body.model_dump_json(by_alias=True), media_type="application/json")
-
-
-def _done() -> Response:
-    return Response(status_code=HTTPStatus.OK)
 
 
 def _serve(
@@ -484,10 +432,11 @@ def _serve(
 
 def _add_dispatcher(app: FastAPI, dispatch: Callable[[], None]) -> None:
     @app.post("/v1/dispatcher/trigger", response_class=Response)
+    @app.post("/v1/vehicles/dispatcher/trigger", response_class=Response)
     @app.post("/v1/transportOrders/dispatcher/trigger", response_class=Response)
     async def trigger() -> Response:
         dispatch()
-        return _done()
+        return done()
 
 
 def _add_orders(app: FastAPI, requests: HostRequests) -> None:
@@ -495,6 +444,8 @@ def _add_orders(app: FastAPI, requests: HostRequests) -> None:
     async def list_orders(
         intended_vehicle: Annotated[str | None, Query(alias="intendedVehicle")] = None,
     ) -> Response:
+        if intended_vehicle is not None:
+            requests.vehicle(intended_vehicle)
         found = await requests.orders(OrderFilter(intended_vehicle=intended_vehicle, limit=LISTED))
         orders = [TransportOrderState.of(each.status) for each in found]
         return Response(_ORDERS.dump_json(orders, by_alias=True), media_type="application/json")
@@ -512,28 +463,63 @@ def _add_orders(app: FastAPI, requests: HostRequests) -> None:
 
     @_serve(app, table.WITHDRAW, response_class=Response)
     async def withdraw(name: str) -> Response:
-        await requests.withdraw(name, REASON)
-        return _done()
+        with suppress(OrderEndedError):  # as in openTCS, nothing is left to withdraw
+            await requests.withdraw(name, REASON)
+        return done()
 
     @_serve(app, table.WITHDRAW, 1, response_class=Response)
     async def withdraw_from_vehicle(name: str) -> Response:
         order = requests.vehicle(name).transport_order
         if order is not None:
             await requests.withdraw(order, REASON)
-        return _done()
+        return done()
+
+
+def _add_assignment(app: FastAPI, requests: HostRequests, dispatch: Callable[[], None]) -> None:
+    @app.put("/v1/transportOrders/{name}/intendedVehicle", response_class=Response)
+    async def intend(name: str, vehicle: str | None = None) -> Response:
+        try:
+            await requests.intend(name, vehicle)
+        except OrderAssignedError as error:
+            raise NotPossibleError(str(error)) from error
+        return done()
+
+    @app.post("/v1/transportOrders/{name}/immediateAssignment", response_class=Response)
+    async def assign(name: str) -> Response:
+        """Assign it if that is possible: the dispatcher does so on its own."""
+        order = await requests.order(name)
+        dispatch()
+        order = await requests.order(name)
+        if order.intended_vehicle is None:
+            reason = "it has no intended vehicle"
+        elif order.wrapping_sequence is not None:
+            reason = "it belongs to a sequence"
+        elif order.processing_vehicle != order.intended_vehicle:
+            reason = f"{order.state}, {order.reason}"
+        else:
+            return done()
+        text = f"Transport order {name!r} cannot be assigned to its intended vehicle: {reason}."
+        raise NotPossibleError(text)
 
 
 def _add_vehicles(
-    app: FastAPI, requests: HostRequests, operations: HostOperations, plant: PlantModel
+    app: FastAPI,
+    requests: HostRequests,
+    operations: HostOperations,
+    plant: PlantModel,
+    changes: ChangeLog,
 ) -> None:
-    models = {vehicle.name: vehicle for vehicle in plant.vehicles}
+    models = plant.vehicles_by_name
+
+    def state_of(status: VehicleStatus) -> VehicleState:
+        return VehicleState.of(status, models.get(status.name), changes.times(status.name))
 
     @_serve(app, table.LIST_VEHICLES, response_model=list[VehicleState])
     async def list_vehicles(
         proc_state: Annotated[ProcessingState | None, Query(alias="procState")] = None,
     ) -> Response:
         states = [
-            VehicleState.of(each, models.get(each.name))
+            state_of(each)
             async for each in requests.vehicles()
             if proc_state in (None, each.processing_state)
         ]
@@ -541,12 +527,13 @@ def _add_vehicles(
 
     @_serve(app, table.SHOW_VEHICLE, response_model=VehicleState)
     async def show(name: str) -> Response:
-        return _json(VehicleState.of(requests.vehicle(name), models.get(name)))
+        return _json(state_of(requests.vehicle(name)))
 
     @_serve(app, table.REROUTE, response_class=Response)
     async def reroute(name: str, *, forced: bool = False) -> Response:
-        await requests.reroute(name, ReroutingType.FORCED if forced else ReroutingType.REGULAR)
-        return _done()
+        with suppress(NotReroutableError):  # as in openTCS, a vehicle without an order stays where it is
+            await requests.reroute(name, ReroutingType.FORCED if forced else ReroutingType.REGULAR)
+        return done()
 
     @_serve(app, table.INSTANT_ACTION, response_class=Response)
     async def pause(name: str, new_value: Annotated[bool, Query(alias="newValue")]) -> Response:
@@ -554,21 +541,26 @@ def _add_vehicles(
         reply = await operations.instant_action(Call(name, request, SOMEBODY))
         if isinstance(reply.body, InstantActionAnswer) and reply.body.status == "FAILED":
             raise NotPossibleError(reply.body.reason)
-        return _done()
+        return done()
+
+    @_serve(app, table.INTEGRATION_LEVEL, response_class=Response)
+    async def integrate(name: str, level: Annotated[IntegrationLevel, Query(alias="newValue")]) -> Response:
+        await requests.set_integration_level(name, level)
+        return done()
 
     @_serve(app, table.ORDER_TYPES, response_class=Response)
     async def accept(name: str, body: AcceptableOrderTypes) -> Response:
         await requests.accept_order_types(name, body.acceptable_order_types)
-        return _done()
+        return done()
 
     @_serve(app, table.ORDER_TYPES, 1, response_class=Response)
     async def allow(name: str, body: AllowedOrderTypes) -> Response:
         await requests.accept_order_types(name, body.acceptable())
-        return _done()
+        return done()
 
 
 def _add_paths(app: FastAPI, locks: PathLocks) -> None:
     @_serve(app, table.LOCK_PATH, response_class=Response)
     async def lock(name: str, new_value: Annotated[bool, Query(alias="newValue")]) -> Response:
         await locks.set(name, locked=new_value)
-        return _done()
+        return done()

@@ -125,7 +125,12 @@ def role_needed(method: str, path: str) -> Role | None:
     if path in OPEN:
         return None
     reads = method in READING
-    alike = (each for each in GUARDED if (each.method in READING) == reads and path.startswith(each.prefix))
+    inner = path[max(path.rfind("/v1/"), 0) :]  # what a mounted application sees, such as openTCS's web API
+    alike = (
+        each
+        for each in GUARDED
+        if (each.method in READING) == reads and any(part.startswith(each.prefix) for part in (path, inner))
+    )
     least = Role.VIEWER if reads else Role.OPERATOR
     return max((each.role for each in alike), default=least)
 

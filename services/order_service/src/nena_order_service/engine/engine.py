@@ -413,6 +413,13 @@ class Engine:
         with self.change():
             self._life_cycle.resume(self.state.orders.get(number), by, reason)
 
+    def intend(self, number: int, vehicle: str | None) -> None:
+        """Set the vehicle that is to do an order which no vehicle has yet; None: any."""
+        with self.change():
+            order = self.state.orders.get(number)
+            self.state.orders.put(order.intended_for(vehicle, self.context.clock.now()))
+            self.state.dispatch_due = True
+
     def reroute(self, vehicle: FleetVehicle, kind: ReroutingType) -> Rerouted:
         """Replan the route of a vehicle's order; see :meth:`Rerouting.request`."""
         with self.change():

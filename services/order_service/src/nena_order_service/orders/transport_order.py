@@ -38,6 +38,7 @@ class EventCode(StrEnum):
     SKIPPED = "nena:skipped"
     DEADLINE_PASSED = "nena:deadlinePassed"
     REROUTED = "nena:rerouted"
+    INTENDED_VEHICLE_CHANGED = "nena:intendedVehicleChanged"
     WITHDRAWAL_REQUESTED = "nena:withdrawalRequested"
     ADOPTED_AFTER_RESTART = "nena:adoptedAfterRestart"
     FINAL_STATE_REACHED = "nena:finalStateReached"
@@ -203,6 +204,16 @@ class TransportOrder:
     def unroutable(self, reason: str, now: datetime) -> Self:
         """Refuse a RAW order for which the plant has no route."""
         return self._ended(S.UNROUTABLE, reason, now)
+
+    def intended_for(self, vehicle: str | None, now: datetime) -> Self:
+        """Set the vehicle that is to do an order which no vehicle has yet; None: any."""
+        self.require("changing the intended vehicle", S.ACTIVE, S.DISPATCHABLE)
+        if vehicle == self.status.intended_vehicle:
+            return self
+        entry = self.entry(now, EventCode.INTENDED_VEHICLE_CHANGED, vehicle or "any vehicle")
+        history = (*self.status.history, entry)
+        reason = self.status.reason if self.state is S.ACTIVE or self.held else "waits for its turn"
+        return self.changed(intended_vehicle=vehicle, reason=reason, history=history)
 
     def deferred(self, reason: str, now: datetime) -> Self:
         """Note why a DISPATCHABLE order is not assigned yet; the same reason again changes nothing."""

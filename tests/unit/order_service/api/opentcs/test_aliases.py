@@ -5,13 +5,10 @@ from __future__ import annotations
 from golden.outside import opentcs, order_service
 from nena_shared.fleet_api.operations import OPERATIONS
 
-OWN = {"POST /v1/dispatcher/trigger", "POST /v1/transportOrders/dispatcher/trigger"}
-"""What NeNa's own API has no operation for: its dispatcher looks when something changes."""
 
-
-def test_all_routes_are_those_of_the_table() -> None:
+def test_the_aliases_of_the_table_are_served() -> None:
     paths = opentcs(order_service()).openapi()["paths"]
     served = {f"{method.upper()} {path}" for path, methods in paths.items() for method in methods}
     aliases = [alias.replace(":path}", "}") for each in OPERATIONS for alias in each.opentcs]
     assert len(aliases) == len(set(aliases))
-    assert served == {*aliases, *OWN}
+    assert served >= set(aliases)

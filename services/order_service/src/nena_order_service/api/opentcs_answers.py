@@ -1,0 +1,93 @@
+"""How openTCS's web API answers: bodies, errors as arrays of sentences."""
+
+from __future__ import annotations
+
+import json
+from http import HTTPStatus
+
+from fastapi import FastAPI, Request, Response
+from fastapi.exceptions import RequestValidationError
+from pydantic import ConfigDict, ValidationError
+from starlette.exceptions import HTTPException
+
+from nena_order_service.api.problems import FORESEEN, problem_of
+from nena_shared.findings import FINDINGS_SHOWN, in_words
+from nena_shared.fleet_api.base import CamelCase
+from nena_shared.log import get_logger
+from nena_shared.web.problem import describe_problems
+
+log = get_logger(__name__)
+
+
+class Body(CamelCase):
+    """A JSON object; fields that openTCS has and NeNa has not are passed over."""
+
+    model_config = ConfigDict(extra="ignore")
+
+
+class NotPossibleError(Exception):
+    """Something that openTCS can do and NeNa cannot, or not that way."""
+
+    def __init__(self, *reasons: str) -> None:
+        super().__init__("; ".join(reasons))
+        self.reasons = reasons
+
+
+def answer(status: int, reasons: tuple[str, ...], headers: dict[str, str] | None = None) -> Response:
+    """Return a response of sentences."""
+    return Response(json.dumps(reasons), status, headers, "application/json")
+
+
+def _findings(error: RequestValidationError | ValidationError) -> tuple[str, ...]:
+    return tuple(in_words(error.errors(), whole="body", root="body", most=FINDINGS_SHOWN))
+
+
+def install(app: FastAPI) -> None:
+    """Answer every error of ``app`` as openTCS does, and describe it.
+
+    What is refused before it gets here (too large, too frequent, not logged in) is answered with a problem.
+    """
+    describe_problems(app, {"application/json": {"type": "array", "items": {"type": "string"}}})
+
+    @app.exception_handler(RequestValidationError)
+    async def malformed(_request: Request, error: RequestValidationError) -> Response:
+        return answer(
+            HTTPStatus.BAD_REQUEST,
+            _findings(error),
+        )
+
+    @app.exception_handler(ValidationError)
+    async def invalid(_request: Request, error: ValidationError) -> Response:
+        return answer(
+            HTTPStatus.BAD_REQUEST,
+            _findings(error),
+        )
+
+    @app.exception_handler(HTTPException)
+    async def refused(_request: Request, error: HTTPException) -> Response:
+        return answer(error.status_code, (str(error.detail),), dict(error.headers or {}))
+
+    @app.exception_handler(NotPossibleError)
+    async def not_possible(_request: Request, error: NotPossibleError) -> Response:
+        return answer(HTTPStatus.BAD_REQUEST, error.reasons)
+
+    async def foreseen(_request: Request, error: Exception) -> Response:
+        problem = problem_of(error)
+        # openTCS has no 422.
+        wrong = problem.status == HTTPStatus.UNPROCESSABLE_ENTITY
+        return answer(
+            HTTPStatus.BAD_REQUEST if wrong else problem.status, problem.errors or (problem.detail,)
+        )
+
+    for kind in FORESEEN:
+        app.add_exception_handler(kind, foreseen)
+
+    @app.exception_handler(Exception)
+    async def failed(request: Request, error: Exception) -> Response:
+        log.error("request failed", path=request.url.path, exc_info=error)
+        return answer(HTTPStatus.INTERNAL_SERVER_ERROR, (problem_of(error).detail,))
+
+
+def done() -> Response:
+    """Return the answer to a change that was made."""
+    return Response(status_code=HTTPStatus.OK)

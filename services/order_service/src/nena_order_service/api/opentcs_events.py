@@ -1,0 +1,382 @@
+"""Events of openTCS's web API: its long poll, its stream, and since when vehicles have their states."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import AsyncGenerator, Collection
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from enum import StrEnum
+from itertools import pairwise
+from math import degrees
+from typing import Annotated, Any, Final, NamedTuple
+
+from fastapi import FastAPI, Query, Request
+from fastapi.responses import StreamingResponse
+
+from nena_order_service.api.opentcs_answers import NotPossibleError
+from nena_order_service.errors import TooManyClientsError
+from nena_shared.clock import Clock, iso
+from nena_shared.fleet_api.transport_order import (
+    DriveOrderStatus,
+    HistoryEntry,
+    OrderSequenceStatus,
+    Property,
+    TransportOrderStatus,
+)
+from nena_shared.fleet_api.vehicle import VehicleStatus
+from nena_shared.plant import RECHARGE_OPERATION, PlantModel, Vehicle
+from nena_shared.plant.track import MM_PER_M
+from nena_shared.tasks import set_within
+from nena_shared.web.server_sent_events import HEADERS, EventRing
+
+Json = dict[str, Any]
+Status = VehicleStatus | TransportOrderStatus | OrderSequenceStatus
+
+KEPT: Final = 1000
+"""Events that a long poll can still get; older ones are dropped."""
+
+CLIENTS: Final = 100
+"""Clients that may wait or follow the stream at once."""
+
+LAST_MOMENT: Final = "9999-12-31T23:59:59.000Z"
+"""openTCS's value for a time that has not come, as near as it can be written."""
+
+
+class EventTopic(StrEnum):
+    """What a client of the stream can choose, as openTCS names it."""
+
+    VEHICLES = "/events/vehicles"
+    TRANSPORT_ORDERS = "/events/transportOrders"
+    ORDER_SEQUENCES = "/events/orderSequences"
+    PERIPHERAL_JOBS = "/events/peripheralJobs"
+    """There are none: NeNa has no peripheral jobs."""
+
+
+class StateTimes(NamedTuple):
+    """Since when a vehicle has its state and its processing state."""
+
+    state: datetime
+    processing_state: datetime
+
+
+@dataclass(frozen=True, slots=True)
+class _Change:
+    """One committed change."""
+
+    at: datetime
+    now: Status
+    before: Status | None
+    times: StateTimes | None
+    """Of a vehicle."""
+
+    @property
+    def topic(self) -> EventTopic:
+        match self.now:
+            case VehicleStatus():
+                return EventTopic.VEHICLES
+            case TransportOrderStatus():
+                return EventTopic.TRANSPORT_ORDERS
+            case OrderSequenceStatus():
+                return EventTopic.ORDER_SEQUENCES
+
+
+class ChangeLog(EventRing[_Change]):
+    """Listens to the engine and keeps the last changes; every method is for the event loop's thread."""
+
+    def __init__(self, plant: PlantModel, clock: Clock) -> None:
+        super().__init__(KEPT)
+        self._models = plant.vehicles_by_name
+        self._clock = clock
+        self._began = clock.now()
+        self._times: dict[str, StateTimes] = {}
+        self._last: dict[tuple[type, str], Status] = {}
+        """The vehicles, and what has not ended, as last seen."""
+
+    def times(self, vehicle: str) -> StateTimes:
+        """Return since when a vehicle has its states; since the start of the service if nothing changed."""
+        return self._times.get(vehicle, StateTimes(self._began, self._began))
+
+    def order_changed(self, status: TransportOrderStatus) -> None:
+        """Note the new version of an order."""
+        self._note(status, ended=status.state.final)
+
+    def sequence_changed(self, status: OrderSequenceStatus) -> None:
+        """Note the new version of an order sequence."""
+        self._note(status, ended=status.finished)
+
+    def vehicle_changed(self, status: VehicleStatus) -> None:
+        """Note the new status of a vehicle."""
+        now, times = self._clock.now(), self.times(status.name)
+        before = self._last.get((VehicleStatus, status.name))
+        if isinstance(before, VehicleStatus):
+            self._times[status.name] = StateTimes(
+                times.state if before.state is status.state else now,
+                times.processing_state if before.processing_state is status.processing_state else now,
+            )
+        self._note(status)
+
+    async def poll(self, first: int, last: int, seconds: float) -> list[Json]:
+        """Return the status messages with these numbers, waiting up to ``seconds`` for the first one."""
+        self._require_room()
+        with self.client():
+            if not (found := self._messages(first, last)) and not self.closed:
+                await set_within(self._added, seconds)
+                found = self._messages(first, last)
+        return found
+
+    async def follow(self, topics: Collection[EventTopic]) -> AsyncGenerator[bytes, None]:
+        """Yield the changes of these kinds from now on, as server-sent events."""
+        self._require_room()
+        position = self.count
+        with self.client():
+
+            async def following() -> bytes:
+                nonlocal position
+                changes, position = self.last(min(self.count - position, KEPT)) or (), self.count
+                wanted = (each for each in changes if each.topic in topics)
+                return b"".join(map(self._frame, wanted))
+
+            async for frames in self.frames(following):
+                yield frames
+
+    def _require_room(self) -> None:
+        if self.clients >= CLIENTS:
+            raise TooManyClientsError(CLIENTS)
+
+    def _note(self, status: Status, *, ended: bool = False) -> None:
+        key = type(status), status.name
+        times = self.times(status.name) if isinstance(status, VehicleStatus) else None
+        self.add(_Change(self._clock.now(), status, self._last.pop(key, None), times))
+        if not ended:
+            self._last[key] = status
+
+    def _messages(self, first: int, last: int) -> list[Json]:
+        """Return the status messages with these numbers that are kept; sequences have none."""
+        changes = self.last(min(self.count, KEPT)) or ()
+        return [
+            _message(number, each)
+            for number, each in enumerate(changes, self.count - len(changes))
+            if first <= number <= last and each.topic is not EventTopic.ORDER_SEQUENCES
+        ]
+
+    def _frame(self, change: _Change) -> bytes:
+        event = {
+            "currentObjectState": self._object(change.now, change.times),
+            "previousObjectState": self._object(change.before, change.times) if change.before else None,
+        }
+        return f"event: {change.topic}\ndata: {json.dumps(event)}\n\n".encode()
+
+    def _object(self, status: Status, times: StateTimes | None) -> Json:
+        match status:
+            case VehicleStatus():
+                model = self._models.get(status.name) or Vehicle(name=status.name)
+                return _vehicle(status, model, times or self.times(status.name))
+            case TransportOrderStatus():
+                return _order(status)
+            case OrderSequenceStatus():
+                return _sequence(status)
+
+
+def _message(number: int, change: _Change) -> Json:
+    """Return a status message of the long poll."""
+    head = {"sequenceNumber": number, "creationTimeStamp": iso(change.at)}
+    now = change.now
+    if isinstance(now, VehicleStatus) and change.times:
+        position = now.precise_position
+        return {
+            "type": "Vehicle",
+            **head,
+            "vehicleName": now.name,
+            "transportOrderName": now.transport_order,
+            "position": now.current_position,
+            "precisePosition": _triple(now),
+            "vehicleOrientationAngle": round(degrees(position.theta), 3) if position else "NaN",
+            "paused": False,
+            "state": now.state.value,
+            "stateTimestamp": iso(change.times.state),
+            "procState": now.processing_state.value,
+            "procStateTimestamp": iso(change.times.processing_state),
+            "allocatedResources": [],
+            "claimedResources": [],
+        }
+    order = TransportOrderStatus.model_validate(now)
+    return {
+        "type": "TransportOrder",
+        **head,
+        "orderName": order.name,
+        "processingVehicleName": order.processing_vehicle,
+        "orderState": order.state.value,
+        "destinations": [
+            {
+                "locationName": each.destination.location_name or "",
+                "operation": each.destination.operation,
+                "state": each.state.value,
+                "properties": [{"key": p.key, "value": p.text} for p in each.destination.properties],
+            }
+            for each in order.drive_orders
+        ],
+        "properties": [{"key": each.key, "value": each.value} for each in order.properties],
+    }
+
+
+def _vehicle(status: VehicleStatus, model: Vehicle, times: StateTimes) -> Json:
+    box, levels, position = model.bounding_box, model.energy_thresholds, status.precise_position
+    color = (model.color or "#000000").removeprefix("#")
+    red, green, blue = bytes.fromhex(color)
+    return {
+        "name": status.name,
+        "properties": dict(model.properties),
+        "history": {"entries": []},
+        "boundingBox": {
+            "length": box.length_mm,
+            "width": box.width_mm,
+            "height": box.height_mm,
+            "referenceOffset": {"x": box.reference_offset_x_mm, "y": box.reference_offset_y_mm},
+        },
+        "energyLevelThresholdSet": {
+            "energyLevelCritical": levels.critical,
+            "energyLevelGood": levels.good,
+            "energyLevelFullyRecharged": levels.fully_recharged,
+            "energyLevelSufficientlyRecharged": levels.sufficiently_recharged,
+        },
+        "energyLevel": round(status.energy_level or 0),
+        "maxVelocity": model.max_velocity_mm_s,
+        "maxReverseVelocity": model.max_reverse_velocity_mm_s,
+        "rechargeOperation": RECHARGE_OPERATION,
+        "loadHandlingDevices": [],
+        "state": {"state": status.state.value, "timestamp": iso(times.state)},
+        "procState": {"state": status.processing_state.value, "timestamp": iso(times.processing_state)},
+        "integrationLevel": status.integration_level.value,
+        "paused": False,
+        "transportOrder": status.transport_order,
+        "orderSequence": status.order_sequence,
+        "acceptableOrderTypes": [
+            {"name": each.name, "priority": each.priority} for each in status.acceptable_order_types
+        ],
+        "claimedResources": [],
+        "allocatedResources": [],
+        "currentPosition": status.current_position,
+        "pose": {
+            "position": _triple(status),
+            "orientationAngle": round(degrees(position.theta), 3) if position else "NaN",
+        },
+        "envelopeKey": model.envelope_key,
+        "layout": {"routeColor": {"red": red, "green": green, "blue": blue}},
+    }
+
+
+def _triple(status: VehicleStatus) -> Json | None:
+    position = status.precise_position
+    if position is None:
+        return None
+    return {"x": round(position.x * MM_PER_M), "y": round(position.y * MM_PER_M), "z": 0}
+
+
+def _order(order: TransportOrderStatus) -> Json:
+    return {
+        "name": order.name,
+        "properties": _map(order.properties),
+        "history": _history(order.history),
+        "type": order.type,
+        "dependencies": list(order.dependencies),
+        "driveOrders": [_drive_order(order.name, *each) for each in enumerate(order.drive_orders)],
+        "peripheralReservationToken": order.peripheral_reservation_token,
+        "currentDriveOrderIndex": order.current_drive_order_index,
+        "currentRouteStepIndex": -1,
+        "state": order.state.value,
+        "creationTime": iso(order.created),
+        "deadline": iso(order.deadline) if order.deadline else LAST_MOMENT,
+        "finishedTime": iso(order.finished) if order.finished else LAST_MOMENT,
+        "intendedVehicle": order.intended_vehicle,
+        "processingVehicle": order.processing_vehicle,
+        "wrappingSequence": order.wrapping_sequence,
+        "dispensable": order.dispensable,
+    }
+
+
+def _drive_order(order: str, index: int, drive_order: DriveOrderStatus) -> Json:
+    """Return a drive order; its route has the points, since costs and paths are not kept."""
+    points = drive_order.route or ()
+    steps = [
+        {
+            "path": None,
+            "sourcePoint": start,
+            "destinationPoint": end,
+            "vehicleOrientation": "UNDEFINED",
+            "routeIndex": place,
+            "costs": 0,
+            "executionAllowed": True,
+            "reroutingType": None,
+        }
+        for place, (start, end) in enumerate(pairwise(points))
+    ]
+    destination = drive_order.destination
+    return {
+        "name": f"{order}-{index}",
+        "destination": {
+            "destination": destination.location_name or "",
+            "operation": destination.operation,
+            "properties": {each.key: each.text for each in destination.properties},
+        },
+        "transportOrder": order,
+        "route": {"steps": steps, "costs": 0} if drive_order.route else None,
+        "state": drive_order.state.value,
+    }
+
+
+def _sequence(sequence: OrderSequenceStatus) -> Json:
+    return {
+        "name": sequence.name,
+        "properties": _map(sequence.properties),
+        "history": _history(sequence.history),
+        "type": sequence.order_types[0],
+        "orders": list(sequence.orders),
+        "finishedIndex": sequence.finished_index,
+        "complete": sequence.complete,
+        "finished": sequence.finished,
+        "failureFatal": sequence.failure_fatal,
+        "intendedVehicle": sequence.intended_vehicle,
+        "processingVehicle": sequence.processing_vehicle,
+        "creationTime": iso(sequence.created),
+        "finishedTime": iso(sequence.finished_time) if sequence.finished_time else LAST_MOMENT,
+    }
+
+
+def _map(properties: tuple[Property, ...]) -> dict[str, str]:
+    return {each.key: each.value for each in properties}
+
+
+def _history(entries: tuple[HistoryEntry, ...]) -> Json:
+    return {
+        "entries": [
+            {
+                "timestamp": iso(each.timestamp),
+                "eventCode": each.event_code,
+                "supplements": list(each.supplements),
+            }
+            for each in entries
+        ]
+    }
+
+
+def add_routes(app: FastAPI, changes: ChangeLog) -> None:
+    """Serve the long poll and the stream."""
+
+    @app.get("/v1/events")
+    async def poll(
+        first: Annotated[int, Query(alias="minSequenceNo", ge=0)] = 0,
+        last: Annotated[int, Query(alias="maxSequenceNo")] = 2**63 - 1,
+        wait_ms: Annotated[int, Query(alias="timeout", ge=0, le=10_000)] = 1000,
+    ) -> dict[str, Any]:
+        if last < first:
+            text = "Parameter 'maxSequenceNo' is less than 'minSequenceNo'."
+            raise NotPossibleError(text)
+        messages = await changes.poll(first, last, wait_ms / 1000)
+        return {"timeStamp": iso(datetime.now(UTC)), "statusMessages": messages}
+
+    @app.get("/v1/sse", response_class=StreamingResponse)
+    async def stream(request: Request) -> StreamingResponse:
+        topics = {each for each in EventTopic if request.query_params.get(each, "").lower() == "true"}
+        frames = changes.follow(topics)
+        return StreamingResponse(frames, media_type="text/event-stream", headers=HEADERS)

@@ -1,0 +1,121 @@
+"""Each route of openTCS's documentation is served, and answers as the table says."""
+
+from __future__ import annotations
+
+from urllib.parse import quote
+
+import httpx
+import pytest
+
+from golden.outside import opentcs, order_service
+from nena_order_service.api.opentcs_plant import plant_json, plant_xml
+from nena_order_service.service import OrderService
+from nena_shared.plant import PlantModel
+from nena_shared.plant.files import read
+from support.opentcs_routes import FOR_ROBOT, LEVELS, ROUTES, Route, Try
+
+PREFIX = "/opentcs"
+API = f"{PREFIX}/v1"
+
+
+def test_all_routes_are_those_of_the_documentation() -> None:
+    paths = opentcs(order_service()).openapi()["paths"]
+    served = {f"{method.upper()} {path}" for path, methods in paths.items() for method in methods}
+    assert served == {f"{each.method} {each.path}" for each in ROUTES}
+
+
+@pytest.mark.parametrize("route", ROUTES, ids=lambda each: f"{each.method} {each.path}")
+async def test_it_answers_as_the_table_says(client: httpx.AsyncClient, route: Route) -> None:
+    for each in route.tries:
+        await client.post(f"{API}/transportOrders/T-1", json=FOR_ROBOT)
+        await client.post(f"{API}/orderSequences/S-1", json={})
+        answer = await _send(client, route.method, each)
+        assert answer.status_code == each.status, (each, answer.text)
+        if answer.status_code >= 400:
+            assert all(isinstance(sentence, str) for sentence in answer.json())
+
+
+async def _send(client: httpx.AsyncClient, method: str, each: Try) -> httpx.Response:
+    url = PREFIX + quote(each.path)
+    if each.body is None:
+        return await client.request(method, url, params=each.query)
+    return await client.request(method, url, params=each.query, json=each.body)
+
+
+async def test_an_order_is_given_to_another_vehicle(client: httpx.AsyncClient) -> None:
+    url = f"{API}/transportOrders/T-1"
+    await client.post(url, json=FOR_ROBOT)
+    assert (await client.put(f"{url}/intendedVehicle", params={"vehicle": "Robot-02"})).status_code == 200
+    assert (await client.get(url)).json()["intendedVehicle"] == "Robot-02"
+    other = await client.get(f"{API}/transportOrders", params={"intendedVehicle": "Robot-02"})
+    assert [each["name"] for each in other.json()] == ["T-1"]
+    assert (await client.put(f"{url}/intendedVehicle")).status_code == 200
+    assert (await client.get(url)).json()["intendedVehicle"] is None
+    await client.post(f"{url}/withdrawal")
+    assert (await client.put(f"{url}/intendedVehicle", params={"vehicle": "Robot-01"})).status_code == 409
+
+
+async def test_why_an_order_is_not_assigned_is_said(client: httpx.AsyncClient) -> None:
+    await client.post(f"{API}/transportOrders/T-1", json=FOR_ROBOT)
+    answer = await client.post(f"{API}/transportOrders/T-1/immediateAssignment")
+    assert "DISPATCHABLE" in answer.json()[0]
+    assert "vehicle 'Robot-01'" in answer.json()[0]
+
+
+async def test_routes_have_paths_and_costs(client: httpx.AsyncClient) -> None:
+    body = {"sourcePoint": "South 1", "destinationPoints": ["South 3", "South 1"]}
+    url = f"{API}/vehicles/Robot-01/routeComputationQuery"
+    there, here = (await client.post(url, json=body)).json()["routes"]
+    assert (there["destinationPoint"], there["costs"]) == ("South 3", 12_000)
+    assert there["steps"][0] == {
+        "path": "South 1 --- South 2",
+        "sourcePoint": "South 1",
+        "destinationPoint": "South 2",
+        "vehicleOrientation": "FORWARD",
+    }
+    assert (here["costs"], here["steps"]) == (0, [])
+    closed = {**body, "destinationPoints": ["South 3"], "resourcesToAvoid": ["South 3"]}
+    (none,) = (await client.post(url, json=closed)).json()["routes"]
+    assert none == {"destinationPoint": "South 3", "costs": -1, "steps": None}
+
+
+async def test_times_of_vehicles_and_sequences(client: httpx.AsyncClient, service: OrderService) -> None:
+    before = (await client.get(f"{API}/vehicles/Robot-01")).json()
+    assert before["stateTimestamp"] == before["procStateTimestamp"]
+    await client.put(f"{API}/vehicles/Robot-01/integrationLevel", params={"newValue": "TO_BE_RESPECTED"})
+    after = (await client.get(f"{API}/vehicles/Robot-01")).json()
+    assert after["integrationLevel"] == "TO_BE_RESPECTED"
+    assert after["stateTimestamp"] == before["stateTimestamp"]
+    made = (await client.post(f"{API}/orderSequences/S", json={})).json()
+    assert made["creationTime"] < made["finishedTime"] == "9999-12-31T23:59:59.000Z"
+    assert service.engine.plant.vehicles_by_name["Robot-01"].envelope_key == after["envelopeKey"]
+
+
+async def test_changes_are_polled(client: httpx.AsyncClient) -> None:
+    url = f"{API}/events"
+    assert (await client.get(url, params={"timeout": "0"})).json()["statusMessages"] == []
+    await client.post(f"{API}/transportOrders/T-1", json=FOR_ROBOT)
+    found = (await client.get(url)).json()["statusMessages"]
+    orders = [each for each in found if each["type"] == "TransportOrder"]
+    assert (orders[-1]["orderName"], orders[-1]["orderState"]) == ("T-1", "DISPATCHABLE")
+    assert orders[-1]["destinations"][0]["locationName"] == "South 2"
+    numbers = [each["sequenceNumber"] for each in found]
+    assert numbers == sorted(set(numbers))
+    again = await client.get(url, params={"minSequenceNo": str(numbers[-1] + 1), "timeout": "0"})
+    assert again.json()["statusMessages"] == []
+    await client.put(f"{API}/vehicles/Robot-01/integrationLevel", params={"newValue": "TO_BE_RESPECTED"})
+    more = (await client.get(url, params={"minSequenceNo": str(numbers[-1] + 1)})).json()["statusMessages"]
+    vehicle = next(each for each in more if each["type"] == "Vehicle")
+    assert (vehicle["vehicleName"], vehicle["state"], vehicle["procState"]) == ("Robot-01", "UNKNOWN", "IDLE")
+
+
+async def test_plant_model_comes_back_as_it_was_read(
+    client: httpx.AsyncClient, service: OrderService
+) -> None:
+    shown = (await client.get(f"{API}/plantModel")).json()
+    assert [each["name"] for each in shown["vehicles"]] == ["Robot-01", "Robot-02"]
+    back: PlantModel = read(plant_xml(shown)).model
+    assert plant_json(back) == shown
+    assert back.points == service.engine.plant.points
+    assert back.paths == service.engine.plant.paths
+    assert LEVELS["energyLevelGood"] == shown["vehicles"][0]["energyLevelGood"]
