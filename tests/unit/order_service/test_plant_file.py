@@ -57,7 +57,7 @@ def test_robots_need_topics_of_their_own(tmp_path: Path) -> None:
     file.write_bytes(opentcs_xml(vehicle("V1", "s") + vehicle("V2", "s") + vehicle("V3", "a/b")))
     found = problems(file)
     assert "'V1' and 'V2' have the same serial number 's'" in found
-    assert "'V3': manufacturer and serial number hold no" in found
+    assert "serial number 'a/b' must not contain '/', '+' or '#'" in found
 
 
 def test_a_plant_without_points_is_refused(tmp_path: Path) -> None:

@@ -38,7 +38,8 @@ def _topic_errors(vehicle: Vehicle, serial: str) -> Iterator[PlantProblem]:
         text = f"manufacturer and serial number have more than {KEY_LENGTH} characters together"
         yield PlantProblem("NOT_IN_TOPICS", kind, name, text)
     if any(sign in f"{vehicle.manufacturer}{serial}" for sign in "/+#"):
-        text = f"{vehicle.manufacturer!r} and {serial!r} must not contain '/', '+' or '#'"
+        names = f"manufacturer {vehicle.manufacturer!r} and serial number {serial!r}"
+        text = f"{names} must not contain '/', '+' or '#'"
         yield PlantProblem("NOT_IN_TOPICS", kind, name, text)
     try:
         codec_named(vehicle.properties.get(keys.VDA5050_VERSION) or "2.1.0")

@@ -9,11 +9,11 @@ from collections.abc import AsyncIterator
 import pytest
 from structlog.testing import capture_logs
 
-from nena_order_service.fleet.link import KEY_LENGTH
 from nena_order_service.fleet.outputs import VdaOrderFailed
 from nena_order_service.fleet.robot import LinkStatus
 from nena_order_service.fleet.settings import FleetSettings
 from nena_shared.plant import Vehicle
+from nena_shared.plant.fleet_checks import KEY_LENGTH
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.versions import codec_for

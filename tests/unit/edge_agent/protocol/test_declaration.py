@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 from pydantic import JsonValue
 
@@ -72,7 +74,8 @@ PICK = ActionDeclaration(
 @pytest.mark.clause("6.2.3/pick")
 @pytest.mark.parametrize("key", ["lhd", "loadHandlingDevice"])
 def test_the_load_handling_device_is_read_by_either_name(key: str) -> None:
-    read = PICK.read(action("a", "HARD", "pick", side="left", **{key: "fork"}))
+    parameters: dict[str, Any] = {"side": "left", key: "fork"}
+    read = PICK.read(action("a", "HARD", "pick", **parameters))
     assert (read.parameter("lhd"), read.parameter("side")) == ("fork", "left")
     assert PICK.problem(read, ActionScope.NODE) is None
 

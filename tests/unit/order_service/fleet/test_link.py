@@ -7,10 +7,11 @@ from typing import Any
 import pytest
 
 from nena_order_service.fleet.failures import RobotBusyError
-from nena_order_service.fleet.link import KEY_LENGTH, STANDARD, FleetLink, RobotAddresses
+from nena_order_service.fleet.link import STANDARD, FleetLink, RobotAddresses
 from nena_order_service.fleet.settings import FleetSettings
 from nena_shared.mqtt import MqttLink
 from nena_shared.plant import Vehicle
+from nena_shared.plant.fleet_checks import KEY_LENGTH
 from nena_shared.settings import ConfigurationError, MqttSettings
 from nena_shared.vda5050.action import Action, ActionParameter, BlockingType, InstantActions
 from nena_shared.vda5050.base import Header

@@ -154,7 +154,9 @@ def test_the_angle_limit_of_3_0_1_is_read_in_every_version_and_written_within_a_
     sent = json.loads(payload)
     assert sent["nodes"][1]["nodePosition"]["theta"] == pytest.approx(3.1416 - 2 * pi)
     sent["nodes"][1]["nodePosition"] |= {"theta": 3.1416, "allowedDeviationTheta": 3.1416}
-    assert codec.decode(Order, json.dumps(sent).encode()).nodes[1].node_position.theta == 3.1416
+    position = codec.decode(Order, json.dumps(sent).encode()).nodes[1].node_position
+    assert position is not None
+    assert position.theta == 3.1416
     sent["nodes"][1]["nodePosition"]["theta"] = 3.142
     with pytest.raises(MalformedMessageError, match="theta"):
         codec.decode(Order, json.dumps(sent).encode())
