@@ -126,6 +126,11 @@ oidc-test: $(STAMP) broker ## sign in at the panel and use tokens with a real Op
 	cd $(VENV)/oidc-provider && npm ci --ignore-scripts --no-audit --no-fund
 	NENA_OIDC_PROVIDER=$(abspath $(VENV))/oidc-provider $(BIN)/pytest tests/security/test_real_issuer.py
 
+peers-test: $(STAMP) broker ## the edge agent and the order service with npm's vda-5050-lib as the other side
+	mkdir -p $(VENV)/vda-5050-lib && cp tests/integration/peers/node/package*.json $(VENV)/vda-5050-lib
+	cd $(VENV)/vda-5050-lib && npm ci --ignore-scripts --no-audit --no-fund
+	NENA_VDA_5050_LIB=$(abspath $(VENV))/vda-5050-lib $(BIN)/pytest tests/integration/peers
+
 # At a site: NAV2="--domain 7 --namespace r1 --start 0,0 --end 4,0 --kill '...' --revive '...'".
 NAV2 ?= --simulator
 nav2-test: $(STAMP) action-types broker ## the edge agent against the Nav2 in reach (NAV2="--domain 7 ..."); writes build/nav2-test.md

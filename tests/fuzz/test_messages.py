@@ -29,8 +29,9 @@ RECORDS: dict[Topic, Any] = {Topic.STATE: State, Topic.VISUALIZATION: Visualizat
 
 @cache
 def recorded(version: str) -> tuple[Entry, ...]:
-    """Return all recorded messages of a version."""
-    return tuple(entry for file in sorted(FOLDER.glob(f"{version}-*.jsonl")) for entry in read_file(file))
+    """Return all recorded messages of a version; those of 3.0.1 have the form of 3.0.0."""
+    form = "3.0.0" if version == "3.0.1" else version
+    return tuple(entry for file in sorted(FOLDER.glob(f"{form}-*.jsonl")) for entry in read_file(file))
 
 
 def samples(version: str, topic: Topic) -> list[bytes]:
