@@ -49,7 +49,7 @@ class Roads:
         for edge in hall.plant.edges():
             one, other = hall.plant.point(edge.source), hall.plant.point(edge.destination)
             heading = atan2(other.y_mm - one.y_mm, other.x_mm - one.x_mm)
-            seconds = edge.path.length_mm / SPEED_MM_S
+            seconds = edge.path.length_mm / min(SPEED_MM_S, edge.max_velocity_mm_s)
             self.of[one.name].append(Road(other.name, seconds, heading))
             self._into[other.name].append((one.name, seconds))
         self.to = cache(self._to)

@@ -431,13 +431,18 @@ async def test_a_vehicle_that_waits_in_a_queue_is_led_around_it() -> None:
     assert "less traffic" in order(engine).status.history[-1].supplements[0]
 
 
-async def test_a_vehicle_is_not_led_up_to_one_at_rest() -> None:
+@pytest.mark.parametrize(("other", "driven"), [("idle", "ABCDEF"), ("works", "ABXYDEF"), ("away", "ABCDEF")])
+async def test_a_vehicle_is_not_led_up_to_one_that_may_stay_for_long(other: str, driven: str) -> None:
     fleet = ScriptedFleet({})
     engine = await behind_a_queue(fleet)
     fleet.appear("V4", "Y")
+    if other != "idle":
+        engine.create(request("F", intendedVehicle="V4"), "T-4")
+    if other == "away":
+        del fleet.at["V4"]
     engine.look()
     engine.look()
-    assert whole(fleet.missions[key("V1")]) == "ABCDEF"
+    assert whole(fleet.missions[key("V1")]) == driven
 
 
 @pytest.mark.parametrize(("most_nodes", "driven"), [(7, "ABXYDEF"), (6, "ABCDEF")])

@@ -212,6 +212,14 @@ def test_crossing_is_closed_where_the_plant_closes_the_way_round_it(field: dict[
     assert not Crossings(plant(*row, path("B C"), path("C B", **field))).is_open("X")
 
 
+@pytest.mark.parametrize(
+    ("ring", "passed"), [("A X B Y A", True), ("A X B C Y A", True), ("A X B C D Y A", False)]
+)
+def test_passing_place_is_one_only_beside_a_short_way(ring: str, passed: bool) -> None:  # noqa: FBT001 - an example
+    ends = lane("S A", two_way=True), lane("B T", two_way=True)
+    assert Crossings(plant(*lane(ring, two_way=True), *ends[0], *ends[1])).is_open("X") == passed
+
+
 def test_reason_keeps_the_metres_that_it_began_with() -> None:
     bench = Bench(plant(*lane("Z A B C D E F G H", two_way=True)), v="A", w="H")
     bench.want("v", "G")

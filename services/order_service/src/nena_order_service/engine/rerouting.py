@@ -177,7 +177,7 @@ class Rerouting:
             return
         if self._led_around.get(name) == (record.vda_order.order_id, journey.reached):
             return
-        route = self._traffic.route_around(name, order.resources_to_avoid)
+        route = self._traffic.route_around(name, order.resources_to_avoid, self._stays)
         if route is None or not route.steps:
             return
         under_way = _UnderWay(vehicle, record.released(journey), order, base_end)
@@ -185,6 +185,12 @@ class Rerouting:
         if not self._why_not(under_way, leg) and not self._claim_leg(under_way, leg):
             self._led_around[name] = record.vda_order.order_id, journey.reached
             self._send(under_way, route, "it waited, and there is less traffic")
+
+    def _stays(self, name: str) -> bool:
+        """Return whether a vehicle at rest may stay for long: it has no order, or cannot go on with it."""
+        vehicle = self._registry.named(name)
+        works = vehicle is not None and self._sent.order_number(vehicle.key) is not None
+        return not works or self._driving.mobility.lost(name)
 
     def _order(self, vehicle: FleetVehicle) -> TransportOrder:
         number = self._sent.order_number(vehicle.key)

@@ -247,9 +247,14 @@ class TrafficManager:
             self._to_extend[vehicle] = None
         return refusal
 
-    def route_around(self, vehicle: str, avoid: Collection[str] = frozenset()) -> Route | None:
+    def route_around(
+        self,
+        vehicle: str,
+        avoid: Collection[str] = frozenset(),
+        stays: Callable[[str], bool] = lambda _: True,
+    ) -> Route | None:
         """Return a route with less traffic for a waiting vehicle; see :meth:`TrafficControl.route_around`."""
-        return self._control.route_around(vehicle, self.waiting_at_end(), avoid)
+        return self._control.route_around(vehicle, self.waiting_at_end(), avoid, stays)
 
     def waiting_at_end(self) -> dict[str, int]:
         """Return the vehicles that wait at the end of what they hold, and how far each has driven."""

@@ -140,12 +140,15 @@ CROSSING = 3
 WAY_ROUND = 8
 """Maximum number of paths of a detour around a crossing."""
 
+WAY_PAST = 3
+"""The same for a point with two neighbours: more than that is no passing place, but a ring."""
+
 
 class Crossings:
-    """Finds the crossings that others can bypass when a vehicle waits there.
+    """Finds the crossings and passing places that others can bypass when a vehicle waits there.
 
     Without such a point, each of its neighbours still leads to each other one by a short route, over paths
-    that are not locked. Each crossing is checked on first use: there may be thousands.
+    that are not locked. Each point is checked on first use: there may be thousands.
     """
 
     def __init__(self, plant: PlantModel) -> None:
@@ -168,14 +171,15 @@ class Crossings:
         known = self._open.get(point)
         if known is None:
             others = self._neighbours.get(point, set())
-            known = len(others) >= CROSSING and all(self._leads_to(others, one, point) for one in others)
+            paths = WAY_ROUND if len(others) >= CROSSING else WAY_PAST
+            known = len(others) > 1 and all(self._leads_to(others, one, point, paths) for one in others)
             self._open[point] = known
         return known
 
-    def _leads_to(self, others: set[str], start: str, without: str) -> bool:
-        """Return whether few paths lead from a point to each of the others without another point."""
+    def _leads_to(self, others: set[str], start: str, without: str, paths: int) -> bool:
+        """Return whether so many paths lead from a point to each of the others without another point."""
         reached = newest = {start}
-        for _ in range(WAY_ROUND):
+        for _ in range(paths):
             newest = {other for one in newest for other in self._after(one)} - reached - {without}
             reached = reached | newest
             if others <= reached or not newest:

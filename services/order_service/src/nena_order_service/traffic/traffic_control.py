@@ -257,12 +257,17 @@ class TrafficControl:
         return refused.refusal if refused else None
 
     def route_around(
-        self, vehicle: str, standing: Iterable[str], avoid: Collection[str] = frozenset()
+        self,
+        vehicle: str,
+        standing: Iterable[str],
+        avoid: Collection[str] = frozenset(),
+        stays: VehicleTest = lambda _: True,
     ) -> Route | None:
         """Return a route with less traffic for a vehicle that waits at the end of what it holds.
 
-        ``standing`` are the vehicles that wait now. The route leads around vehicles at rest, which may stay
-        for long. None: its present route is about as good, there is no other one, or it has the right of way.
+        ``standing`` are the vehicles that wait now; ``stays`` returns whether a vehicle at rest may stay for
+        long: the route leads around those. None: its present route is about as good, there is no other one,
+        or it has the right of way.
         """
         journey, occupant = self.journeys[vehicle], self.scheduler.occupant(vehicle)
         present = journey.way[journey.allocated :]
@@ -270,7 +275,7 @@ class TrafficControl:
             return None
         occupied = [self.scheduler.occupant(other).held for other in standing if other != vehicle]
         start, goal = occupant.held[-1].point, present[-1].point
-        at_rest = (each for each in self.scheduler.names if each not in self.journeys)
+        at_rest = (each for each in self.scheduler.names if each not in self.journeys and stays(each))
         held = (use for each in at_rest for place in self.scheduler.occupant(each).held for use in place.uses)
         resting = set(held) - {start, goal}
         return self._routes.around(vehicle, start, occupied, avoid, resting)
