@@ -1,4 +1,4 @@
-"""The mobile robot's side of VDA 5050: events and the time go in, effects come out, the state changes.
+"""The mobile robot's side of VDA 5050: its input is events and the time, its output effects and a new state.
 
 Everything here is pure and works on version-neutral messages: no I/O, no clock, no threads, no ROS. One
 :class:`RobotState` holds everything; the modules ``orders``, ``driving``, ``actions``, ``instant_actions``

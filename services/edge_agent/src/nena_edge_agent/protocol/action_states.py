@@ -194,7 +194,7 @@ UNKNOWN_LOAD = Load()
 def loads_after(
     action: Action, declaration: ActionDeclaration | None, loads: tuple[Load, ...]
 ) -> tuple[Load, ...]:
-    """Return what a robot with ``loads`` carries after ``action``, which may name its load."""
+    """Return the loads of a robot with ``loads`` after ``action``, which may name its load."""
     match declaration.load if declaration else None:
         case LoadChange.TAKE:
             return (Load(load_id=_text(action, "loadId"), load_type=_text(action, "loadType")),)
@@ -218,7 +218,7 @@ def loaded_after(
 def first_load_problem(
     actions: Iterable[Action], declarations: Mapping[str, ActionDeclaration], *, loaded: bool
 ) -> tuple[Action, str] | None:
-    """Return the first action that does not fit the load by then, and why."""
+    """Return the first action that does not match the load at that time, and why."""
     for action in actions:
         declaration = declarations.get(action.action_type)
         problem = declaration.load_problem(loaded=loaded) if declaration else None

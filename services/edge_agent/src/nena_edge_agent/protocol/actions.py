@@ -116,7 +116,7 @@ def end_with_edge(robot: RobotState, edge: Edge) -> None:
 
 
 def continue_after_restart(robot: RobotState) -> None:
-    """Start interrupted actions again where their declaration allows it, and fail the others."""
+    """Start interrupted actions again if their declaration allows it, and fail the others."""
     for states in (robot.actions, robot.instant_actions):
         for record in [each for each in states if each.active]:
             if record.status is ActionStatus.RETRIABLE:
@@ -198,7 +198,7 @@ CORE_ACTIONS: dict[str, CoreAction] = {
     ENABLE_ZONE_SET: zones.enable,
     WAIT_FOR_TRIGGER: _wait_for_trigger,
 }
-"""Actions on nodes that no plug-in does, by action type."""
+"""Actions on nodes that the core executes, by action type."""
 
 
 def _waits_for(record: ActionRecord, trigger_type: str) -> bool:
@@ -308,7 +308,7 @@ def _declaration(robot: RobotState, record: ActionRecord) -> ActionDeclaration |
 
 
 def _failure(robot: RobotState, record: ActionRecord) -> ErrorEntry:
-    """Report the failure as a warning: the order continues, fleet control decides what becomes of it."""
+    """Report the failure as a warning: the order continues, fleet control decides how it continues."""
     retriable = record.status is ActionStatus.RETRIABLE
     entry = error(
         ErrorType.ACTION_FAILED,

@@ -1,4 +1,4 @@
-"""What the robot is set up to do, and how it differs between the versions of VDA 5050."""
+"""The robot's configured abilities, and how they differ between the versions of VDA 5050."""
 
 from __future__ import annotations
 

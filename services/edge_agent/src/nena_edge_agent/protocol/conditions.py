@@ -34,7 +34,7 @@ SWITCHING = (STOP_ROS_SESSION, CONFIGURE_ROS_SESSION)
 
 
 def check_conditions(robot: RobotState) -> None:
-    """Report or withdraw the errors of present conditions (section 6.6.5)."""
+    """Report or withdraw the errors of current conditions (section 6.6.5)."""
     robot.errors.set_condition(ErrorType.LOCALIZATION_ERROR, _localization(robot))
     robot.errors.set_condition(ErrorType.NAVIGATION_NOT_AVAILABLE, _navigation(robot))
     robot.errors.set_condition(ROBOT_NOT_STOPPED, _not_stopped(robot))
@@ -161,7 +161,7 @@ def _blocked(robot: RobotState) -> ErrorEntry | None:
 
 
 def _collision(robot: RobotState) -> ErrorEntry | None:
-    """Report that the robot stands on its route because a safeguard beside navigation stops it."""
+    """Report that the collision monitor stops the robot on its route."""
     stop, node = robot.reports.collision, robot.progress.next_node
     if stop is None or node is None or robot.goal.target is None:
         return None
@@ -176,7 +176,7 @@ def _collision(robot: RobotState) -> ErrorEntry | None:
 
 
 def _recovers(robot: RobotState) -> ErrorEntry | None:
-    """Report that navigation tries to get the robot free, for a while after each try."""
+    """Report that navigation tries to free the robot, for a while after each attempt."""
     progress, node, at = robot.reports.progress, robot.progress.next_node, robot.reports.recovered_at
     if progress is None or not progress.recoveries or node is None or at is None:
         return None

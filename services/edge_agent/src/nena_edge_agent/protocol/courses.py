@@ -23,13 +23,13 @@ from nena_shared.vda5050.order import Corridor, CorridorReferencePoint, Edge, No
 from nena_shared.vda5050.v2_1.order import DEFAULT_DEGREE, uniform_knots
 
 STEP = 0.1
-"""Metres between two places of a path at most."""
+"""Maximum distance between two points of a path, metres."""
 ENDS_WITHIN = 0.1
-"""Metres that a trajectory may begin or end from its node."""
+"""Maximum distance of a trajectory's ends from its nodes, metres."""
 LONGEST = 1000.0
-"""Metres of the longest path that is driven as one."""
+"""Maximum length of one path, metres."""
 MOST_POINTS = 10_000
-"""Control points of a trajectory, times its degree squared, at most: what it costs to compute it."""
+"""Maximum control points of a trajectory, times its degree squared: the cost of computing it."""
 DETOUR = 0.5
 """Metres by which a path that returns to its start is longer than the way between its ends."""
 CORNER = 0.02
@@ -47,7 +47,7 @@ class Fault(NamedTuple):
 
 
 class _NoCurveError(Exception):
-    """A trajectory that is no curve; the text is a predicate."""
+    """An invalid trajectory; the text is a predicate."""
 
 
 def follows(edge: Edge, capabilities: Capabilities) -> bool:
@@ -120,7 +120,7 @@ def _curve(trajectory: Trajectory) -> PathTrajectory:
     """Return the trajectory with its defaults filled in.
 
     Raises:
-        _NoCurveError: it is no curve.
+        _NoCurveError: it is invalid.
 
     """
     points, degree = trajectory.control_points, trajectory.degree or DEFAULT_DEGREE
@@ -149,7 +149,7 @@ def _curve(trajectory: Trajectory) -> PathTrajectory:
 
 
 def course(edge: Edge, start: NodePosition | None, end: NodePosition) -> tuple[Point, ...]:
-    """Return the path of an edge: places at most ``STEP`` m apart, the last one at the node.
+    """Return the path of an edge: points at most ``STEP`` m apart, the last one at the node.
 
     Empty for an edge with a fault, which an order of before a change of the settings may have.
     """
@@ -181,7 +181,7 @@ def _course(trajectory: Trajectory | None, start: Point | None, end: Point) -> t
 
 
 def rest(path: Sequence[Point], place: Point) -> tuple[Point, ...]:
-    """Return what is left of a path from ``place`` on; where it crosses itself, the longer part."""
+    """Return the rest of a path from ``place`` on; if it crosses itself, the longer part."""
     away = [dist(each, place) for each in path]
     limit = min(away) + STEP / 2
     index = next(index for index, each in enumerate(away) if each <= limit)
@@ -204,7 +204,7 @@ def _length(path: Sequence[Point]) -> float:
 
 
 def poses(path: Sequence[Point], map_id: str, theta: float | None = None) -> tuple[Pose, ...]:
-    """Return the places of a path with the heading of travel; at its end with ``theta``, if there is one."""
+    """Return the points of a path with the heading of travel; at its end with ``theta``, if there is one."""
     headings = [atan2(b[1] - a[1], b[0] - a[0]) for a, b in pairwise(path)] or [0.0]
     headings.append(headings[-1] if theta is None else theta)
     return tuple(Pose(x, y, heading, map_id) for (x, y), heading in zip(path, headings, strict=False))
@@ -230,7 +230,7 @@ def _apart(place: Point, start: Point, end: Point) -> float:
 
 
 def offset(path: Sequence[Point], place: Point) -> float:
-    """Return how far a place is from a path that continues straight at both ends: m, left of it above 0."""
+    """Return the distance of a point from a path with straight continuations: m, left of it above 0."""
     last = len(path) - 2
     found = (
         _beside(place, a, b, -inf if index == 0 else 0.0, inf if index == last else 1.0)

@@ -209,7 +209,7 @@ def _may_pass(robot: RobotState, node: Node) -> bool:
 
 
 def _pass_radius(robot: RobotState) -> float:
-    """Return the distance in m from a passed node at which the next goal is sent, at the present speed."""
+    """Return the distance in m from a passed node at which the next goal is sent, at the current speed."""
     capabilities, speed = robot.capabilities, robot.reports.velocity.vx or 0.0
     limits = robot.reports.limits
     before = limits.hand_over if limits else capabilities.hand_over_distance
@@ -225,7 +225,7 @@ def _barred_behind(robot: RobotState, position: NodePosition) -> bool:
 
 
 def _stands_at(robot: RobotState, position: NodePosition, pose: Pose) -> bool:
-    """Return whether an edge of no length leads to ``position``, and the robot is really there."""
+    """Return whether an edge of no length leads to ``position``, and the robot is at it."""
     last = robot.progress.last_node if robot.progress.on_last_node else None
     same = last and last.node_position and same_place(last.node_position, position)
     return bool(same) and in_place(pose, position, robot.capabilities.default_deviation_xy)

@@ -1,4 +1,4 @@
-"""The errors that a robot shows, and until when (section 6.6.5)."""
+"""The active errors of a robot, and what ends them (section 6.6.5)."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Until(Enum):
 
 
 REFUSED = (Until.ORDER_ACCEPTED, Until.INSTANT_ACTION_ACCEPTED, Until.ZONE_SET_ACCEPTED, Until.AVAILABLE)
-"""How long errors of refused messages last."""
+"""The causes that end errors of refused messages."""
 
 
 class ActiveErrors:

@@ -17,7 +17,7 @@ from nena_shared.vda5050.zone_set import ZoneSet, ZoneSetTransfer
 
 @dataclass(frozen=True, slots=True)
 class Started:
-    """The driver works: continue with the journal's content. ``utc`` is the time of day, if known."""
+    """The driver is ready: continue with the journal's content. ``utc`` is the time of day, if known."""
 
     utc: datetime | None = None
 
@@ -102,7 +102,7 @@ class OperatingModeSwitched:
 
 @dataclass(frozen=True, slots=True)
 class SafetyReport:
-    """Present state of emergency stop and protective field (section 7.8).
+    """Current state of emergency stop and protective field (section 7.8).
 
     The robot stops while either is active.
     """
@@ -177,7 +177,7 @@ class LinkReport:
 
 @dataclass(frozen=True, slots=True)
 class TimePassed:
-    """Only time has passed: a timeout may be over."""
+    """Only time has passed: a timeout may have expired."""
 
 
 Event = (
@@ -218,14 +218,14 @@ class Halt:
 
 @dataclass(frozen=True, slots=True)
 class LimitSpeed:
-    """Limit the driver to ``speed`` m/s, whatever its goal allows; None: no limit."""
+    """Limit the driver to ``speed`` m/s, regardless of its goal; None: no limit."""
 
     speed: float | None
 
 
 @dataclass(frozen=True, slots=True)
 class KeepOut:
-    """Make the driver plan around these areas, and around no others."""
+    """Make the driver plan around exactly these areas."""
 
     areas: tuple[Area, ...]
 

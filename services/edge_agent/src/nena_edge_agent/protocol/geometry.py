@@ -20,7 +20,7 @@ Box = tuple[float, float, float, float]
 
 
 def rectangle(start: Point, end: Point, *, length: float, width: float, theta: float) -> Polygon:
-    """Return what a rectangle covers that moves ahead to ``end``; on the spot it looks along ``theta``."""
+    """Return the area covered by a rectangle that moves to ``end``; on the spot it heads to ``theta``."""
     run = hypot(end[0] - start[0], end[1] - start[1])
     heading = atan2(end[1] - start[1], end[0] - start[0]) if run else theta
     ahead, side = (cos(heading), sin(heading)), (-sin(heading), cos(heading))
@@ -40,7 +40,7 @@ def rectangle(start: Point, end: Point, *, length: float, width: float, theta: f
 
 
 def turning_circle(centre: Point, *, length: float, width: float) -> Polygon:
-    """Return an octagon around what a rectangle covers that turns about its centre."""
+    """Return an octagon around the area covered by a rectangle that turns about its centre."""
     radius = hypot(length, width) / 2 / cos(pi / 8)
     angles = (pi / 8 + index * pi / 4 for index in range(8))
     return tuple((centre[0] + radius * cos(each), centre[1] + radius * sin(each)) for each in angles)
@@ -53,7 +53,7 @@ def box(polygon: Polygon) -> Box:
 
 
 def boxes_meet(one: Box, other: Box) -> bool:
-    """Return whether two boxes have a point in common; if not, what is in them has none."""
+    """Return whether two boxes have a point in common; if not, their contents have none."""
     return one[0] <= other[2] and other[0] <= one[2] and one[1] <= other[3] and other[1] <= one[3]
 
 

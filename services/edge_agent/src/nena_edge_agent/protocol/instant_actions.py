@@ -1,6 +1,6 @@
 """Instant actions, which fleet control sends beside the order (sections 6.2.1, 6.2.3 and 7.4).
 
-Each action is judged separately, and none runs twice.
+Each action is checked separately, and none runs twice.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ def _problem(robot: RobotState, action: Action) -> str | None:
 
 
 def _order_problem(robot: RobotState) -> str | None:
-    """Return which order keeps the robot from an action that needs an idle robot."""
+    """Return the order that prevents an action which needs an idle robot."""
     if robot.idle and not robot.clearing and not robot.goal.moving:
         return None
     return f"order '{robot.progress.order_id}' is active; wait for its end or cancel it"
@@ -211,7 +211,7 @@ def _initialize_position(robot: RobotState, action: Action) -> None:
 
 
 def position_initialized(robot: RobotState, answer: PositionInitialized) -> None:
-    """End initializePosition with the localisation's answer, and set the node given with it.
+    """End initializePosition with the localisation's answer, and set the node of the request.
 
     VDA 5050 3.0 section 6.2.3.
     """
@@ -344,4 +344,4 @@ _CORE_ACTIONS: dict[str, Callable[[RobotState, Action], None]] = {
     SKIP_RETRY: _skip_retry,
     TRIGGER: _trigger,
 }
-"""Instant actions that no plug-in does, by action type."""
+"""Instant actions that the core executes, by action type."""

@@ -1,4 +1,4 @@
-"""What the journal keeps of a robot: the form on disk, and from and to its state."""
+"""The journal's record of a robot: its form on disk, and conversion from and to the state."""
 
 from __future__ import annotations
 
@@ -177,7 +177,7 @@ def memory_of(robot: RobotState) -> Memory:
 
 
 def restored(memory: Memory, capabilities: Capabilities) -> RobotState:
-    """Return the state of a robot as the journal has it."""
+    """Return the state of a robot from the journal."""
     header = memory.last_order_header
     robot = RobotState(
         capabilities,
@@ -224,7 +224,7 @@ def _pose(kept: PoseMemory) -> Pose:
 
 
 def _kept(record: ActionRecord) -> ActionMemory:
-    """Return what is kept of an action; an ended one is only shown, and needs no parameters."""
+    """Return the stored form of an action; an ended one is only shown, and needs no parameters."""
     action = record.action
     if record.status.ended and action.action_parameters:
         action = action.model_copy(update={"action_parameters": ()})

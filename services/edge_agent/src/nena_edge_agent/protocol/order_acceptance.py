@@ -1,8 +1,8 @@
 """Whether an order is accepted: the decision procedure of sections 6.1.2 and 6.1.4, check by check, in order.
 
 Nothing changes in the robot here; the verdict is what to do. Checks for well-formedness (schema and graph
-rules) come before, in the codec. The numbers at the checks are the project's own: 2 to 5 for every message, A
-for a new order, B for an update.
+rules) are done before, in the codec. The numbers at the checks are the project's own: 2 to 5 for every
+message, A for a new order, B for an update.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from nena_shared.vda5050.state import OperatingMode
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """What the decision about an order depends on (section 6.1.2).
+    """Input of the decision about an order (section 6.1.2).
 
     ``off`` is why the robot's ROS session keeps it from accepting orders, empty if it does not. ``fatal``: a
     reported error keeps the robot from accepting orders. ``cancelled``: the held order was cancelled, or is
@@ -145,7 +145,7 @@ def _parameter_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | N
 
 
 def _path_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | None:
-    """Check that each path which the robot is to follow is one, and leads from node to node."""
+    """Check that each path to be followed is valid, and leads from node to node."""
     for edge, (before, node) in zip(order.edges, pairwise(order.nodes), strict=False):
         if not courses.follows(edge, capabilities):
             continue
@@ -181,7 +181,7 @@ def load_fault(
 ) -> ErrorEntry | None:
     """Check that each action which picks up or drops a load fits the load at that time.
 
-    The robot's actions are done one after the other in driving order; the first ``skip`` nodes do not count.
+    The actions are executed one after the other in driving order; the first ``skip`` nodes do not count.
     """
     placed = [(node.sequence_id, node.actions) for node in order.nodes[skip:]]
     placed += [(edge.sequence_id, edge.actions) for edge in order.edges]
@@ -298,7 +298,7 @@ def repeated_action_fault(order: Order, used: frozenset[str], *, skip: int = 0) 
 
 
 def stands_on(node: Node, situation: Situation, capabilities: Capabilities) -> bool:
-    """Return whether the robot is at ``node``, and was not driven away from it by hand (section 6.1.4.7)."""
+    """Return whether the robot is at ``node``, and was not moved away from it by hand (section 6.1.4.7)."""
     pose, position = situation.pose, node.node_position
     strayed = pose and position and distance(pose, position) > radius(position, 0.0) + STRAY
     if situation.stands_on and situation.stands_on == node.node_id and not strayed:
@@ -458,7 +458,7 @@ Verdict = NewOrder | Update | Duplicate | Rejected
 
 
 def judge(order: Order, situation: Situation, capabilities: Capabilities) -> Verdict:
-    """Decide about ``order`` (section 6.1.2, figure 8)."""
+    """Accept or reject ``order`` (section 6.1.2, figure 8)."""
     fault = (
         _identity_fault(order)
         or _epoch_fault(order, situation)

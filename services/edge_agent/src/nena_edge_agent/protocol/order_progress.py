@@ -1,4 +1,4 @@
-"""The held order: what is left of it, its content, and which orders have ended (sections 6.1.2, 6.6.2)."""
+"""The current order: its rest, its content, and the orders that have ended (sections 6.1.2, 6.6.2)."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class BasePath:
     def path(self, last: Node | None, sequence_id: int) -> PlannedPath | None:
         """Return the planned path (section 6.6.2) from ``last`` over the nodes from ``sequence_id`` on.
 
-        None if there is none: no base is left, or a node of it has no place.
+        None if there is none: no base is left, or a node of it has no position.
         """
         index = self._index_of(sequence_id)
         if index is None or len(self._corners) != len(self._base):
@@ -148,7 +148,7 @@ def fingerprint(message: WireObject) -> str:
 
 
 ENDED_ORDERS_KEPT: Final = 200
-"""Ended orders that are remembered; the oldest is dropped for the newest."""
+"""Maximum stored ended orders; the oldest is dropped for the newest."""
 CLOCK_TOLERANCE: Final = timedelta(seconds=60)
 """How far the clocks of two fleet controls, or of fleet control and robot, may differ."""
 
@@ -161,7 +161,7 @@ NONE_YET: Final = -1
 
 
 class OrderHeader(NamedTuple):
-    """What is remembered of the headers of accepted messages (section 7.2).
+    """The stored data of the headers of accepted messages (section 7.2).
 
     ``header_id`` and ``timestamp`` are the greatest so far, of the order messages of the present epoch if the
     sender names one. ``epoch`` is the greatest so far of all commands.
@@ -188,7 +188,7 @@ class OrderHistory:
         return tuple(self._ended)
 
     def end(self, order_id: str) -> None:
-        """Remember an order that another one replaces; an empty ``order_id`` means that there was none."""
+        """Store an order that another one replaces; an empty ``order_id`` means that there was none."""
         if not order_id:
             return
         self._ended[_digest(order_id)] = None
@@ -196,7 +196,7 @@ class OrderHistory:
             del self._ended[next(iter(self._ended))]
 
     def accept(self, order: Order, utc: datetime | None) -> None:
-        """Remember the header of an accepted order or update; ``utc`` is the robot's time, if known.
+        """Store the header of an accepted order or update; ``utc`` is the robot's time, if known.
 
         A timestamp in the future is not remembered: once the sender's clock is corrected, every new order
         would look old.
@@ -210,7 +210,7 @@ class OrderHistory:
         self.last_header = OrderHeader(header_id, max(times, default=None), last.epoch)
 
     def begin_epoch(self, epoch: int | None, utc: datetime | None) -> None:
-        """Remember a greater epoch, in which headerIds begin again; ``utc`` is the robot's time, if known.
+        """Store a greater epoch, in which headerIds restart; ``utc`` is the robot's time, if known.
 
         An epoch is a time in seconds. One far in the future is not remembered: no order service could take
         over from it.
@@ -302,7 +302,7 @@ class OrderProgress:
         self._edge_states: dict[int, EdgeState] = {}
 
     def follow_paths(self, path_of: PathOf) -> None:
-        """Show the paths of our own that the robot follows along some edges, from now on."""
+        """Set the own paths that the robot follows along some edges."""
         self._path_of = path_of
         self._measure()
 

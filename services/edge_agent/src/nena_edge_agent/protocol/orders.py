@@ -56,7 +56,7 @@ def receive(robot: RobotState, order: Order, *, dated: bool = True) -> Verdict:
 
 
 def _waits_for_disk(robot: RobotState, order: Order) -> bool:
-    """Return whether ``order`` is held but not on the disk: no state shows it yet, and it is not rejected."""
+    """Return whether ``order`` is accepted but not on disk: no state shows it yet, and it is not rejected."""
     progress = robot.progress
     held = (progress.order_id, progress.order_update_id) == (order.order_id, order.order_update_id)
     return held and bool(robot.journal_problem)

@@ -169,7 +169,7 @@ class RobotCore:
         return (*self._durable(), self._robot.header_ids)
 
     def memory(self) -> Memory:
-        """Return what must survive the end of the process."""
+        """Return the data that must survive the end of the process."""
         return memory_of(self._robot)
 
     def _durable(self) -> tuple[object, ...]:
@@ -211,7 +211,7 @@ class RobotCore:
 
 
 def _started(robot: RobotState, event: Started) -> None:
-    """Continue the interrupted work: what the robot did meanwhile is unknown."""
+    """Continue the interrupted work; the robot's actions in the meantime are unknown."""
     robot.utc = (event.utc, robot.now) if event.utc else None
     robot.link.lost_since = robot.now
     instant_actions.position_interrupted(robot)

@@ -47,7 +47,7 @@ NOT_REPORTED = NavigationReport(
 class Reports:
     """The latest reports of the driver, or of a person at the robot.
 
-    ``recovered_at`` is the time in s at which navigation last began to get the robot free.
+    ``recovered_at`` is the time in s at which navigation last began to free the robot.
     """
 
     pose: PoseReport | None = None
@@ -140,7 +140,7 @@ class CurrentGoal:
             self.own = OwnGoals(self.listed_ids, self.own.pose) if self.listed_ids else None
 
     def forget_failures(self) -> None:
-        """Reset the failures: the next node or the order is another one."""
+        """Reset the failures: the next node or the order has changed."""
         self.failed_at, self.failures, self.retry_at, self.problem = None, 0, None, ""
 
     def retry(self, at: float, problem: str) -> None:

@@ -1,4 +1,4 @@
-"""How far the robot has driven along its order, and how far it has to go (section 6.6.2)."""
+"""Driven and remaining distance of the robot's order (section 6.6.2)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from nena_shared.vda5050.state import InfoLevel, Information, IntermediatePath, 
 JITTER = 0.03
 """Metres by which the poses of a stopped robot may differ."""
 JUMP = 3.0
-"""Metres between two poses that are no drive: the localisation has corrected itself."""
+"""Metres between two poses beyond which the localisation has corrected itself."""
 PLAN_TOLERANCE = 0.75
 """Metres from a goal at which navigation may end its plan."""
 

@@ -228,7 +228,7 @@ class ZoneRequests:
 
     @property
     def waits(self) -> bool:
-        """Whether time alone may change something."""
+        """Whether the passing of time may change something."""
         return bool(self._refused) or any(each.lease_expiry for each in self._requests.values())
 
     def status(self, key: ZoneKey) -> RequestStatus | None:

@@ -1,4 +1,4 @@
-"""Zones: zone sets from fleet control, and what they mean for driving (sections 6.4 and 6.9)."""
+"""Zones: zone sets from fleet control, and their effect on driving (sections 6.4 and 6.9)."""
 
 from __future__ import annotations
 
