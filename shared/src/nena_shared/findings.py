@@ -36,7 +36,7 @@ def path_of(location: Iterable[str | int], root: str = "") -> str:
 
 
 def words_of(finding: Any) -> str:  # noqa: ANN401 - pydantic and FastAPI have types of their own for the same
-    """Return what is wrong with a field."""
+    """Return the problem of a field."""
     return WORDS.get(finding["type"]) or shortened(str(finding["msg"]).removeprefix(PREFIX))
 
 

@@ -42,7 +42,7 @@ Reading = float | Histogram | Mapping[Any, float] | Mapping[Any, Histogram] | No
 
 @dataclass(frozen=True, slots=True)
 class Metric(Generic[S]):
-    """One metric of a program; ``S`` is what it is read from."""
+    """One metric of a program; ``S`` is the type that it is read from."""
 
     name: str
     """As in a query: counters end with ``_total``."""

@@ -65,7 +65,7 @@ MADE_BEFORE: Final = {HTTPStatus.OK: "Already created with this key."}
 
 
 class Refusal(Enum):
-    """A reason to refuse a request, with the status of its problem and what it means."""
+    """A reason to refuse a request, with its HTTP status and meaning."""
 
     NAME_TAKEN = HTTPStatus.CONFLICT, "The name is taken."
     KEY_REUSED = HTTPStatus.UNPROCESSABLE_ENTITY, "The idempotency key was used for a different request."
@@ -129,7 +129,7 @@ class Operation(Generic[A]):
     versioned: bool = False
     """Whether the object has a version: an ETag over REST, ``version`` in an MQTT command."""
     creates: str = ""
-    """Path below which what it makes is found; empty: it makes nothing, and is answered with 200, not 201."""
+    """Path of the created object; empty: it creates none, and is answered with 200, not 201."""
     also: Mapping[HTTPStatus, str] = field(default_factory=dict)
     """Further statuses of success, and what they mean."""
     refusals: tuple[Refusal, ...] = ()

@@ -123,14 +123,14 @@ def _png(image: bytes) -> bytes:
 
 
 class MapImage(Resource):
-    """A map and where it lies: its lower left corner in m and rad in the plant's frame.
+    """A map and its position: its lower left corner in m and rad in the plant's frame.
 
     The image is black; its opacity is the probability of an obstacle. Unknown areas are faint.
     """
 
     map_id: Annotated[str, Field(max_length=1024)]
     digest: Annotated[str, Field(pattern="^[0-9a-f]{16,64}$")]
-    """Another one for each other image or place."""
+    """Differs for each image and position."""
     resolution: Annotated[float, Field(gt=0)]
     """m per pixel."""
     x: float

@@ -120,7 +120,7 @@ class WithdrawalRequest(Request):
 
     reason: Annotated[str, Field(min_length=1, max_length=500)] = "withdrawn by a host"
     immediate: bool = True
-    """Whether its robot is to stop; false: it drives to the end of what it was given."""
+    """Whether its robot is to stop; false: it drives to the end of its base."""
 
 
 SOMEBODY = "somebody"
@@ -137,7 +137,7 @@ class HoldRequest(Request):
     """The caller: a person or a program, by name; None: the user of the request's token."""
     reason: Annotated[str, Field(min_length=1, max_length=500)] = "no reason given"
     immediate: bool = True
-    """Whether its robot is to stop; false: it drives to the end of what it was given."""
+    """Whether its robot is to stop; false: it drives to the end of its base."""
 
 
 class ResumeRequest(Request):

@@ -14,7 +14,7 @@ LOST_AFTER: Final = 7.0
 
 
 class ServiceStatus(Resource):
-    """The leading order service as it is; retained."""
+    """The status of the active order service; retained."""
 
     online: bool
     """False in its last will and at an orderly end."""

@@ -11,7 +11,7 @@ class WaitCause(StrEnum):
     """Why a vehicle waits for others."""
 
     PASSES = "PASSES"
-    """The other one holds the place, and drives on."""
+    """The other one holds the resource, and drives on."""
     STANDS = "STANDS"
     """The other vehicle is standing there."""
     GOES_FIRST = "GOES_FIRST"
@@ -56,13 +56,13 @@ class VehiclePlan(Resource):
     ahead: tuple[PlannedPoint, ...] = ()
     """The points of its route, as far as it could drive within the horizon."""
     goal: str | None = None
-    """The end of its route; None: it is not under way."""
+    """The end of its route; None: it is not driving."""
     wait: TrafficWait | None = None
     """None: nothing keeps it."""
 
 
 class TrafficPlan(Resource):
-    """The plan of the next minute, of all vehicles for which places are kept."""
+    """The plan of the next minute, of all vehicles that hold resources."""
 
     time: Moment
     horizon: float

@@ -19,7 +19,7 @@ class FailureMeasure(StrEnum):
     RETRY = "RETRY"
     """The same vehicle retries the same destination from its position."""
     REPLAN = "REPLAN"
-    """The same vehicle takes another route, which avoids the place of the failure."""
+    """The same vehicle takes another route, which avoids the position of the failure."""
     OTHER_VEHICLE = "OTHER_VEHICLE"
     """The order waits for another vehicle; never while the vehicle carries something for it."""
     SKIP = "SKIP"
@@ -101,7 +101,7 @@ class TransportOrderState(StrEnum):
 
 
 class DependencyFailure(StrEnum):
-    """What becomes of an order when one that it depends on does not end as FINISHED."""
+    """What happens to an order when one that it depends on does not end as FINISHED."""
 
     FAIL = "FAIL"
     """It fails, too."""
@@ -145,7 +145,7 @@ class Property(OperationProperty):
 
 
 class Coordinate(Request):
-    """A place off the points: m and rad in the plant's frame; ``theta`` None: any heading."""
+    """A position off the points: m and rad in the plant's frame; ``theta`` None: any heading."""
 
     x: float
     y: float

@@ -58,7 +58,7 @@ class IntegrationLevel(StrEnum):
     TO_BE_NOTICED = "TO_BE_NOTICED"
     """It is shown; nothing is kept free for it."""
     TO_BE_RESPECTED = "TO_BE_RESPECTED"
-    """Its place is kept free for it; it gets no orders."""
+    """Its resources are kept free; it gets no orders."""
     TO_BE_UTILIZED = "TO_BE_UTILIZED"
     """It also gets orders."""
 
@@ -121,7 +121,7 @@ class VehicleStatus(Resource):
 
 
 class ReroutingType(StrEnum):
-    """Where the new way begins."""
+    """Start of the new route."""
 
     REGULAR = "REGULAR"
     """From the end of the base: the robot continues without a stop, by an order update."""

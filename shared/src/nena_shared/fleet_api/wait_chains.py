@@ -1,4 +1,4 @@
-"""Follows who waits for whom to the vehicle at the head of the queue, or to a circle."""
+"""Follows chains of waiting vehicles to the head of the queue, or to a circle."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class WaitChain:
 def wait_chains(
     waits: Mapping[str, Collection[str]], stuck: Collection[str] = frozenset()
 ) -> dict[str, WaitChain]:
-    """Return the chain of each vehicle of ``waits``, which holds for whom each one waits.
+    """Return the chain of each vehicle; ``waits`` maps each one to the vehicles that it waits for.
 
     A vehicle that waits for several follows the one that leads to what a person has to clear first: a
     ``stuck`` vehicle (emergency stop, error, away), then a circle, then any other vehicle; of several the
@@ -61,7 +61,7 @@ def chain_from(name: str, chains: Mapping[str, WaitChain]) -> tuple[str, ...]:
 
 
 def _line_up(chains: dict[str, WaitChain], behind: Mapping[str, Iterable[str]], heads: Iterable[str]) -> None:
-    """Add the chains of those who wait behind ``heads`` and have none, the nearest first."""
+    """Add the chains of vehicles that wait behind ``heads`` and have none, the nearest first."""
     row = deque((head, WaitChain(head, head)) for head in heads)
     _add(chains, behind, row)
 
@@ -80,7 +80,7 @@ def _add(
 def _find_circles(
     chains: dict[str, WaitChain], waits: Mapping[str, Iterable[str]], behind: Mapping[str, Iterable[str]]
 ) -> None:
-    """Add the chains of those who have none and wait in a circle, or behind one."""
+    """Add the chains of vehicles that have none and wait in a circle, or behind one."""
     open_ways = _endless(waits, behind, chains.keys())
     following = {name: next(each for each in waits[name] if each in open_ways) for name in open_ways}
     for circle in tuple(_circles(following)):

@@ -225,7 +225,7 @@ class Client:
         self._wrote = False
         """Whether something was written in this turn of the event loop; the rest is written at its end."""
         self._reading = False
-        """Whether what is sent waits for the end of a reading."""
+        """Whether messages to send wait for the end of a read."""
         self._awaits_socket = False
         self._arriving = False
         """Whether anything has arrived since the last check of the keep-alive."""
@@ -336,7 +336,7 @@ class Client:
             self._flush()
 
     def discard(self) -> None:
-        """Make the kernel drop what it has not sent yet when the connection is closed."""
+        """Make the kernel drop unsent data when the connection is closed."""
         if sock := self.socket:
             with suppress(OSError):  # it is broken already
                 sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))

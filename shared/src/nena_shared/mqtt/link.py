@@ -356,7 +356,7 @@ class MqttLink:
             session.client.cut()
 
     def _end(self, session: _Session) -> None:
-        """Queue again what the broker has not confirmed, in its old order, before what waits already."""
+        """Requeue unconfirmed messages, in their old order, in front of the waiting ones."""
         unsent = [*session.deliveries.values(), *session.first, *self._outbox]
         session.deliveries.clear()
         session.first.clear()

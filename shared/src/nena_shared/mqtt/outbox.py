@@ -15,7 +15,7 @@ _Key = str | int | tuple[str]
 class Outbox:
     """A queue with a defined overflow rule.
 
-    - A retained message replaces the waiting one of its topic, at the same place in the queue. It is never
+    - A retained message replaces the waiting one of its topic, at the same position in the queue. It is never
       dropped: the queue holds at most one status, and one message that clears it, per topic.
     - A message that clears a topic waits behind the last status of that topic, so that subscribers still see
       how an order ended.

@@ -1,4 +1,4 @@
-"""The factsheet message (VDA 5050 3.0 sections 6.10 and 7.10): what a robot is and can do."""
+"""The factsheet message (VDA 5050 3.0 sections 6.10 and 7.10): a robot's type and abilities."""
 
 from __future__ import annotations
 

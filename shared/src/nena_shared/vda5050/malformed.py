@@ -14,7 +14,7 @@ REFERENCE_LENGTH = 1024
 """Characters; a longer value refers to nothing that was ever accepted."""
 
 QUOTE = " (received "
-"""Begins the quotation of a value after what is wrong with it."""
+"""Separator between a problem and the quoted value."""
 
 QUOTED = 60
 """Characters of a received value that are quoted."""

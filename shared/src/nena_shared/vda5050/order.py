@@ -63,7 +63,7 @@ class NodePosition(WireObject):
 
 
 class Node(WireObject):
-    """A place that the order passes; even sequence ids (section 6.1.1)."""
+    """A position that the order passes; even sequence IDs (section 6.1.1)."""
 
     node_id: Identifier
     sequence_id: UInt32
@@ -100,7 +100,7 @@ class Corridor(WireObject):
 
 
 class Edge(WireObject):
-    """The way between two nodes; odd sequence ids; m, m/s, rad, rad/s (section 6.1.1)."""
+    """The connection of two nodes; odd sequence IDs; m, m/s, rad, rad/s (section 6.1.1)."""
 
     edge_id: Identifier
     sequence_id: UInt32

@@ -97,7 +97,7 @@ class Scope(Enum):
     """How far a message may be repaired."""
 
     REPORT = auto()
-    """What a robot reports: as far as it can be acted on safely."""
+    """Reports of a robot: as far as they can be used safely."""
     COMMAND = auto()
     """Repairs of commands: only where the meaning is certain; nothing is left out or clamped."""
 
@@ -140,7 +140,7 @@ _NEVER_DROPPED: Final = (NodeState, EdgeState, ActionState, ErrorEntry, Load)
 
 _PERCENT: Final = 100.0
 _MUCH_BEYOND: Final = 50.0
-"""A percentage farther beyond its limits is none, such as 255 for one that is not known."""
+"""A percentage farther beyond its limits is invalid, such as 255 for an unknown one."""
 _FULL_TURN: Final = 2 * pi + 1e-3
 _TIME: Final[TypeAdapter[datetime]] = TypeAdapter(Timestamp)
 
@@ -191,7 +191,7 @@ def written(content: dict[str, Any]) -> bytes | None:
 
 
 def repairs_of(found: Repairs) -> tuple[Repair, ...]:
-    """Return what was repaired, each field and kind once."""
+    """Return the repairs, each field and kind once."""
     return tuple(Repair(*key, received) for key, received in found.items())
 
 
@@ -489,7 +489,7 @@ def _number(text: str) -> float | int | None:
 
 
 def _brought_into(number: float, shape: Shape, at: str, scope: Scope) -> tuple[float, RepairKind]:
-    """Bring a number into the limits of its field.
+    """Clamp a number to the limits of its field.
 
     Raises:
         _Beyond: there is no sure way.

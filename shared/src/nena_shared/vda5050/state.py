@@ -186,7 +186,7 @@ class SafetyState(WireObject):
 
 
 class Information(WireObject):
-    """A remark for people; no logic hangs on it (section 7.8)."""
+    """A remark for people; no logic depends on it (section 7.8)."""
 
     info_type: str
     info_level: InfoLevel
@@ -204,13 +204,13 @@ class PathPoint(WireObject):
 
 
 class IntermediatePath(WireObject):
-    """The way that the robot means to drive next (section 6.6.2)."""
+    """The path that the robot plans to drive next (section 6.6.2)."""
 
     polyline: tuple[PathPoint, ...]
 
 
 class PlannedPath(WireObject):
-    """The way that the robot means to drive at least to the end of its base (section 6.6.2)."""
+    """The planned path of the robot, at least to the end of its base (section 6.6.2)."""
 
     trajectory: Trajectory
     traversed_nodes: tuple[str, ...] | None = None

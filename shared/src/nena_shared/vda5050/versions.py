@@ -94,7 +94,7 @@ class _Version(BaseModel):
 
 
 def version_of(payload: bytes) -> str | None:
-    """Read the version out of a message's header; None for what is no message."""
+    """Read the version from a message's header; None if it is not a message."""
     try:
         return _Version.model_validate_json(payload).version
     except ValidationError:

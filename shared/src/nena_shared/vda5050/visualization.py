@@ -7,7 +7,7 @@ from nena_shared.vda5050.state import IntermediatePath, MobileRobotPosition, Pla
 
 
 class Visualization(Header):
-    """Position and way at a higher rate than the state, for displays only (section 6.7)."""
+    """Position and path at a higher rate than the state, for displays only (section 6.7)."""
 
     reference_state_header_id: UInt32
     mobile_robot_position: MobileRobotPosition | None = None

@@ -148,6 +148,6 @@ class ZoneSet(WireObject):
 
 
 class ZoneSetTransfer(Header):
-    """Brings a zone set to a robot, where it arrives DISABLED (section 6.4.1)."""
+    """Transfers a zone set to a robot, where it is DISABLED at first (section 6.4.1)."""
 
     zone_set: ZoneSet

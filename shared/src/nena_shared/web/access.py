@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 KEPT = 10_000
-"""Askers that are remembered; above that the one that has been quiet for longest is forgotten."""
+"""Maximum stored clients; beyond it, the one idle for longest is removed."""
 
 
 @dataclass(slots=True)
@@ -105,7 +105,7 @@ class TokenReader(Protocol):
     """Reads users from tokens that another issuer has signed."""
 
     async def who(self, token: str) -> OidcUser:
-        """Return whose token it is; raises what is in :mod:`nena_shared.web.oidc.tokens`."""
+        """Return the user of a token; raises the errors of :mod:`nena_shared.web.oidc.tokens`."""
         ...
 
 

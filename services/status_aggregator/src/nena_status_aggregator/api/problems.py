@@ -19,7 +19,7 @@ log = get_logger(__name__)
 
 
 class ProblemError(Exception):
-    """A request failed; ``detail`` says why and what to do."""
+    """A request failed; ``detail`` explains why and what to do."""
 
     def __init__(self, status: HTTPStatus, detail: str) -> None:
         super().__init__(detail)

@@ -79,7 +79,7 @@ WAITS = {
 }
 
 URGENT = ("emergency_stop", "not_localized", "error", "unreadable")
-"""Reasons for which a person has to go to the robot now."""
+"""Reasons that need a person at the robot now."""
 
 COORDINATE_NODES = ("goal:", "start:")
 """Prefixes of the node IDs that NeNa's order service assigns to coordinates."""
@@ -101,7 +101,7 @@ class Reason:
 
     @property
     def urgent(self) -> bool:
-        """Whether a person has to go to the robot now."""
+        """Whether the robot needs a person now."""
         return self.code in URGENT
 
 
@@ -120,15 +120,15 @@ class ConditionInputs:
     silence_limit: float
     link_up: bool
     problem: str = ""
-    """What is wrong with the last unreadable message."""
+    """The problem of the last unreadable message."""
     unreadable: str = ""
-    """What is wrong with the states, while unreadable ones arrive."""
+    """The problem of the states, while unreadable ones arrive."""
     fleet_remark: str | None = None
     """The order service's remark on the vehicle; None if the vehicle is unknown to it."""
     transport_order: str | None = None
     """The transport order to which the order service has assigned the vehicle."""
     wait: TrafficWait | None = None
-    """For whom the vehicle waits, by the order service."""
+    """The vehicles that it waits for, by the order service."""
 
 
 Assessment = tuple[Condition, Reason]

@@ -1,4 +1,4 @@
-"""The fleet model: messages and their time in, views and numbered changes out."""
+"""The fleet model: its input is messages and their time, its output views and numbered changes."""
 
 from __future__ import annotations
 
@@ -257,7 +257,7 @@ class FleetModel:
         self._touch_order_of(robot)
 
     def on_vehicle_elsewhere(self, status: VehicleStatus) -> None:
-        """Apply a vehicle status of a robot of another share: only for whom it waits."""
+        """Apply a vehicle status of a robot of another share: only which vehicles it waits for."""
         self.queues.see_elsewhere(status, self.limits.robots)
 
     def on_order_status(self, status: TransportOrderStatus, at: Timestamp) -> None:

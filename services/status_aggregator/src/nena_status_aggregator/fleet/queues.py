@@ -1,4 +1,4 @@
-"""Who waits behind whom, and the jams: many robots behind one head for long."""
+"""Queues of waiting robots, and jams: many robots behind one head for long."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ STUCK = (
 """Conditions in which a robot does not drive on until a person has done something."""
 
 STUCK_ELSEWHERE = (VehicleState.ERROR, VehicleState.UNAVAILABLE, VehicleState.UNKNOWN)
-"""The same of a robot of another share, of which only the order service's word is known."""
+"""The same of a robot of another share, of which only the order service's status is known."""
 
 
 @dataclass(frozen=True, slots=True)
 class JamLimits:
-    """From when on waiting robots are a jam."""
+    """The limits beyond which waiting robots are a jam."""
 
     robots: int = 3
     """Number of robots behind one head that is no jam yet."""
@@ -53,7 +53,7 @@ class Queues:
 
     def __init__(self, limits: JamLimits) -> None:
         self.chains: dict[str, WaitChain] = {}
-        """Where the waiting of each waiting vehicle leads."""
+        """The chain of each waiting vehicle."""
         self._limits = limits
         self._waits: dict[str, tuple[str, ...]] = {}
         self._stuck: dict[str, None] = {}
@@ -65,7 +65,7 @@ class Queues:
         """Since when queues by their ends have been longer than the limit."""
 
     def see(self, robot: Robot) -> None:
-        """Note for whom a robot waits, and whether it is stuck."""
+        """Note which vehicles a robot waits for, and whether it is stuck."""
         vehicle = robot.vehicle
         if vehicle is None:
             return
@@ -78,7 +78,7 @@ class Queues:
         )
 
     def see_elsewhere(self, vehicle: VehicleStatus, limit: int) -> None:
-        """Note for whom a vehicle of another share waits; beyond ``limit`` of them, ignore new ones."""
+        """Note which vehicles one of another share waits for; beyond ``limit`` of them, ignore new ones."""
         if vehicle.name not in self._elsewhere and len(self._elsewhere) >= limit:
             return
         self._elsewhere.add(vehicle.name)
@@ -86,7 +86,7 @@ class Queues:
         self._note(vehicle.name, waits, stuck=vehicle.state in STUCK_ELSEWHERE)
 
     def forget(self, name: str) -> None:
-        """Forget a vehicle."""
+        """Remove a vehicle."""
         self._note(name, (), stuck=False)
 
     def line_up(self, at: Timestamp) -> list[str]:

@@ -197,9 +197,9 @@ class Robot:
         """States received and used."""
         self.malformed = 0
         self.problem = ""
-        """What is wrong with its last malformed message."""
+        """The problem of its last malformed message."""
         self.unreadable = ""
-        """What is wrong with its last state; empty if it was readable."""
+        """The problem of its last state; empty if it was readable."""
         self.unreadable_at = -inf
         self.deviations: tuple[Repair, ...] = ()
         """How its messages deviate from the standard, and how they were read."""

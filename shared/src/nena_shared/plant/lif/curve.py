@@ -38,14 +38,14 @@ def has_gap(trajectory: PathTrajectory) -> bool:
 
 
 def places(trajectory: PathTrajectory, samples: int = _SAMPLES) -> tuple[Place, ...]:
-    """Return this many places and one more along a curve without fault, with both ends."""
+    """Return this many points and one more along a valid curve, with both ends."""
     knots, degree = trajectory.knot_vector, trajectory.degree
     first, last = knots[degree], knots[-degree - 1]
     return tuple(_place(trajectory, first + (last - first) * i / samples) for i in range(samples + 1))
 
 
 def steps(trajectory: PathTrajectory, longest: float) -> tuple[Place, ...]:
-    """Return places along a curve without fault, with both ends, each at most ``longest`` m from the last."""
+    """Return points along a valid curve, with both ends, each at most ``longest`` m from the last."""
     knots, degree = trajectory.knot_vector, trajectory.degree
     found = [_place(trajectory, knots[degree])]
     for low, high in pairwise(sorted(set(knots[degree : len(knots) - degree]))):
@@ -58,7 +58,7 @@ def steps(trajectory: PathTrajectory, longest: float) -> tuple[Place, ...]:
 def _add_steps(
     trajectory: PathTrajectory, part: tuple[float, float], longest: float, found: list[Place]
 ) -> None:
-    """Add the places of a part of the curve behind its beginning, which is the last one of ``found``."""
+    """Add the points of a part of the curve after its start, which is the last one of ``found``."""
     waiting = [part]
     while waiting:
         low, high = waiting.pop()
@@ -90,7 +90,7 @@ def is_cubic_bezier(trajectory: PathTrajectory) -> bool:
 
 
 def _place(trajectory: PathTrajectory, at: float) -> Place:
-    """Return the place at a parameter by de Boor's algorithm, weights included."""
+    """Return the point at a parameter by de Boor's algorithm, with weights."""
     knots, degree = trajectory.knot_vector, trajectory.degree
     last = bisect_left(knots, knots[-degree - 1]) - 1
     span = min(bisect_right(knots, at) - 1, last)

@@ -147,7 +147,7 @@ def _of_the_rest(model: PlantModel) -> Iterator[tuple[str, int]]:
 
 
 def rules_of_types(model: PlantModel) -> Iterator[tuple[str, int]]:
-    """Yield what the rules of vehicle types say beside who may use what, and how often."""
+    """Yield the rules of vehicle types other than access, and how often they occur."""
     at_points = [use for point in model.points for use in point.vehicle_types]
     on_paths = [use for path in model.paths for use in path.vehicle_types]
     everywhere: list[_Use] = [*at_points, *on_paths]

@@ -111,7 +111,7 @@ PROBLEMS_SHOWN = 5
 
 
 class Metadata(BaseModel):
-    """Where an issuer has what; only what is used here."""
+    """The issuer's endpoints that are used here."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -153,7 +153,7 @@ KINDS = {"RS": "RSA", "PS": "RSA", "ES": "EC", "Ed": "OKP"}
 
 
 class KeySet:
-    """Keys by their ids; what is no public key for signatures is passed over."""
+    """Keys by their ids; anything but public keys for signatures is ignored."""
 
     def __init__(self, keys: Sequence[Mapping[str, Any]]) -> None:
         self._keys = keys
