@@ -77,7 +77,7 @@ async def test_its_fleet_control_has_orders_done_and_cancelled(own_broker: Broke
     assert refused == []
 
 
-@pytest.mark.clause("6.1.1/fleet", "6.6.8")
+@pytest.mark.clause("6.1.2/confirm", "6.6.8")
 async def test_a_robot_on_it_does_its_order(own_broker: Broker, tmp_path: Path) -> None:
     fleet, history = Fleet(own_broker, INTERFACE, tmp_path), History()
     with fleet.stack:

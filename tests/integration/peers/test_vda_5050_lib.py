@@ -122,7 +122,7 @@ async def test_its_fleet_control_has_orders_done_and_cancelled(
     assert (second[-1]["orderId"], second[-1]["error"], second[-1]["cancelled"]) == ("o2", None, True)
 
 
-@pytest.mark.clause("6.1.1/fleet")
+@pytest.mark.clause("6.1.2/confirm")
 async def test_its_robot_does_its_order(own_broker: Broker, interface_name: str, tmp_path: Path) -> None:
     start = {"mapId": "sample-hall", "x": 3.0, "y": 2.0, "theta": 0.0, "lastNodeId": "South 1"}
     robot = {"initialPosition": start, "vehicleSpeed": 5, "timeLapse": 20}
