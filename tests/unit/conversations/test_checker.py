@@ -132,6 +132,23 @@ def test_what_is_no_message_is_named_with_the_section_that_describes_it(
     assert str(finding.robot) == "ACME/r1"
 
 
+def test_deviations_are_named_in_the_words_of_the_services() -> None:
+    found = changed("2.1.0", errors=None, orderUpdateId="0").findings
+    assert [(each.rule, each.severity) for each in found] == [(Rule.MESSAGE, Severity.ERROR)] * 2
+    words = [each.text for each in found]
+    assert sorted(words) == [
+        "state.errors null: empty list",
+        'state.orderUpdateId "0": text as number',
+    ]
+
+
+def test_deviations_of_a_fleet_control_are_named_as_the_agent_does() -> None:
+    payload = codec_for("2.1.0").encode(order("n0", "n1"))
+    changed_payload = payload.replace(b'"orderUpdateId":0', b'"orderUpdateId":"0"')
+    (finding,) = sent("2.1.0", "order", changed_payload).findings
+    assert finding.text == 'order.orderUpdateId "0": text as number'
+
+
 def test_what_is_no_json_is_read_by_the_version_of_its_topic() -> None:
     (finding,) = sent("2.1.0", "state", b"hello").findings
 

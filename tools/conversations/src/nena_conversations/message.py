@@ -11,8 +11,10 @@ from nena_conversations.recording import Entry
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.codec import KINDS, Codec
 from nena_shared.vda5050.malformed import MalformedMessageError
+from nena_shared.vda5050.message_reader import MessageReader, read_command
+from nena_shared.vda5050.repair import Repair
 from nena_shared.vda5050.topics import RobotKey, Topic
-from nena_shared.vda5050.versions import CODECS, codec_of_header, nearest_codec
+from nena_shared.vda5050.versions import CODECS, UnknownVersionError, codec_of_header, nearest_codec
 
 LEVELS: Final = 4
 """Topic levels that are read: major version, manufacturer, serial number, topic name."""
@@ -80,7 +82,7 @@ def parse(entry: Entry, number: int) -> ReceivedMessage | None:
     try:
         message = codec.decode(KINDS[topic], entry.payload)
     except MalformedMessageError as error:
-        problems = error.problems
+        problems = _deviations(entry, topic, major, codec) or error.problems
     return ReceivedMessage(
         number=number,
         time=entry.time,
@@ -93,6 +95,20 @@ def parse(entry: Entry, number: int) -> ReceivedMessage | None:
         message=message,
         problems=problems,
     )
+
+
+def _deviations(entry: Entry, topic: Topic, major: str, codec: Codec) -> tuple[str, ...]:
+    """Return how a message deviates that the services read nevertheless, in their words; empty otherwise."""
+    found: list[Repair] = []
+    try:
+        if SENDERS[topic] is Sender.ROBOT:
+            reader = MessageReader(lambda _, repairs: found.extend(repairs))
+            reader.read(KINDS[topic], entry.topic, entry.payload, major)
+        else:
+            found += read_command(KINDS[topic], codec, entry.payload, now=entry.time)[1]
+    except (MalformedMessageError, UnknownVersionError):
+        return ()
+    return tuple(str(each._replace(field=f"{topic}.{each.field}")) for each in found)
 
 
 def sender_of(topic: str) -> Sender | None:
