@@ -246,6 +246,19 @@ def test_a_localisation_that_has_gone_or_come_back_is_noticed_once() -> None:
     assert watch.look(one, inactive=False) is None, "the old one is gone at last"
 
 
+def test_a_localisation_that_dies_before_the_first_look_is_noticed_by_its_pose() -> None:
+    watch = LocaliserWatch()
+    assert watch.look(frozenset(), inactive=False) is None
+    watch.on_pose()
+    looks = [watch.look(frozenset(), inactive=False) for _ in range(4)]
+    assert ["is not running" in str(each) for each in looks] == [False, True, False, False]
+    watch.on_pose()
+    looks = [
+        watch.look(each, inactive=False) for each in (frozenset[str](), frozenset({"b"}), frozenset({"b"}))
+    ]
+    assert looks == [None, None, None], "it only comes back"
+
+
 def test_a_localisation_that_is_deactivated_is_noticed() -> None:
     watch = LocaliserWatch()
     one = frozenset({"a"})

@@ -317,7 +317,7 @@ class Nav2Driver:
         listeners = Listeners(
             self._on_statuses,
             self._action.on_other_statuses,
-            self._on_pose,
+            self._on_published_pose,
             self._on_velocity,
             self._on_battery,
             self._on_plan,
@@ -518,6 +518,10 @@ class Nav2Driver:
 
     def _on_statuses(self, entries: list[GoalEntry]) -> None:
         self._apply(self._tracker.on_statuses(entries, self._clock.monotonic()))
+
+    def _on_published_pose(self, reading: PoseReading) -> None:
+        self._localiser_watch.on_pose()
+        self._on_pose(reading)
 
     def _on_pose(self, reading: PoseReading) -> None:
         now = self._clock.monotonic()

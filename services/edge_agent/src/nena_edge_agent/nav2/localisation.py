@@ -104,12 +104,17 @@ class LocaliserWatch:
     """Notices that the localisation has died, was started again or deactivated; its pose counts no more then.
 
     One that is missing at two looks has gone. A publisher that turns up beside another one is that one,
-    started again: DDS shows one that has crashed for another 20 s.
+    started again: DDS shows one that has crashed for another 20 s. It may also have died before the first
+    look, which takes as long as Nav2's answers: then only its pose shows that it ran.
     """
 
     def __init__(self) -> None:
         self._publishers: frozenset[str] = frozenset()
-        self._missed = self._inactive = False
+        self._heard = self._missed = self._inactive = False
+
+    def on_pose(self) -> None:
+        """Note that the localisation has published a pose."""
+        self._heard = True
 
     def look(self, publishers: frozenset[str], *, inactive: bool) -> str | None:
         """Handle the endpoint IDs of the pose's publishers.
@@ -117,10 +122,11 @@ class LocaliserWatch:
         Return why the pose is to be forgotten, if it is.
         """
         before, was_missed, was_inactive = self._publishers, self._missed, self._inactive
-        self._missed, self._inactive = bool(before) and not publishers, inactive
+        ran = bool(before) or self._heard
+        self._missed, self._inactive = ran and not publishers, inactive
         if self._missed and not was_missed:
             return None  # all of Nav2 may be stopping, which is reported first
-        self._publishers = publishers
+        self._publishers, self._heard = publishers, False
         if self._missed:
             return "the localisation is not running: nothing publishes its pose"
         if before and publishers - before:
