@@ -14,6 +14,7 @@ import tempfile
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Self
 
@@ -175,6 +176,10 @@ class Broker(BrokerAddress):
         (self._folder / "mosquitto.conf").write_text(text + more + self._more)
 
 
+_matches = lru_cache(maxsize=10_000)(topic_matches_sub)
+"""Tests look through the same topics again and again."""
+
+
 class MqttPeer:
     """A plain MQTT client for tests, in its own thread: publishes, and records by topic.
 
@@ -226,7 +231,7 @@ class MqttPeer:
     def received(self, topic_filter: str = "#") -> list[Inbound]:
         """Return what came under ``topic_filter`` so far, in the order of arrival."""
         with self._lock:
-            return [each for each in self._order if topic_matches_sub(topic_filter, each.topic)]
+            return [each for each in self._order if _matches(topic_filter, each.topic)]
 
     def payloads(self, topic_filter: str = "#") -> list[bytes]:
         """Return the payloads that came under ``topic_filter`` so far."""

@@ -102,8 +102,12 @@ class Fleet:
             "--no-kernel.speed_limits",  # these robots are faster than the plant, for short tests
         ]
 
-    def settings(self, **more: Any) -> OrderServiceSettings:
-        return OrderServiceSettings.model_validate(
+    def settings(self, *, speed_limits: bool = False, **more: Any) -> OrderServiceSettings:
+        """Return the settings of an order service in this process.
+
+        ``speed_limits``: whether robots get the speeds of the plant, at which they drive for a minute.
+        """
+        made = OrderServiceSettings.model_validate(
             {
                 "plant": sample_plant_path(),
                 "store": {"url": self.store_url},
@@ -116,6 +120,8 @@ class Fleet:
                 **more,
             }
         )
+        kernel = made.kernel.model_copy(update={"speed_limits": speed_limits})
+        return made.model_copy(update={"kernel": kernel})
 
     def agent(self, serial: str = "robot-01", **options: Unpack[RobotOptions]) -> Program:
         """Start a loopback robot, by default on the point `South 1`."""
@@ -238,6 +244,7 @@ async def every_order_ended(client: httpx.AsyncClient, seconds: float = 200) -> 
         lambda orders: all(order["finished"] for order in orders),
         seconds=seconds,
         what="every order is at its end",
+        every=0.1,
     )
 
 

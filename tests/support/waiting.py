@@ -13,6 +13,10 @@ T = TypeVar("T")
 
 LOOK_EVERY = 0.005
 """Seconds."""
+REST = 2.0
+"""Pause after a look as a multiple of how long it took: what is waited for needs the processor too."""
+LONGEST_REST = 0.1
+"""Seconds, unless ``every`` is longer."""
 
 PATIENCE = 90.0
 """Seconds that a test waits for what is sure to come, on however slow a machine; no measure of speed."""
@@ -42,17 +46,25 @@ async def awaited(
     what: str,
     every: float = LOOK_EVERY,
 ) -> T:
-    """Poll every ``every`` s until ``accept`` is true for the answer, and return it.
+    """Poll every ``every`` s, less often if a look takes long, until ``accept`` is true; return the answer.
 
     Raises:
         AssertionError: there was no such answer within ``seconds``.
     """
     loop = asyncio.get_running_loop()
-    end = loop.time() + seconds
+    began = loop.time()
+    end = began + seconds
     while not accept(answer := await look()):
-        assert loop.time() < end, f"{what} did not come true in {seconds} s; last: {answer!r}"
-        await time_passes(every)
+        now = loop.time()
+        assert now < end, f"{what} did not come true in {seconds} s; last: {answer!r}"
+        await time_passes(_pause(every, now - began))
+        began = loop.time()
     return answer
+
+
+def _pause(every: float, spent: float) -> float:
+    """Return the seconds until the next look after one that took ``spent`` seconds."""
+    return max(every, min(REST * spent, LONGEST_REST))
 
 
 def wait_until(
@@ -63,7 +75,10 @@ def wait_until(
     every: float = LOOK_EVERY,
 ) -> None:
     """Keep this thread waiting until ``condition`` holds; AssertionError after ``timeout`` seconds."""
-    end = time.monotonic() + timeout
+    began = time.monotonic()
+    end = began + timeout
     while not condition():
-        assert time.monotonic() < end, f"{what} did not come true in {timeout} s"
-        pass_time(every)
+        now = time.monotonic()
+        assert now < end, f"{what} did not come true in {timeout} s"
+        pass_time(_pause(every, now - began))
+        began = time.monotonic()

@@ -20,7 +20,7 @@ async def test_a_robot_that_lists_them_is_sent_the_speeds_of_paths_and_takes_the
     fleet: Fleet, service: Start, version: str
 ) -> None:
     wire = fleet.peer()
-    client = await service()
+    client = await service(speed_limits=True)
     fast = "[description]\nmaximum_speed = 2.0\n"
     fleet.agent_of(fleet.agent_file(x=21.0, y=12.0, speed=2.0, version=version) + fast)
     await vehicle_idle(client)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sysconfig
 from pathlib import Path
 
@@ -13,9 +14,21 @@ from nena_robot_simulator.interfaces.build import Sources, generate
 pytestmark = pytest.mark.ros
 
 
-def test_generates_what_c_and_python_need(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+@pytest.fixture
+def definitions(tmp_path: Path) -> Path:
+    """Return two definitions of the package: reading all of them takes a minute."""
+    made = tmp_path / PACKAGES[0].name
+    for name in ("NavigateToPose", "NavigateThroughPoses"):
+        (made / "action").mkdir(parents=True, exist_ok=True)
+        shutil.copy(PACKAGES[0] / "action" / f"{name}.action", made / "action")
+    return made
+
+
+def test_generates_what_c_and_python_need(
+    definitions: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     before = dict(os.environ)
-    sources = generate(PACKAGES[0], tmp_path)
+    sources = generate(definitions, tmp_path / "generated")
     os.environ.pop("AMENT_PREFIX_PATH")
     os.environ.update(before)
     python = sources.of("rosidl_generator_py") / "nav2_msgs" / "action"
