@@ -7,7 +7,7 @@ import os
 EXAMPLES = int(os.environ.get("NENA_EXAMPLES", "300"))
 """Random histories of the robot's core, over all versions; machines of one part take a share of it."""
 
-MESSAGES = int(os.environ.get("NENA_MESSAGES", "25"))
+MESSAGES = int(os.environ.get("NENA_MESSAGES", "10"))
 """Random messages of each kind in each version."""
 
 PLANTS = int(os.environ.get("NENA_PLANTS", "6"))
