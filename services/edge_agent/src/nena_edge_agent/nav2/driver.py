@@ -24,7 +24,6 @@ from nena_edge_agent.driver.map_port import (
     MapPoseReport,
 )
 from nena_edge_agent.driver.port import (
-    Arrived,
     BlockedReport,
     DriveFailed,
     DriveFailure,
@@ -692,14 +691,6 @@ class Nav2Driver:
     def _report(self, event: MapDriverEvent) -> None:
         if isinstance(event, Halted):
             self._halted.set()
-        if self._limiter is not None and _ends(event):
-            self._limiter.for_goal(None)
+        if self._limiter is not None:
+            self._limiter.on_event(event)
         self._loop.call_soon(self._emit, event)
-
-
-def _ends(event: MapDriverEvent) -> bool:
-    """Return whether the robot no longer drives to a goal of ours, so that its limit ends."""
-    if isinstance(event, DriveFailed):
-        # after these the controller may drive on to the goal of before
-        return event.failure not in (DriveFailure.NAVIGATION_GONE, DriveFailure.NOT_TAKEN_UP)
-    return isinstance(event, Arrived | Halted)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from math import inf
 from typing import TYPE_CHECKING, Any
 
-from nena_edge_agent.driver.port import SessionState
+from nena_edge_agent.driver.map_port import MapDriverEvent
+from nena_edge_agent.driver.port import Arrived, DriveFailed, DriveFailure, Halted, SessionState
 from nena_edge_agent.nav2.offers import SPEED_LIMIT, interface
 from nena_shared.log import get_logger
 
@@ -93,6 +94,16 @@ class SpeedLimiter:
         """Set the limit of the current goal, m/s; None: no limit."""
         self._of_goal, self._reclaimed = limit, False
         self._repeat()
+
+    def on_event(self, event: MapDriverEvent) -> None:
+        """End the goal's limit if the robot no longer drives to a goal of ours."""
+        if isinstance(event, DriveFailed):
+            # after these the controller may drive on to the goal of before
+            ends = event.failure not in (DriveFailure.NAVIGATION_GONE, DriveFailure.NOT_TAKEN_UP)
+        else:
+            ends = isinstance(event, Arrived | Halted)
+        if ends:
+            self.for_goal(None)
 
     def for_place(self, limit: float | None) -> None:
         """Set the limit at the robot's current or next position, m/s; None: no limit."""
