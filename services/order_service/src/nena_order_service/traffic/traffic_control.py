@@ -37,22 +37,16 @@ from nena_shared.plant import PlantModel, UnknownObjectError
 
 SECTION = 4
 """How many resource sets a vehicle claims ahead of what it holds; more where it cannot wait there."""
-
 LONGEST_DETOUR = 1.5
 """How many times the cost of the cheapest route a detour around vehicles at rest may cost."""
-
 CONGESTION = 0.1
 """The share of its cost that a step costs more for each other vehicle whose route leads to the same point."""
-
 ONCOMING = 0.3
 """The share that a step costs more for each other vehicle that will drive its path in the other direction."""
-
 STANDING = 6.0
 """The same for each other vehicle that waits at the point, when a waiting vehicle looks for another route."""
-
 WORTH_IT = 0.9
 """The share of its present route's cost that another one may cost, so that a waiting vehicle takes it."""
-
 VEHICLES_PER_SEARCH = 10
 """Traffic is counted again after one route search for each this many vehicles under way."""
 
