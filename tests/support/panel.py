@@ -7,7 +7,7 @@ import os
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -60,6 +60,10 @@ WITHIN = PATIENCE
 """Seconds that something in the page may take to come true."""
 
 
+AGE = timedelta(minutes=4)
+"""Of the orders in the hall."""
+
+
 def seconds_now() -> float:
     """Seconds from the examples' start to now, so that robots' clocks are right."""
     return (datetime.now(UTC) - START).total_seconds()
@@ -106,7 +110,8 @@ class Hall:
         self, version: int, state: TransportOrderState, name: str = "TO-1", **fields: Any
     ) -> None:
         """Publish the status of an order, as the order service does."""
-        status = order_status(name, version, state, **fields).model_dump_json(by_alias=True)
+        recent = {"created": datetime.now(UTC) - AGE, **fields}
+        status = order_status(name, version, state, **recent).model_dump_json(by_alias=True)
         self.peer.publish(self.fleet.order_status(name), status, retain=True)
 
     def aggregator(self, *options: str) -> AggregatorProcess:

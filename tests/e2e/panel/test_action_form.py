@@ -16,6 +16,7 @@ from support.panel import Hall, opened, seconds_now
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 
+NO_ORDER_SERVICE = ("502",)
 BEEP = {
     "actionType": "beep",
     "actionDescription": "makes itself heard",
@@ -52,11 +53,13 @@ async def test_the_form_is_made_from_the_factsheet(hall: Hall, browser: Browser)
         hall.send(Topic.STATE, state(at=seconds_now()))
         vehicle = vehicle_status().model_dump_json(by_alias=True)
         hall.peer.publish(hall.fleet.vehicle_status(ROBOT.serial_number), vehicle, retain=True)
-        async with opened(browser, f"{hall.url}#/robots/ACME%2Fr1") as page:
+        async with opened(browser, f"{hall.url}#/robots/ACME%2Fr1", expected=NO_ORDER_SERVICE) as page:
             await page.route("**/vehicles/Vehicle-1/instantActions", order_service)
             await expect(page.locator(".facts")).to_contain_text("Carrier 100")
             await page.get_by_role("button", name="Instant action …").click()
             form = page.get_by_role("form", name="Instant action")
+            await expect(form.get_by_label("Action")).to_have_value("")
+            await form.get_by_label("Action").select_option("beep")
             await expect(form.get_by_text("makes itself heard")).to_be_visible()
             assert "pick" not in await form.locator("option").all_inner_texts()
             send = form.get_by_role("button", name="Start action")

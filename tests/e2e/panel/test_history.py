@@ -8,12 +8,15 @@ import httpx
 import pytest
 from playwright.async_api import Browser, expect
 
-from nena_shared.vda5050.topics import Topic
-from support.fleet_examples import connection, position, state
-from support.panel import Hall, becomes, opened, picture, seconds_now
+from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.vda5050.topics import RobotKey, Topic
+from support.fleet_examples import ROBOT, connection, position, state
+from support.panel import Hall, becomes, findings, opened, picture, seconds_now
 from support.waiting import PATIENCE, awaited
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
+
+OTHER = RobotKey("ACME", "r2")
 
 SHOWN = """() => document.querySelector("nena-fleet-map").replayed?.robots.map(
   (robot) => [robot.id, Math.round(robot.position.x), robot.condition]
@@ -80,3 +83,56 @@ async def test_without_a_history_the_page_says_so(hall: Hall, browser: Browser) 
         async with opened(browser, f"{hall.url}#/history", expected=("404",)) as page:
             await expect(page.get_by_text("No history")).to_be_visible()
             await expect(page.get_by_role("button", name="Play")).to_be_disabled()
+
+
+async def test_events_are_filtered_grouped_and_linked_to(
+    hall: Hall, browser: Browser, tmp_path: Path
+) -> None:
+    async def recorded(code: str) -> int:
+        async with httpx.AsyncClient(base_url=hall.url, timeout=PATIENCE) as client:
+            return len((await client.get(f"/api/v1/history?code={code}")).json()["entries"])
+
+    with hall.aggregator("--history.url", f"sqlite:///{tmp_path}/history.db") as aggregator:
+        await aggregator.logged("broker connected")
+        error = {"error_type": "NODE_UNREACHABLE", "error_level": "WARNING", "error_description": "no way"}
+        for robot, errors in ((ROBOT, (error,)), (OTHER, ())):
+            hall.send(Topic.CONNECTION, connection(robot=robot), robot=robot, retain=True)
+            hall.send(Topic.STATE, state(robot=robot, at=seconds_now(), errors=errors), robot=robot)
+        hall.publish_order(1, TransportOrderState.BEING_PROCESSED, "WMS-1")
+        hall.publish_order(2, TransportOrderState.FAILED, "WMS-1")
+        hall.publish_order(1, TransportOrderState.BEING_PROCESSED, "WMS-2")
+        for code, count in (("errorRaised", 1), ("transportOrder", 3)):
+            await awaited(
+                lambda code=code: recorded(code),  # type: ignore[misc]
+                lambda found, count=count: found >= count,  # type: ignore[misc]
+                seconds=PATIENCE,
+                what=f"{code} is in the history",
+            )
+        async with opened(browser, hall.url) as page:
+            await page.get_by_role("link", name="History").click()
+            shown = page.locator("nena-history-page")
+            events = shown.locator("section > .history > li")
+            await expect(events.filter(has_text="r2").first).to_be_visible()
+            await shown.get_by_label("Robot").select_option("ACME/r1")
+            await expect(events.filter(has_text="r2")).to_have_count(0)
+            await shown.get_by_label("Severity").select_option("problems")
+            await expect(events).to_have_count(1)
+            await expect(events).to_contain_text("nodeUnreachable: no way")
+            assert await findings(page) == []
+            linked = page.url
+            await page.goto("about:blank")
+            await page.goto(linked)  # with its time range
+            await expect(events).to_have_count(1)
+            await expect(page.get_by_label("Time range")).to_have_value("given")
+            await shown.get_by_label("Robot").select_option("")
+            await shown.get_by_label("Severity").select_option("")
+            await shown.get_by_label("Kind").select_option("transportOrder")
+            await shown.get_by_role("searchbox", name="Order").fill("wms")
+            await page.get_by_label("Group by order").check()
+            await expect(events).to_have_count(2)
+            group = events.filter(has_text="WMS-1")
+            await expect(group).to_contain_text("2 events")
+            await group.locator("summary").click()
+            await expect(group.get_by_text("Transport order").first).to_be_visible()
+            assert await findings(page) == []
+            await picture(page, "history-by-order")

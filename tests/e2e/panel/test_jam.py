@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -185,10 +186,13 @@ async def test_an_emergency_stop_among_many_robots_is_seen_at_once(
             stop = STOP if number == ROBOTS else {}
             robot(hall, number, 9 + number % 8, 6 + number // 8 / 2, **stop)
         async with opened(browser, hall.url, width=width, height=height) as page:
-            await expect(page.locator("tr[data-robot]")).to_have_count(ROBOTS)
-            named = page.get_by_role("link", name=f"AMR-{ROBOTS}: Emergency stop")
-            await expect(named).to_be_in_viewport()
+            await expect(page.get_by_role("tab", name="Robots")).to_have_text(f"Robots ({ROBOTS})")
+            wide = page.get_by_role("link", name=f"AMR-{ROBOTS}: Emergency stop")
+            narrow = page.locator("nena-attention").get_by_role("link", name=f"AMR-{ROBOTS}")
+            await expect(wide if width > 900 else narrow).to_be_in_viewport()
             await expect(page.locator("tr[data-robot]").first).to_contain_text(f"AMR-{ROBOTS}")
+            if width <= 900:
+                await page.get_by_role("tab", name="Map").click()
             await becomes(page, LABELS, None, lambda labels: f"AMR-{ROBOTS}" in labels)
             labels = await page.evaluate(LABELS)
             assert await page.evaluate(OVERLAPPING) == []
@@ -199,7 +203,7 @@ async def test_an_emergency_stop_among_many_robots_is_seen_at_once(
             await becomes(page, LABELS, None, lambda shown: set(shown) != set(labels))
 
 
-async def test_a_dead_order_service_is_told_by_a_red_banner(
+async def test_a_dead_order_service_and_one_that_hangs_are_told_by_a_red_banner(
     broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
 ) -> None:
     fleet, port = Fleet(broker, interface_name, tmp_path), free_port()
@@ -221,9 +225,12 @@ async def test_a_dead_order_service_is_told_by_a_red_banner(
             await expect(banner).to_contain_text("The order service is down (last heartbeat:")
             await expect(banner).to_have_attribute("data-level", "bad")
             await expect(page.locator("body")).to_have_class("orders-old")
-            fleet.order_service(name="second")
+            service = fleet.order_service(name="second")
             await expect(banner).to_be_hidden()
             await expect(page.locator("body")).not_to_have_class("orders-old")
+            service.process.send_signal(signal.SIGSTOP)  # it hangs: its connection stays, its heartbeat stops
+            await expect(banner).to_contain_text("The order service is down (last heartbeat:")
+            service.kill()
 
 
 async def test_a_robot_that_waits_for_a_paused_one_is_not_idle(

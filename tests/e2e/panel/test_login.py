@@ -13,13 +13,13 @@ from nena_shared.fleet_api.base import Role
 from nena_shared.vda5050.topics import Topic
 from nena_shared.web.users import User, hash_of, new_token, write_users
 from support.broker import free_port
-from support.fleet_examples import connection, position, state
+from support.fleet_examples import connection, position, state, vehicle_status
 from support.panel import Hall, findings, opened, picture, seconds_now
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 
-UNKNOWN = ("401",)
-"""What the browser says of each answer to somebody unknown."""
+UNKNOWN = ("401", "502")
+"""What the browser says of each answer to somebody unknown, and of the order service, which is not there."""
 
 
 class Site:
@@ -49,6 +49,8 @@ class Site:
             self.hall.send(Topic.CONNECTION, connection(), retain=True)
             here = state(at=seconds_now(), last_node_id="South 1", mobile_robot_position=position(5, 2))
             self.hall.send(Topic.STATE, here, retain=True)
+            vehicle = vehicle_status().model_dump_json(by_alias=True)
+            self.hall.peer.publish(self.hall.fleet.vehicle_status("r1"), vehicle, retain=True)
             yield
 
     async def log_in(self, page: Page, name: str) -> None:
@@ -91,7 +93,12 @@ async def test_a_viewer_sees_everything_and_commands_nothing(site: Site, browser
         await site.log_in(page, "viewer")
         await page.locator("tr[data-robot='ACME/r1']").get_by_role("link").click()
         await expect(page.get_by_role("heading", name="Why is it not moving?")).to_be_visible()
-        await expect(page.get_by_role("button", name="Pause")).to_be_disabled()
+        await expect(page.get_by_role("button", name="Pause")).to_be_hidden()
+        await expect(page.get_by_role("link", name="New order")).to_be_hidden()
+        await page.get_by_role("link", name="All robots and orders").click()
+        await expect(page.locator("tr[data-robot='ACME/r1']")).to_be_visible()
+        await expect(page.get_by_role("checkbox")).to_have_count(0)
+        await page.go_back()
         await expect(page.get_by_text("Read-only access")).to_be_visible()
 
 

@@ -20,9 +20,9 @@ pytestmark = [pytest.mark.e2e, pytest.mark.broker, pytest.mark.ros]
 
 ROBOT = "#/robots/NeNa%2Frobot-01"
 WORDS = {
-    "en-GB": ("Connect ROS", "Disconnect ROS", "ROS settings …"),
-    "nl-NL": ("Met ROS verbinden", "Van ROS loskoppelen", "ROS-instellingen …"),
-    "de-DE": ("Mit ROS verbinden", "Von ROS trennen", "ROS-Einstellungen …"),
+    "en-GB": ("Connect ROS", "Disconnect ROS …", "ROS settings …"),
+    "nl-NL": ("Met ROS verbinden", "Van ROS loskoppelen …", "ROS-instellingen …"),
+    "de-DE": ("Mit ROS verbinden", "Von ROS trennen …", "ROS-Einstellungen …"),
 }
 AGENT = """
 driver = "nav2"
@@ -73,13 +73,14 @@ async def test_the_driver_is_switched_off_on_and_moved(
             panel_of(broker, interface_name, tmp_path, domain_id) as url,
             opened(browser, url) as page,
         ):
-            off = page.get_by_role("button", name="Disconnect ROS", exact=True)
+            off = page.get_by_role("button", name="Disconnect ROS …", exact=True)
             on = page.get_by_role("button", name="Connect ROS", exact=True)
             await expect(fact(page, "Driver")).to_have_text("active")
             await expect(fact(page, "ROS")).to_have_text(f"namespace /r1, domain {domain_id}")
             await expect(on).to_be_disabled()
 
             await off.click()
+            await page.get_by_role("button", name="Disconnect now").click()
             await expect(fact(page, "Driver")).to_have_text("not active")
             await expect(off).to_be_disabled()
             wait_until(lambda: "nena_edge_agent" not in peer.node.get_node_names(), what="no node")

@@ -46,6 +46,9 @@ def far() -> Iterator[Far]:
         def do_POST(self) -> None:
             self._answer(json.loads(self.rfile.read(int(self.headers["content-length"]))))
 
+        def do_PUT(self) -> None:
+            self.do_POST()
+
         def _answer(self, body: Any) -> None:
             far.asked.append((self.command, self.path, body))
             far.cookies.append(self.headers.get("cookie"))
@@ -110,6 +113,12 @@ async def test_questions_keep_their_query_and_names_their_signs(client: httpx.As
         "/v1/vehicles/Robot%2F1%20a",
         "/v1/transportOrders?state=FAILED&limit=5",
     ]
+
+
+async def test_a_path_is_locked(client: httpx.AsyncClient, far: Far) -> None:
+    answer = await client.put("/paths/A%2FB%20---%20C/lock", json={"locked": True})
+    assert answer.status_code == 201
+    assert far.asked == [("PUT", "/v1/paths/A%2FB%20---%20C/lock", {"locked": True})]
 
 
 async def test_problems_of_the_order_service_are_told_as_they_are(client: httpx.AsyncClient) -> None:

@@ -76,7 +76,7 @@ class OrderServiceClient:
 
 
 PREFIX = "/api/v1/control"
-RESOURCES = re.compile(r"(transportOrders|vehicles)(/[^/]+(/[A-Za-z]+)?)?|traffic/plan")
+RESOURCES = re.compile(r"(transportOrders|vehicles|paths)(/[^/]+(/[A-Za-z]+)?)?|traffic/plan")
 """Forwarded paths: the resources that the panel uses."""
 BODY_LIMIT = 256 * 1024
 """Maximum size of a command, bytes."""
@@ -108,7 +108,7 @@ def make_router(settings: OrderServiceSettings) -> APIRouter:
             detail = "Commands are disabled. Set --order_service.url, e.g. to http://127.0.0.1:55200."
             raise ProblemError(HTTPStatus.NOT_FOUND, detail)
         path = resource_of(request)
-        body = await _body(request) if request.method == "POST" else None
+        body = await _body(request) if request.method in ("POST", "PUT") else None
         try:
             token = token_of(request.headers, cookies=True)
             answer = await client.ask(request.method, path, request.url.query, body, token=token)
@@ -120,6 +120,7 @@ def make_router(settings: OrderServiceSettings) -> APIRouter:
 
     router.get("/{path:path}", name="ask")(passed_on)
     router.post("/{path:path}", name="command")(passed_on)
+    router.put("/{path:path}", name="change")(passed_on)
     return router
 
 

@@ -55,9 +55,9 @@ export function ask(...path) {
 }
 
 /** Send a command once; `body` is sent as JSON. */
-export function command(path, body) {
+export function command(path, body, method = "POST") {
   const headers = { "content-type": "application/json" };
-  return request(path, { method: "POST", headers, body: JSON.stringify(body) });
+  return request(path, { method, headers, body: JSON.stringify(body) });
 }
 
 /** Create an idempotency key. */

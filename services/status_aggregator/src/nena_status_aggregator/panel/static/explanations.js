@@ -41,6 +41,11 @@ export function conditionText(robot) {
   return t(robot.urgent ? `urgent.${robot.reasonCode}` : `condition.${robot.condition}`);
 }
 
+/** Return the name under which a robot is counted and filtered: its condition, or URGENT. */
+export function filterOf(robot) {
+  return robot.urgent ? "URGENT" : robot.condition;
+}
+
 const OF_ORDER_SERVICE = ["idle_why", "waits_passing", "waits_standing", "waits_turn", "waits_other"];
 
 /** Return whether the order service gives the reason of a robot's condition. */
@@ -124,7 +129,7 @@ function conditionAnd(robot, reason) {
 }
 
 function saysThatItWaits(robot) {
-  return robot.reasonCode.startsWith("waits");
+  return robot.reasonCode.startsWith("waits") || robot.reasonCode === "waiting_for_release";
 }
 
 // The queue up to its head; without word from the order service the robot that occupies the next node.

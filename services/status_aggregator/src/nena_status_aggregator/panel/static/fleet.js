@@ -1,5 +1,7 @@
 // The fleet in the browser: robots and orders from the event stream, and the plant model.
 
+import { ask, command } from "./api.js";
+
 /** Return the state to show: an order on hold is shown as held, whatever its state. */
 export function shownState(order) {
   return order.held && !order.final ? "HELD" : order.state;
@@ -72,14 +74,55 @@ function patch(views, patches = [], gone = []) {
   return new Set([...gone, ...patches.map((each) => each.id)]);
 }
 
-/** The plant model, loaded when the event stream reports a new version. `model` is null without one. Fires `change`. */
+const LOCKS_EVERY = 5000;
+
+/**
+ * The plant model, loaded when the event stream reports a new version, with the present locks of its paths. `model` is null
+ * without one. Fires `change`, and `locks` if only those have changed.
+ */
 export class PlantStore extends EventTarget {
   model = null;
   #known = null;
+  #locksFollowed = false;
 
   constructor(store) {
     super();
     store.addEventListener("change", (event) => event.detail.parts.has("plant") && this.#load(store.plant));
+  }
+
+  /** Ask the order service for the locks of the paths from now on. */
+  followLocks() {
+    this.#locksFollowed = true;
+    this.#loadLocks();
+    setInterval(() => document.hidden || this.#loadLocks(), LOCKS_EVERY);
+  }
+
+  /** Lock or unlock a path. */
+  async lock(name, locked) {
+    const path = await command(["paths", name, "lock"], { locked }, "PUT");
+    this.#takeLocks([path]);
+  }
+
+  /** Return a point, location or path as `{kind, thing}`; null if there is none of that name. */
+  find(name) {
+    const kinds = { point: this.model?.points, location: this.model?.locations, path: this.model?.paths };
+    for (const [kind, things] of Object.entries(kinds)) {
+      const thing = things?.find((each) => each.name === name);
+      if (thing) return { kind, thing };
+    }
+    return null;
+  }
+
+  async #loadLocks() {
+    const answer = this.model && (await ask("paths").catch(() => null));
+    if (answer) this.#takeLocks(answer.paths);
+  }
+
+  #takeLocks(paths) {
+    const locks = new Map(paths.map((path) => [path.name, path.locked]));
+    const changed = (this.model?.paths ?? []).filter((path) => locks.has(path.name) && locks.get(path.name) !== path.locked);
+    for (const path of changed) path.locked = locks.get(path.name);
+    if (changed.length) this.dispatchEvent(new Event("locks"));
   }
 
   /** Return the operations allowed at a place; empty if the place does not exist. */
@@ -100,6 +143,7 @@ export class PlantStore extends EventTarget {
     const answer = plant ? await fetch("api/v1/plant") : null;
     this.model = answer?.ok ? await answer.json() : null;
     this.dispatchEvent(new Event("change"));
+    if (this.#locksFollowed) this.#loadLocks();
   }
 }
 

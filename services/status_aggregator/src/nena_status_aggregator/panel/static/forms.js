@@ -85,7 +85,15 @@ export class PlaceFields {
   }
 }
 
-function operation(name) {
+/** Return the options of a select for a vehicle: those of the plant model, and others that the order service knows. */
+export function vehicles({ store, plant }) {
+  const known = [...store.robots.values()].map((robot) => robot.vehicle?.name).filter(Boolean);
+  const names = new Set([...(plant.model?.vehicles ?? []).map((each) => each.name), ...known]);
+  return [...names].sort(byName).map((name) => [name, name, true]);
+}
+
+/** Return the option of a select for an operation. */
+export function operation(name) {
   return ["MOVE", "PARK", "NOP"].includes(name) ? [name, t(`operation.${name}`)] : [name, name, true];
 }
 

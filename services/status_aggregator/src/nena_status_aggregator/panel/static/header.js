@@ -2,9 +2,10 @@
 
 import { logOut } from "./api.js";
 import { button, element, foreign, icon, refill, setText, verbatim } from "./dom.js";
-import { conditionText } from "./explanations.js";
+import { adviceFor, conditionText, filterOf, reasonOf } from "./explanations.js";
 import { byName, chooseLanguage, chosenLanguage, LANGUAGES, plural, t, timeOfDay } from "./i18n.js";
-import { address } from "./router.js";
+import { filterChip } from "./live_table.js";
+import { address, lists } from "./router.js";
 
 export const CONDITIONS = [
   "ERROR",
@@ -21,11 +22,28 @@ export const CONDITIONS = [
 
 const NAMED = 5;
 
+/** Robots that need a person by name, jams, and the others by condition: chips that filter the list of robots. */
 class FleetSummary extends HTMLElement {
+  /** Attach to the store. */
   show(store) {
     this.setAttribute("role", "group");
     this.setAttribute("aria-label", t("summary.label"));
+    this.total = element("span", { class: "total" });
+    this.share = element("span", { class: "share" });
+    this.named = element("span", { class: "named" });
+    this.chips = ["URGENT", ...CONDITIONS].map((name) => [name, this.#chip(name)]);
+    this.replaceChildren(this.total, this.share, this.named, ...this.chips.map(([, chip]) => chip));
     store.addEventListener("change", () => this.#update(store));
+    lists.addEventListener("change", () => this.#update(store));
+  }
+
+  #chip(name) {
+    const press = () => {
+      const chosen = conditions();
+      const wanted = chosen.includes(name) ? chosen.filter((each) => each !== name) : [...chosen, name];
+      lists.set({ tab: "", condition: wanted.join(",") });
+    };
+    return filterChip("", press, name === "URGENT" ? { "data-urgent": "" } : { "data-condition": name });
   }
 
   #update(store) {
@@ -33,25 +51,24 @@ class FleetSummary extends HTMLElement {
     const urgent = robots.filter((each) => each.urgent).sort((a, b) => byName(a.name, b.name));
     const named = urgent.slice(0, NAMED).map((each) => [each.id, t("summary.urgent", { name: each.name, why: conditionText(each) })]);
     const jams = store.jams.map((jam) => [jamAddress(jam, store), jamText(jam)]);
-    const others = robots.filter((each) => !each.urgent);
-    const counts = CONDITIONS.map((name) => [name, others.filter((each) => each.condition === name).length]);
-    const total = robots.length ? plural("summary.robots", robots.length) : t("summary.none");
-    refill(this, [total, store.share, named, urgent.length, jams, counts], () => this.#parts(total, store.share, named, urgent.length, jams, counts));
-  }
-
-  #parts(total, share, named, urgent, jams, counts) {
-    const [number, of] = share.split("/");
-    return [
-      element("span", { class: "total" }, total),
-      of === "1" ? "" : element("span", { class: "share" }, t("summary.share", { number, of })),
+    setText(this.total, robots.length ? plural("summary.robots", robots.length) : t("summary.none"));
+    const [number, of] = store.share.split("/");
+    setText(this.share, of === "1" ? "" : t("summary.share", { number, of }));
+    refill(this.named, [named, jams], () => [
       ...named.map(([id, text]) => element("a", { class: "chip", "data-urgent": "", href: address("robots", id) }, text)),
-      urgent > NAMED ? element("a", { class: "chip", "data-urgent": "", href: "#/" }, t("summary.more", { count: urgent - NAMED })) : "",
       ...jams.map(([href, text]) => element("a", { class: "chip jam", "data-condition": "WAITING", href }, text)),
-      ...counts
-        .filter(([, count]) => count)
-        .map(([name, count]) => element("span", { class: "chip", "data-condition": name }, `${count} ${t(`condition.${name}`)}`)),
-    ];
+    ]);
+    const chosen = conditions();
+    for (const [name, chip] of this.chips) {
+      const count = robots.filter((each) => filterOf(each) === name).length;
+      const shown = name === "URGENT" && count <= NAMED ? 0 : count; // so few are named
+      chip.show(`${count} ${t(`condition.${name}`)}`, shown, chosen.includes(name));
+    }
   }
+}
+
+function conditions() {
+  return lists.get("condition").split(",").filter(Boolean);
 }
 
 function jamText({ head, circle, robots }) {
@@ -64,6 +81,37 @@ function jamAddress({ head, circle }, store) {
 }
 
 customElements.define("nena-fleet-summary", FleetSummary);
+
+const STUCK = ["ERROR", "BROKEN", "SILENT", "BLOCKED"];
+const LISTED = 8;
+
+/** On a telephone: the robots that need a person, before everything else. */
+class Attention extends HTMLElement {
+  /** Attach to the store. */
+  show(store) {
+    store.addEventListener("change", () => this.#update(store));
+  }
+
+  #update(store) {
+    const stuck = [...store.robots.values()].filter((each) => each.urgent || STUCK.includes(each.condition));
+    stuck.sort((a, b) => b.urgent - a.urgent || byName(a.name, b.name));
+    const shown = stuck.slice(0, LISTED).map((each) => [each.id, each.name, each.urgent, each.condition, conditionText(each), reasonOf(each), adviceFor(each)]);
+    refill(this, [shown, stuck.length, store.robots.size > 0], () => [
+      element("h2", { id: "attention-title" }, t(stuck.length ? "attention.title" : "attention.none")),
+      element("ul", { class: "entries" }, ...shown.map(attentionItem)),
+      stuck.length > LISTED ? element("p", { class: "hint" }, t("summary.more", { count: stuck.length - LISTED })) : "",
+    ]);
+  }
+}
+
+function attentionItem([id, name, urgent, condition, text, reason, advice]) {
+  const chip = element("span", { class: "chip", "data-condition": condition }, text);
+  if (urgent) chip.dataset.urgent = "";
+  const link = verbatim("a", name, { class: "name", href: address("robots", id) });
+  return element("li", {}, link, " ", chip, element("p", {}, reason), advice ? element("p", { class: "advice" }, advice) : "");
+}
+
+customElements.define("nena-attention", Attention);
 
 class LinkBanner extends HTMLElement {
   show(store, link) {

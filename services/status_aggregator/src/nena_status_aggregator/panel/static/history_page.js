@@ -1,7 +1,8 @@
-// The history: a time slider that replays the map, and a list of events.
+// The history: a time slider that replays the map, and a list of events with filters, by order if wanted.
 
 import { button, element, field, foreign, refill, select, setAttribute, setText, verbatim } from "./dom.js";
-import { dateAndTime, t } from "./i18n.js";
+import { byName, dateAndTime, plural, t } from "./i18n.js";
+import { backLink, parameters, setParameters } from "./router.js";
 
 const PAGE = 1000;
 const PAGES = 20;
@@ -10,12 +11,12 @@ const CODES = [
   "errorCleared", "charging", "loads", "map", "transportOrder", "link", "historyGap",
 ];
 
-/** Load the entries since a time, at most PAGES pages of the latest. Returns `{entries, complete}`, oldest first; null without a history. */
-export async function loadHistory(since) {
+/** Load the entries of a time range, at most PAGES pages of the latest. Returns `{entries, complete}`, oldest first; null without a history. */
+export async function loadHistory(range) {
   const entries = [];
   let before = null;
   for (let page = 0; page < PAGES; page += 1) {
-    const answer = await fetch(`api/v1/history?${queryOf(since, { limit: PAGE, before })}`).catch(() => null);
+    const answer = await fetch(`api/v1/history?${queryOf(range, { limit: PAGE, before })}`).catch(() => null);
     if (!answer?.ok) return null;
     const part = await answer.json();
     entries.push(...part.entries);
@@ -26,12 +27,12 @@ export async function loadHistory(since) {
 }
 
 /** Return the address of the same time range as a file, `csv` or `jsonl`. */
-export function exportAddress(since, form) {
-  return `api/v1/history.${form}?${queryOf(since, {})}`;
+export function exportAddress(range, form) {
+  return `api/v1/history.${form}?${queryOf(range, {})}`;
 }
 
-function queryOf(since, more) {
-  const query = new URLSearchParams({ since: new Date(since).toISOString() });
+function queryOf({ since, until }, more) {
+  const query = new URLSearchParams({ since: new Date(since).toISOString(), until: new Date(until).toISOString() });
   for (const code of CODES) query.append("code", code);
   for (const [name, value] of Object.entries(more)) if (value !== null) query.set(name, value);
   return query;
@@ -97,6 +98,26 @@ function placeAt(track, time) {
   return { x: between("x"), y: between("y"), theta: from.theta, localized: true };
 }
 
+const STOPPED = ["ERROR", "BROKEN", "SILENT", "BLOCKED"];
+const PROBLEMS = {
+  actionEnded: ({ status }) => status === "FAILED",
+  condition: ({ condition }) => STOPPED.includes(condition),
+  connection: ({ state }) => state !== "ONLINE",
+  errorRaised: () => true,
+  historyGap: () => true,
+  link: ({ connected }) => !connected,
+  orderEnded: ({ outcome }) => outcome === "abandoned",
+  transportOrder: ({ state }) => ["FAILED", "UNROUTABLE"].includes(state),
+};
+
+// Whether an entry fits the chosen filters.
+function fits(entry, { robot, order, kind, level }) {
+  if (robot && entry.robot !== robot) return false;
+  if (order && !entry.order?.toLowerCase().includes(order.toLowerCase())) return false;
+  if (kind && entry.code !== kind) return false;
+  return !level || Boolean(PROBLEMS[entry.code]?.(entry.values));
+}
+
 const RANGES = { minutes10: 600, hour: 3600, hours8: 28_800, day: 86_400 };
 const SPEEDS = [1, 10, 60];
 const FRAME = 100; // ms
@@ -117,7 +138,12 @@ class HistoryPage extends HTMLElement {
     this.#stop();
     this.#replay(null);
     if (view === null) return this.replaceChildren();
-    this.range = select(Object.keys(RANGES).map((name) => [name, t(`history.${name}`)]), { name: "range" });
+    const linked = parameters();
+    this.given = linked.get("from") && { since: Date.parse(linked.get("from")), until: Date.parse(linked.get("to")) };
+    const ranges = Object.keys(RANGES).map((name) => [name, t(`history.${name}`)]);
+    const given = this.given ? [["given", t("history.given", { from: dateAndTime(this.given.since), to: dateAndTime(this.given.until) })]] : [];
+    this.range = select([...given, ...ranges], { name: "range" });
+    this.filters = this.#filters(linked);
     this.speed = select(SPEEDS.map((each) => [each, t("history.speed", { factor: each })]), { name: "speed" });
     this.slider = element("input", { type: "range", step: 100, "aria-label": t("history.time"), class: "slider" });
     this.play = button(t("history.play"), () => (this.#playing ? this.#stop() : this.#start()));
@@ -125,34 +151,68 @@ class HistoryPage extends HTMLElement {
     this.note = element("p", { class: "hint", role: "status" });
     this.files = element("p", { class: "files" });
     this.list = element("ol", { class: "history" });
+    this.opened = new Set();
     this.range.addEventListener("change", () => this.#load());
     this.slider.addEventListener("input", () => this.#moved());
     const heading = element("h2", { tabindex: -1 }, t("history.title"));
-    const head = element("header", { class: "head" }, element("a", { href: "#/", class: "back" }, t("page.back")), heading);
+    const head = element("header", { class: "head" }, backLink(), heading);
     const choices = element("div", { class: "fields" }, field(t("history.range"), this.range), field(t("history.speedLabel"), this.speed), this.play, this.clock);
     const controls = element("section", {}, choices, this.slider, this.note);
-    this.replaceChildren(head, controls, element("section", {}, element("h3", {}, t("history.events")), this.list, this.files));
+    const narrowing = element("div", { class: "fields" }, ...Object.entries(this.filters).map(([name, control]) => field(t(`history.by.${name}`), control)));
+    narrowing.addEventListener("input", () => this.#narrow());
+    const listed = element("section", {}, element("h3", {}, t("history.events")), narrowing, this.list, this.files);
+    this.replaceChildren(head, controls, listed);
     heading.focus({ preventScroll: true });
     return this.#load();
+  }
+
+  #filters(linked) {
+    const all = ["", t("history.all")];
+    const robots = [...this.fleet.store.robots.values()].sort((a, b) => byName(a.name, b.name)).map(({ id, name }) => [id, name, true]);
+    const known = linked.get("robot") && !robots.some(([id]) => id === linked.get("robot")) ? [[linked.get("robot"), linked.get("robot"), true]] : [];
+    const kinds = CODES.filter((code) => code !== "position").map((code) => [code, t(`eventLog.${code}`)]);
+    const made = {
+      robot: select([all, ...known, ...robots]),
+      order: element("input", { type: "search" }),
+      kind: select([all, ...kinds]),
+      level: select([all, ["problems", t("history.problems")]]),
+      grouped: element("input", { type: "checkbox" }),
+    };
+    for (const name of ["robot", "order", "kind", "level"]) made[name].value = linked.get(name) ?? "";
+    made.grouped.checked = Boolean(linked.get("grouped"));
+    return made;
+  }
+
+  get #chosen() {
+    const { robot, order, kind, level, grouped } = this.filters;
+    return { robot: robot.value, order: order.value.trim(), kind: kind.value, level: level.value, grouped: grouped.checked ? "1" : "" };
+  }
+
+  // Keep the filters and the time range in the address, so that it can be shared.
+  #narrow() {
+    const { since, until } = this.loaded;
+    setParameters({ from: new Date(since).toISOString(), to: new Date(until).toISOString(), ...this.#chosen });
+    if (this.#timeline) this.#moved();
   }
 
   async #load() {
     this.#stop();
     setText(this.note, t("history.loading"));
     const now = this.fleet.store.now();
-    const since = now - RANGES[this.range.value] * 1000;
-    const found = await loadHistory(since);
+    const range = this.range.value === "given" ? this.given : { since: now - RANGES[this.range.value] * 1000, until: now };
+    this.loaded = range;
+    const found = await loadHistory(range);
     if (!this.isConnected || !this.list) return;
     this.#timeline = found && new Timeline(found.entries, [...this.fleet.store.robots.values()]);
     setText(this.note, noteOn(found));
     for (const control of [this.slider, this.play]) control.disabled = !found?.entries.length;
     if (!found) return;
-    const begin = found.complete ? since : Date.parse(found.entries[0].time);
+    const begin = found.complete ? range.since : Date.parse(found.entries[0].time);
     setAttribute(this.slider, "min", begin);
-    setAttribute(this.slider, "max", now);
-    this.slider.value = now;
-    this.files.replaceChildren(...["csv", "jsonl"].map((form) => download(since, form)));
-    this.#moved();
+    setAttribute(this.slider, "max", range.until);
+    this.slider.value = range.until;
+    this.files.replaceChildren(...["csv", "jsonl"].map((form) => download(range, form)));
+    this.#narrow();
   }
 
   // Show the fleet at the slider's time.
@@ -161,10 +221,27 @@ class HistoryPage extends HTMLElement {
     setText(this.clock, dateAndTime(time));
     setAttribute(this.slider, "aria-valuetext", dateAndTime(time));
     this.#replay(this.#timeline.robotsAt(time));
-    const last = this.#timeline.lastEvent(time);
-    const shown = this.#timeline.events.slice(Math.max(0, last + 1 - LISTED), last + 1).reverse();
+    const chosen = this.#chosen;
+    const past = this.#timeline.events.slice(0, this.#timeline.lastEvent(time) + 1);
+    const shown = past.filter((entry) => fits(entry, chosen)).slice(-LISTED).reverse();
     const names = Object.fromEntries([...this.fleet.store.robots.values()].map((robot) => [robot.id, robot.name]));
-    refill(this.list, [shown.map((entry) => entry.id), last], () => shown.map((entry) => this.#event(entry, names)));
+    const content = [shown.map((entry) => entry.id), chosen.grouped];
+    refill(this.list, content, () => (chosen.grouped ? this.#groups(shown, names) : shown.map((entry) => this.#event(entry, names))));
+  }
+
+  // One row for each order, the latest first; events without an order are in a row of their own.
+  #groups(shown, names) {
+    const groups = new Map();
+    for (const entry of shown) append(groups, entry.order ?? "", entry);
+    return [...groups].map(([order, entries]) => {
+      const title = order ? verbatim("strong", order) : element("strong", {}, t("history.noOrder"));
+      const latest = element("span", {}, `${dateAndTime(entries[0].time)} · ${plural("history.count", entries.length)}`);
+      const rows = element("ol", { class: "history" }, ...entries.map((entry) => this.#event(entry, names)));
+      const made = element("details", {}, element("summary", {}, title, " ", latest), rows);
+      made.open = this.opened.has(order);
+      made.addEventListener("toggle", () => (made.open ? this.opened.add(order) : this.opened.delete(order)));
+      return element("li", { class: "group" }, made);
+    });
   }
 
   #event(entry, names) {
@@ -206,8 +283,8 @@ function noteOn(found) {
   return found.complete ? "" : t("history.cut");
 }
 
-function download(since, form) {
-  return element("a", { href: exportAddress(since, form), download: `nena-history.${form}` }, t(`history.${form}`));
+function download(range, form) {
+  return element("a", { href: exportAddress(range, form), download: `nena-history.${form}` }, t(`history.${form}`));
 }
 
 customElements.define("nena-history-page", HistoryPage);

@@ -6,8 +6,10 @@ import { chosenLanguage, t } from "./i18n.js";
 import { address, followView } from "./router.js";
 import "./header.js";
 import "./history_page.js";
+import "./lists.js";
 import "./map/fleet_map.js";
 import "./order_page.js";
+import "./place_page.js";
 import "./robot_page.js";
 import "./tables.js";
 
@@ -23,15 +25,23 @@ const enabled = await commandsEnabled();
 const noCommands = enabled ? { viewer: "login.noCommands" }[session?.role] : "command.off";
 const fleet = { store, plant, link, enabled, noCommands };
 const map = part("fleet-map");
-const views = { robots: part("robot-page"), orders: part("order-page"), newOrder: part("order-form"), history: part("history-page") };
+const views = { robots: part("robot-page"), orders: part("order-page"), newOrder: part("order-form"), places: part("place-page"), history: part("history-page") };
 
-for (const name of ["fleet-summary", "message-health", "order-table", "robot-table"]) part(name).show(store);
+const tables = { robots: part("robot-table"), orders: part("order-table") };
+
+for (const name of ["fleet-summary", "attention", "message-health", "order-table"]) part(name).show(store);
+tables.robots.show(store, !noCommands);
+part("fleet-commands").show(tables.robots);
+part("tabs").show(tables);
+part("search").show(tables, plant);
+document.getElementById("new-order").hidden = Boolean(noCommands);
 part("link-banner").show(store, link);
 part("user-menu").show(session);
 map.show(store, plant, enabled);
 for (const view of Object.values(views)) view.show(fleet);
 
 map.addEventListener("select", (event) => event.detail && (location.hash = address("robots", event.detail)));
+map.addEventListener("selectplace", (event) => (location.hash = address("places", event.detail)));
 views.robots.addEventListener("reveal", (event) => map.reveal(event.detail));
 views.history.addEventListener("replay", (event) => map.replay(event.detail));
 document.addEventListener("poseshow", (event) => map.showPose(event.detail));
@@ -42,24 +52,23 @@ followView(([name, id]) => {
   const chosen = id || name === "history" ? name : { orders: "newOrder" }[name];
   const view = views[chosen] ?? null;
   document.getElementById("lists").hidden = view !== null;
+  document.body.dataset.view = view ? "page" : "lists";
+  if (!view) for (const table of Object.values(tables)) table.refresh();
   map.showPose(null);
   for (const [key, each] of Object.entries(views)) {
     each.hidden = each !== view;
     each.open(key === chosen ? (id ?? "new") : null);
   }
-  mark(chosen === "robots" ? id : null);
+  map.select(chosen === "robots" ? id : null);
+  map.selectPlace(chosen === "places" ? id : null);
   if (begun && view) view.scrollIntoView({ block: "nearest" });
   begun = true;
 });
-
-function mark(id) {
-  part("robot-table").select(id);
-  map.select(id);
-}
 
 store.addEventListener("change", () => document.body.classList.toggle("orders-old", store.orderService.up === false));
 link.addEventListener("state", () => {
   document.body.classList.toggle("stale", !link.connected);
   if (!link.connected) whoIsIt(); // the user may have been removed
 });
+if (enabled) plant.followLocks();
 link.start();

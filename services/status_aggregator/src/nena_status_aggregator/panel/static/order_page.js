@@ -4,9 +4,9 @@ import { ask, command, newKey } from "./api.js";
 import { button, element, field, foreign, numberInput, numberOf, progressBar, refill, select, setAttribute, setText, verbatim } from "./dom.js";
 import { causesOfOrder } from "./explanations.js";
 import { shownState } from "./fleet.js";
-import { commandForm, PlaceFields, run } from "./forms.js";
-import { byName, dateAndTime, has, number, t } from "./i18n.js";
-import { address } from "./router.js";
+import { commandForm, PlaceFields, run, vehicles } from "./forms.js";
+import { dateAndTime, has, number, t } from "./i18n.js";
+import { address, backLink } from "./router.js";
 
 class OrderPage extends HTMLElement {
   #name = null;
@@ -37,7 +37,7 @@ class OrderPage extends HTMLElement {
     this.stops = element("ol", { class: "stops" });
     this.history = element("ol", { class: "history" }, element("li", { class: "hint" }, t("order.historyNone")));
     this.gone = element("p", { class: "hint" }, t("order.gone"));
-    const head = element("header", { class: "head" }, element("a", { href: "#/", class: "back" }, t("page.back")), this.heading, this.chip);
+    const head = element("header", { class: "head" }, backLink(), this.heading, this.chip);
     this.body = element(
       "div",
       {},
@@ -51,20 +51,22 @@ class OrderPage extends HTMLElement {
     this.heading.focus({ preventScroll: true });
   }
 
-  // Withdrawing takes two clicks, to prevent accidents.
+  // Withdrawing asks once, and says what it will do.
   #commands() {
     this.result = element("output", { class: "result", role: "status" });
     this.sure = button(t("order.withdrawSure", { name: this.#name }), () => run(this.sure, this.result, () => this.#ask("withdrawal", "withdrawn")), { class: "danger" });
     this.withdraw = button(t("order.withdraw"), () => {
-      this.sure.hidden = !this.sure.hidden;
+      this.effect.hidden = this.sure.hidden = !this.sure.hidden;
       if (!this.sure.hidden) this.sure.focus();
     });
-    this.sure.hidden = true;
+    this.effect = element("p", { class: "effect" });
+    this.effect.hidden = this.sure.hidden = true;
     this.hold = button(t("order.hold"), () => run(this.hold, this.result, () => this.#ask("hold", "held")));
     this.resume = button(t("order.resume"), () => run(this.resume, this.result, () => this.#ask("resume", "resumed")));
     this.off = element("p", { class: "hint" }, t(this.fleet.noCommands ?? ""));
     this.off.hidden = !this.fleet.noCommands;
-    return element("div", {}, element("div", { class: "actions" }, this.hold, this.resume, this.withdraw, this.sure), this.off, this.result);
+    this.bar = element("div", { class: "actions" }, this.hold, this.resume, this.withdraw, this.sure);
+    return element("div", {}, this.bar, this.effect, this.off, this.result);
   }
 
   async #ask(verb, done) {
@@ -81,12 +83,13 @@ class OrderPage extends HTMLElement {
     setText(this.chip, t(`state.${shownState(order)}`));
     setAttribute(this.chip, "data-state", shownState(order));
     this.why.show(causesOfOrder(order, this.fleet));
-    this.withdraw.disabled = Boolean(this.fleet.noCommands) || order.final;
-    this.hold.disabled = this.withdraw.disabled || order.state === "WITHDRAWN";
-    this.resume.disabled = Boolean(this.fleet.noCommands);
+    this.bar.hidden = Boolean(this.fleet.noCommands);
+    this.withdraw.disabled = order.final;
+    this.hold.disabled = order.final || order.state === "WITHDRAWN";
+    setText(this.effect, t(order.processingVehicle ? "confirm.withdrawDriving" : "confirm.withdrawWaiting", { name: order.name, vehicle: order.processingVehicle }));
     this.hold.hidden = Boolean(order.held);
     this.resume.hidden = !order.held;
-    if (order.final) this.sure.hidden = true;
+    if (this.withdraw.disabled) this.effect.hidden = this.sure.hidden = true;
     this.progress.box.hidden = order.progress === null;
     this.progress.bar.value = order.progress ?? 0;
     setAttribute(this.progress.bar, "aria-label", t("progress.label", { name: order.id }));
@@ -174,7 +177,7 @@ class OrderForm extends HTMLElement {
     this.#stops = [];
     this.list = element("ol", { class: "stops" });
     const heading = element("h2", { tabindex: -1 }, t("orderForm.title"));
-    const head = element("header", { class: "head" }, element("a", { href: "#/", class: "back" }, t("page.back")), heading);
+    const head = element("header", { class: "head" }, backLink(), heading);
     const ready = !this.fleet.noCommands && this.fleet.plant.model;
     const missing = t(this.fleet.noCommands ?? "map.empty.title");
     this.replaceChildren(head, ready ? this.#form() : element("p", { class: "hint" }, missing));
@@ -228,12 +231,6 @@ class OrderForm extends HTMLElement {
     location.hash = address("orders", order.name);
     return ["done.orderCreated", { name: order.name }];
   }
-}
-
-function vehicles({ store, plant }) {
-  const known = [...store.robots.values()].map((robot) => robot.vehicle?.name).filter(Boolean);
-  const names = new Set([...(plant.model?.vehicles ?? []).map((each) => each.name), ...known]);
-  return [...names].sort(byName).map((name) => [name, name, true]);
 }
 
 customElements.define("nena-order-form", OrderForm);

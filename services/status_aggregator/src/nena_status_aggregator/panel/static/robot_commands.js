@@ -2,6 +2,7 @@
 
 import { command, newKey } from "./api.js";
 import { button, element, field, foreign, numberInput, numberOf, select, setAttribute } from "./dom.js";
+import { orderOf, reasonOf } from "./explanations.js";
 import { commandForm, outcome, PlaceFields, PoseFields, run } from "./forms.js";
 import { t } from "./i18n.js";
 
@@ -90,17 +91,17 @@ const ELSEWHERE = "initializePosition";
 export async function actionForm(vehicle, robot) {
   const known = await knownActions(robot);
   const actions = instantActions(known ?? []);
-  const kind = select(actions.map((each) => [each.actionType, each.actionType]), { name: "action", translate: "no" });
+  const options = actions.map((each) => [each.actionType, each.actionType, true]);
+  const kind = select([["", t("form.choose")], ...options], { name: "action", required: true });
   const details = element("div", { class: "fields" });
   let inputs = [];
   const choose = () => {
     const action = actions.find((each) => each.actionType === kind.value);
-    inputs = (action.actionParameters ?? []).map(parameter);
-    const words = action.description ? [foreign("p", action.description, { class: "hint" })] : [];
+    inputs = (action?.actionParameters ?? []).map(parameter);
+    const words = action?.description ? [foreign("p", action.description, { class: "hint" })] : [];
     details.replaceChildren(...words, ...inputs.map((each) => each.element));
   };
   kind.addEventListener("change", choose);
-  choose();
   return commandForm({
     label: t("action.title"),
     submit: t("action.send"),
@@ -169,6 +170,13 @@ function valueOf(control, type) {
   return type === "STRING" ? control.value : JSON.parse(control.value);
 }
 
+/** Say what a command will do to a robot, with the button that sends it. */
+function confirmation({ label, effect, submit, send }) {
+  const form = commandForm({ label, submit, send, fields: [element("p", { class: "effect" }, effect)] });
+  form.querySelector("button").className = "danger";
+  return form;
+}
+
 class RobotCommands extends HTMLElement {
   #open = null;
 
@@ -180,16 +188,19 @@ class RobotCommands extends HTMLElement {
     this.note = element("p", { class: "hint" });
     this.result = element("output", { class: "result", role: "status" });
     this.place = element("div", { class: "opened" });
+    this.pause = this.#direct("pause", () => this.#act("pause", "pause"));
+    this.resume = this.#direct("resume", () => this.#act("resume", "resume"));
+    this.cancel = this.#opener("command.cancel", () => this.#cancelForm());
     this.buttons = [
       this.#opener("command.dispatch", () => dispatchForm(this.#vehicle, plant)),
       this.#opener("command.position", () => positionForm(this.#vehicle, this.#robot.position)),
-      this.#direct("pause", () => this.#act("pause", "pause")),
-      this.#direct("resume", () => this.#act("resume", "resume")),
-      this.#direct("cancel", () => this.#cancel()),
+      this.pause,
+      this.resume,
+      this.cancel,
       this.#opener("command.action", () => actionForm(this.#vehicle, this.#robot)),
     ];
     this.driverOn = this.#direct("driverOn", () => this.#act("nena:startRosSession", "driverOn"));
-    this.driverOff = this.#direct("driverOff", () => this.#act("nena:stopRosSession", "driverOff"));
+    this.driverOff = this.#opener("command.driverOff", () => this.#driverOffForm());
     this.sessionButtons = [
       this.driverOn,
       this.driverOff,
@@ -197,26 +208,39 @@ class RobotCommands extends HTMLElement {
     ];
     this.buttons.push(...this.sessionButtons);
     this.noCommands = noCommands;
-    this.replaceChildren(element("div", { class: "actions" }, ...this.buttons), this.note, this.result, this.place);
+    this.bar = element("div", { class: "actions" }, ...this.buttons);
+    this.replaceChildren(this.bar, this.note, this.result, this.place);
     this.update();
   }
 
   /** Update the buttons after a change of the robot. */
   update() {
     const possible = !this.noCommands && Boolean(this.#vehicle);
-    for (const each of this.buttons) each.disabled = !possible;
+    this.bar.hidden = !possible;
     this.place.firstElementChild?.update?.(this.#robot);
-    this.#updateSession(possible);
+    this.#updatePause();
+    this.#updateSession();
+    this.cancel.disabled = !this.#order;
     this.note.hidden = possible;
     this.note.textContent = t(this.noCommands ?? "command.unknownVehicle");
   }
 
+  // Only the one of the two that has an effect; it takes over the focus.
+  #updatePause() {
+    const paused = Boolean(this.#robot?.paused);
+    const [shown, other] = paused ? [this.resume, this.pause] : [this.pause, this.resume];
+    const focused = document.activeElement === other;
+    shown.hidden = false;
+    other.hidden = true;
+    if (focused) shown.focus();
+  }
+
   // A robot without a ROS session has no such buttons; a session is not switched to the state it is in.
-  #updateSession(possible) {
+  #updateSession() {
     const state = this.#robot?.rosSession?.state;
     for (const each of this.sessionButtons) each.hidden = !state;
-    this.driverOn.disabled = !possible || ["ACTIVE", "INITIATING"].includes(state);
-    this.driverOff.disabled = !possible || ["NOT_ACTIVE", "TERMINATING"].includes(state);
+    this.driverOn.disabled = ["ACTIVE", "INITIATING"].includes(state);
+    this.driverOff.disabled = ["NOT_ACTIVE", "TERMINATING"].includes(state);
   }
 
   get #robot() {
@@ -225,6 +249,10 @@ class RobotCommands extends HTMLElement {
 
   get #vehicle() {
     return this.#robot?.vehicle?.name;
+  }
+
+  get #order() {
+    return this.#robot && orderOf(this.#robot, this.store.orders);
   }
 
   #direct(name, send) {
@@ -253,15 +281,36 @@ class RobotCommands extends HTMLElement {
   async #act(actionType, name) {
     const vehicle = this.#vehicle;
     const answer = await command(["vehicles", vehicle, "instantActions"], { actionType });
-    return outcome(answer, `done.${name}`, { name: vehicle, action: t(`command.${name}`) });
+    return outcome(answer, `done.${name}`, { name: vehicle, action: t(`command.${name}`).replace(" …", "") });
   }
 
   // A transport order is withdrawn at the order service; any other order is cancelled at the robot.
-  async #cancel() {
-    const order = this.#robot.vehicle.transportOrder;
-    if (!order) return this.#act("cancelOrder", "cancel");
+  #cancelForm() {
+    const robot = this.#robot;
+    const order = this.#order;
+    if (!order) return element("p", { class: "hint" }, t("confirm.noOrder"));
+    const values = { name: robot.name, order: order.name, doing: reasonOf(robot) };
+    const load = robot.loads?.length ? ` ${t("confirm.loaded", values)}` : "";
+    return confirmation({
+      label: t("confirm.cancelTitle"),
+      effect: t(order.id ? "confirm.withdraw" : "confirm.cancel", values) + load,
+      submit: t("order.withdrawSure", { name: order.name }),
+      send: () => (order.id ? this.#withdraw(order.id) : this.#act("cancelOrder", "cancel")),
+    });
+  }
+
+  async #withdraw(order) {
     await command(["transportOrders", order, "withdrawal"], { reason: "withdrawn at the control panel" });
     return ["done.withdrawn", { name: order }];
+  }
+
+  #driverOffForm() {
+    return confirmation({
+      label: t("confirm.driverOffTitle"),
+      effect: t("confirm.driverOff", { name: this.#robot.name }),
+      submit: t("confirm.driverOffSend"),
+      send: () => this.#act("nena:stopRosSession", "driverOff"),
+    });
   }
 }
 

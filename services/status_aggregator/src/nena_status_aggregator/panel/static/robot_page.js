@@ -3,7 +3,7 @@
 import { button, element, foreign, progressBar, refill, setAttribute, setText, verbatim } from "./dom.js";
 import { adviceForError, causesOfRobot, conditionText, nodeName, orderOf } from "./explanations.js";
 import { age, dateAndTime, degrees, has, number, t } from "./i18n.js";
-import { address } from "./router.js";
+import { address, backLink } from "./router.js";
 import "./robot_commands.js";
 
 const TICK = 1000;
@@ -44,7 +44,7 @@ class RobotPage extends HTMLElement {
     this.deviations = this.#section("robot.deviations");
     this.gone = element("p", { class: "hint" }, t("robot.gone"));
     const toMap = button(t("robot.toMap"), () => this.dispatchEvent(new CustomEvent("reveal", { detail: this.#id })));
-    const head = element("header", { class: "head" }, back(), this.heading, this.chip, toMap);
+    const head = element("header", { class: "head" }, backLink(), this.heading, this.chip, toMap);
     this.whyTitle = element("h3");
     const whySection = element("section", {}, this.whyTitle, this.why);
     const commandSection = element("section", {}, element("h3", {}, t("robot.commands")), this.commands);
@@ -93,10 +93,6 @@ class RobotPage extends HTMLElement {
     setText(this.progress.value, t("progress.value", { percent: number(order.progress ?? 0) }));
     refill(this.route, [order, robot.order], () => routeOf(robot, order));
   }
-}
-
-function back() {
-  return element("a", { href: "#/", class: "back" }, t("page.back"));
 }
 
 function fillList(section, entries, make) {

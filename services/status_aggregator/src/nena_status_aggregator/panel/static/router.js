@@ -1,5 +1,7 @@
-// Which view is shown: the part of the address after #, so that Back works and views can be linked to.
+// Which view is shown: the part of the address after #, so that Back works and views can be shared.
 
+import { element } from "./dom.js";
+import { t } from "./i18n.js";
 
 /** Return the address of a view, e.g. `address("robots", id)`. */
 export function address(...parts) {
@@ -9,7 +11,7 @@ export function address(...parts) {
 /** Return the parts of the current view's address. */
 export function currentView() {
   if (!location.hash.startsWith("#/")) return [];
-  return location.hash.slice(2).split("/").map(decoded).filter(Boolean);
+  return location.hash.slice(2).split("?")[0].split("/").map(decoded).filter(Boolean);
 }
 
 function decoded(part) {
@@ -20,9 +22,78 @@ function decoded(part) {
   }
 }
 
+/** Return the values of the current address, after its `?`. */
+export function parameters() {
+  return new URLSearchParams(location.hash.split("?")[1] ?? "");
+}
+
+/** Replace the values of the current address; empty ones are left out. */
+export function setParameters(values) {
+  const kept = new URLSearchParams(Object.entries(values).filter(([, value]) => value));
+  const view = location.hash.split("?")[0] || "#/";
+  history.replaceState(history.state, "", kept.size ? `${view}?${kept}` : view);
+}
+
 /** Call back with the current view and on every change. An address such as `#robots` is a place in the page instead. */
 export function followView(callback) {
-  const look = () => /^(#\/|$)/.test(location.hash) && callback(currentView());
+  const look = () => {
+    if (!/^(#\/|$)/.test(location.hash)) return;
+    lists.read();
+    callback(currentView());
+  };
   addEventListener("hashchange", look);
-  callback(currentView());
+  look();
+}
+
+/**
+ * What the lists show, kept in the address after `#/?`: `tab`, `q` (search), `condition` (of robots), `state` (of orders),
+ * `robotSort` and `orderSort` (column, with `-` descending). Fires `change`.
+ */
+class ListView extends EventTarget {
+  #values = new URLSearchParams();
+
+  /** Return a value; empty if it is not set. */
+  get(name) {
+    return this.#values.get(name) ?? "";
+  }
+
+  /** Return the address of the lists as they are. */
+  get address() {
+    return this.#values.size ? `#/?${this.#values}` : "#/";
+  }
+
+  /** Return the address of the lists with other values. */
+  addressWith(values) {
+    const changed = new URLSearchParams(this.#values);
+    for (const [name, value] of Object.entries(values)) {
+      if (value) changed.set(name, value);
+      else changed.delete(name);
+    }
+    return changed.size ? `#/?${changed}` : "#/";
+  }
+
+  /** Change values, and show the lists if a page is open. */
+  set(values) {
+    const wanted = this.addressWith(values);
+    if (currentView().length) {
+      location.hash = wanted;
+      return;
+    }
+    history.replaceState(history.state, "", wanted);
+    this.read();
+  }
+
+  /** Take the values of the address, if it is that of the lists. */
+  read() {
+    if (currentView().length) return;
+    this.#values = parameters();
+    this.dispatchEvent(new Event("change"));
+  }
+}
+
+export const lists = new ListView();
+
+/** Create the link from a page back to the lists as they were. */
+export function backLink() {
+  return element("a", { href: lists.address, class: "back" }, t("page.back"));
 }

@@ -1,116 +1,72 @@
 // The live tables of robots and transport orders.
 
-import { element, emptyBox, foreign, progressBar, refill, select, setAttribute, setText, verbatim } from "./dom.js";
-import { conditionText, isOfOrderService, orderOf, reasonOf } from "./explanations.js";
+import { element, foreign, progressBar, refill, setAttribute, setText, verbatim } from "./dom.js";
+import { conditionText, filterOf, isOfOrderService, orderOf, reasonOf } from "./explanations.js";
 import { shownState } from "./fleet.js";
 import { age, byName, number, plural, t } from "./i18n.js";
-import { address } from "./router.js";
-
-const TICK = 1000;
-
-/**
- * A table of the views of one kind. Subclasses define `columns` (text keys), `empty` (text key), `compare` and
- * `makeRow(id)`, which returns `{row, update(view, now)}`; and `accept(view)` to filter.
- */
-export class LiveTable extends HTMLElement {
-  #rows = new Map();
-  /** Returns whether a view is shown. */
-  accept = () => true;
-
-  /** Show the views of `kind` in the store, and follow their changes. */
-  follow(store, kind) {
-    this.store = store;
-    this.views = () => store[kind];
-    this.body = element("tbody");
-    this.table = element("table", {}, this.#head(), this.body);
-    this.note = emptyBox(t(`${this.empty}.title`), t(`${this.empty}.text`));
-    this.replaceChildren(this.table, this.note);
-    store.addEventListener("change", (event) => this.#change(event.detail[kind]));
-    setInterval(() => this.refresh(), TICK);
-    this.#change(new Set());
-  }
-
-  /** Return the row of a view. */
-  rowOf(id) {
-    return this.#rows.get(id)?.row;
-  }
-
-  /** Apply the filter and update all rows. */
-  refresh() {
-    this.#updateRows(this.views().keys());
-  }
-
-  #head() {
-    const cells = this.columns.map((key) => element("th", { scope: "col" }, t(key)));
-    return element("thead", {}, element("tr", {}, ...cells));
-  }
-
-  #change(ids) {
-    const views = this.views();
-    for (const id of ids) {
-      if (!views.has(id)) {
-        this.#rows.get(id)?.row.remove();
-        this.#rows.delete(id);
-      } else if (!this.#rows.has(id)) {
-        this.#rows.set(id, this.makeRow(id));
-      }
-    }
-    this.#updateRows([...ids].filter((id) => views.has(id)));
-    this.#order();
-    this.table.hidden = views.size === 0;
-    this.note.hidden = views.size > 0;
-  }
-
-  #updateRows(ids) {
-    const now = this.store.now();
-    for (const id of ids) {
-      const shown = this.#rows.get(id);
-      if (!shown) continue;
-      shown.row.hidden = !this.accept(this.views().get(id));
-      shown.update(this.views().get(id), now);
-    }
-  }
-
-  #order() {
-    const wanted = [...this.views().values()].sort(this.compare).map((view) => this.#rows.get(view.id).row);
-    wanted.forEach((row, at) => {
-      if (this.body.children[at] !== row) this.body.insertBefore(row, this.body.children[at] ?? null);
-    });
-  }
-}
-
-/** Create a cell with its column's title, for narrow screens. */
-export function cell(key, ...children) {
-  return element("td", { "data-title": t(key) }, ...children);
-}
+import { LiveTable, cell, filterChip, matches } from "./live_table.js";
+import { address, lists } from "./router.js";
 
 const LOW_BATTERY = 20;
+
+// The usual order: who needs a person, who waits, who works or is free, who is away.
+const RANKS = ["ERROR BROKEN SILENT BLOCKED MANUAL", "WAITING", "BUSY CHARGING IDLE", "OFFLINE"].map((names) => names.split(" "));
+
+function rankOf({ urgent, condition }) {
+  return urgent ? -1 : RANKS.findIndex((names) => names.includes(condition));
+}
 
 class RobotTable extends LiveTable {
   columns = ["robots.name", "robots.condition", "robots.battery", "robots.order", "robots.age"];
   empty = "robots.empty";
-  compare = (a, b) => b.urgent - a.urgent || byName(a.name, b.name) || byName(a.id, b.id);
+  sortKey = "robotSort";
+  first = (a, b) => b.urgent - a.urgent;
+  usual = (a, b) => rankOf(a) - rankOf(b) || byName(a.name, b.name) || byName(a.id, b.id);
+  orders = {
+    name: (a, b) => byName(a.name, b.name),
+    condition: (a, b) => byName(conditionText(a), conditionText(b)),
+    battery: (a, b) => (a.battery?.charge ?? Infinity) - (b.battery?.charge ?? Infinity),
+    order: (a, b) => byName(this.#orderName(a), this.#orderName(b)),
+    age: (a, b) => Date.parse(b.lastState ?? 0) - Date.parse(a.lastState ?? 0),
+  };
 
-  show(store) {
+  /** Robots that are marked for a command. */
+  marked = new Set();
+
+  /** Show the robots of the store; `commanded`: whether they can be marked for a command. */
+  show(store, commanded) {
+    this.commanded = commanded;
     this.follow(store, "robots");
   }
 
-  /** Highlight a robot; null: none. */
-  select(id) {
-    this.rowOf(this.selected)?.classList.remove("selected");
-    this.selected = id;
-    this.rowOf(id)?.classList.add("selected");
+  /** Mark robots, or unmark them. Fires `marked`. */
+  mark(ids, on) {
+    for (const id of ids) {
+      if (on) this.marked.add(id);
+      else this.marked.delete(id);
+    }
+    this.refresh();
+    this.dispatchEvent(new Event("marked"));
   }
 
-  /** Scroll to the row of a robot. */
-  reveal(id) {
-    this.rowOf(id)?.scrollIntoView({ block: "nearest" });
+  accept(robot) {
+    const conditions = lists.get("condition").split(",").filter(Boolean);
+    if (conditions.length && !conditions.includes(filterOf(robot))) return false;
+    return matches(lists.get("q"), [robot.name, robot.id, robot.vehicle?.currentPosition, orderOf(robot, this.store.orders)?.name]);
+  }
+
+  #orderName(robot) {
+    return orderOf(robot, this.store.orders)?.name ?? "\uffff"; // after all names
   }
 
   makeRow(id) {
     const name = verbatim("a", "", { class: "name", href: address("robots", id) });
+    const box = element("input", { type: "checkbox", class: "mark" });
+    box.hidden = !this.commanded;
+    box.addEventListener("change", () => this.mark([id], box.checked));
     const parts = {
       name,
+      box,
       model: verbatim("span", "", { class: "detail" }),
       chip: element("span", { class: "chip" }),
       reason: element("span", { class: "reason" }),
@@ -125,13 +81,19 @@ class RobotTable extends LiveTable {
     const row = element(
       "tr",
       { "data-robot": id },
-      cell("robots.name", parts.name, parts.model),
+      cell("robots.name", parts.box, parts.name, parts.model),
       cell("robots.condition", parts.chip, parts.reason, parts.head, parts.marks),
       cell("robots.battery", parts.battery, parts.charging),
       cell("robots.order", parts.order, parts.progress.box),
       cell("robots.age", parts.age),
     );
-    return { row, update: (robot, now) => updateRobotRow(parts, row, robot, now, this.store) };
+    const update = (robot, now) => {
+      box.checked = this.marked.has(id);
+      row.classList.toggle("selected", box.checked);
+      setAttribute(box, "aria-label", t("robots.mark", { name: robot.name }));
+      updateRobotRow(parts, row, robot, now, this.store);
+    };
+    return { row, update };
   }
 }
 
@@ -205,14 +167,42 @@ customElements.define("nena-robot-table", RobotTable);
 class OrderTable extends LiveTable {
   columns = ["orders.name", "orders.state", "orders.vehicle", "orders.destinations", "orders.progress"];
   empty = "orders.empty";
-  compare = (a, b) =>
-    a.final - b.final || Date.parse(b.created) - Date.parse(a.created) || byName(a.id, b.id);
+  sortKey = "orderSort";
+  first = () => 0;
+  usual = (a, b) =>
+    a.final - b.final ||
+    Boolean(b.held) - Boolean(a.held) ||
+    Date.parse(b.created) - Date.parse(a.created) ||
+    byName(a.id, b.id);
+  orders = {
+    name: (a, b) => byName(a.name, b.name),
+    state: (a, b) => byName(t(`state.${shownState(a)}`), t(`state.${shownState(b)}`)),
+    vehicle: (a, b) => byName(vehicle(a), vehicle(b)),
+    progress: (a, b) => (a.progress ?? -1) - (b.progress ?? -1),
+  };
 
+  /** Show the orders of the store, below chips that filter them by state. */
   show(store) {
     this.follow(store, "orders");
-    this.filter = new OrderFilter(() => this.refresh());
-    this.accept = (order) => this.filter.accepts(order);
-    this.prepend(this.filter.element);
+    this.chips = Object.keys(SHOWN).map((name) => [name, filterChip("", () => lists.set({ state: lists.get("state") === name ? "" : name }))]);
+    const label = { class: "filter", role: "group", "aria-label": t("filter.state") };
+    this.prepend(element("div", label, ...this.chips.map(([, chip]) => chip)));
+    this.addEventListener("count", () => this.#count());
+    this.#count();
+  }
+
+  accept(order) {
+    const places = order.destinations.map((each) => each.place);
+    const chosen = SHOWN[lists.get("state")] ?? (() => true);
+    return chosen(order) && matches(lists.get("q"), [order.name, order.intendedVehicle, order.processingVehicle, order.type, ...places]);
+  }
+
+  #count() {
+    const orders = [...this.store.orders.values()];
+    for (const [name, chip] of this.chips) {
+      const count = orders.filter(SHOWN[name]).length;
+      chip.show(t(`filter.${name}`, { count: number(count) }), count, lists.get("state") === name);
+    }
   }
 
   makeRow(id) {
@@ -239,29 +229,11 @@ class OrderTable extends LiveTable {
 }
 
 const SHOWN = {
-  all: () => true,
   open: (order) => !order.final,
   held: (order) => shownState(order) === "HELD",
-  finished: (order) => order.state === "FINISHED",
   failed: (order) => ["FAILED", "UNROUTABLE"].includes(order.state),
+  finished: (order) => order.state === "FINISHED",
 };
-
-// Filters orders by state, and by a word in name, vehicle or destination.
-class OrderFilter {
-  constructor(changed) {
-    this.state = select(Object.keys(SHOWN).map((name) => [name, t(`filter.${name}`)]), { "aria-label": t("filter.state") });
-    this.word = element("input", { type: "search", placeholder: t("filter.word"), "aria-label": t("filter.word") });
-    this.element = element("div", { class: "filter" }, this.state, this.word);
-    this.element.addEventListener("input", changed);
-  }
-
-  accepts(order) {
-    const places = order.destinations.map((each) => each.place);
-    const words = [order.name, order.intendedVehicle, order.processingVehicle, order.type, ...places];
-    const wanted = this.word.value.trim().toLowerCase();
-    return SHOWN[this.state.value](order) && words.some((each) => each?.toLowerCase().includes(wanted));
-  }
-}
 
 function updateOrderRow(parts, row, order, now) {
   row.classList.toggle("final", order.final);

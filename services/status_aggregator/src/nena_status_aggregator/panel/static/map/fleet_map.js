@@ -4,7 +4,7 @@ import { element, emptyBox, icon, setAttribute, setText } from "../dom.js";
 import { number, t } from "../i18n.js";
 import { Grids } from "./grids.js";
 import { Painter, readColours } from "./painter.js";
-import { drawPlan, extent } from "./plan_painter.js";
+import { drawPlan, extent, placeAt } from "./plan_painter.js";
 import { TrafficPlan } from "./traffic.js";
 import { Gestures, Viewport } from "./viewport.js";
 
@@ -70,6 +70,7 @@ class FleetMap extends HTMLElement {
     this.#traffic.addEventListener("change", () => this.#draw());
     this.#traffic.follow(() => enabled && this.layers.chosen.traffic && !this.replayed);
     plant.addEventListener("change", () => this.#showPlant(plant.model));
+    plant.addEventListener("locks", () => this.#showLocks(plant.model));
     store.addEventListener("change", (event) => this.#change(event.detail));
     this.#grids.addEventListener("change", () => this.#draw());
     new ResizeObserver(() => this.#resize()).observe(this.canvas);
@@ -83,6 +84,12 @@ class FleetMap extends HTMLElement {
     this.selected = id;
     this.followTool.disabled = !id;
     if (!id) this.follow(false);
+    this.#draw();
+  }
+
+  /** Highlight a point, location or path; null: none. */
+  selectPlace(name) {
+    this.place = name;
     this.#draw();
   }
 
@@ -131,9 +138,9 @@ class FleetMap extends HTMLElement {
     const robots = this.#robots().map((robot) => robot.position);
     const box = extent([...(this.#plan ? [...this.#plan.points.values(), ...this.#plan.locations] : []), ...robots]);
     this.follow(false);
-    if (!box) return;
+    this.#fitted = Boolean(box) && this.canvas.clientWidth > 0; // a hidden map is fitted when it is shown
+    if (!this.#fitted) return;
     this.view.fit(box);
-    this.#fitted = true;
     this.#draw();
   }
 
@@ -171,6 +178,7 @@ class FleetMap extends HTMLElement {
       this.#tool("fit", "map.fit", () => this.fit()),
       this.followTool,
       this.layers,
+      this.#tool("screen", "map.fullScreen", () => this.#toggleFullScreen()),
     );
   }
 
@@ -178,6 +186,11 @@ class FleetMap extends HTMLElement {
     const button = element("button", { type: "button", title: t(key), "aria-label": t(key) }, icon(sign));
     button.addEventListener("click", action);
     return button;
+  }
+
+  #toggleFullScreen() {
+    if (document.fullscreenElement) document.exitFullscreen();
+    else this.closest("section").requestFullscreen();
   }
 
   #change({ robots, parts }) {
@@ -193,6 +206,11 @@ class FleetMap extends HTMLElement {
     this.#plan = model && drawPlan(model);
     this.fit();
     this.#describe();
+  }
+
+  #showLocks(model) {
+    this.#plan = drawPlan(model);
+    this.#draw();
   }
 
   #robots() {
@@ -212,11 +230,14 @@ class FleetMap extends HTMLElement {
   #pick(x, y) {
     const near = ({ at }) => Math.hypot(at[0] - x, at[1] - y);
     const found = this.#places.filter((each) => near(each) < REACH).sort((a, b) => near(a) - near(b))[0];
-    this.dispatchEvent(new CustomEvent("select", { detail: found?.robot.id ?? null }));
+    if (found) return this.dispatchEvent(new CustomEvent("select", { detail: found.robot.id }));
+    const place = this.#plan && placeAt(this.#plan, this.view, [x, y]);
+    if (place) this.dispatchEvent(new CustomEvent("selectplace", { detail: place }));
   }
 
   #resize() {
     const { clientWidth: width, clientHeight: height } = this.canvas;
+    if (!width || !height) return; // hidden
     const first = !this.#fitted;
     this.canvas.width = width * devicePixelRatio;
     this.canvas.height = height * devicePixelRatio;
@@ -240,13 +261,15 @@ class FleetMap extends HTMLElement {
   }
 
   #paint() {
+    if (!this.canvas.width || !this.canvas.height) return; // nothing can be drawn on an empty canvas
     const { selected, colours, pose } = this;
     const followed = this.following && this.#robots().find((robot) => robot.id === selected)?.position;
     if (followed) this.view.centre(followed.x, followed.y);
     const grids = this.#grids.of(this.store.robots.values(), selected);
     const traffic = this.#traffic.vehicles;
     const jams = this.replayed ? new Map() : jamsByVehicle(this.store.jams);
-    const scene = { plan: this.#plan, grids, robots: this.#robots(), selected, colours, layers: this.layers.chosen, pose, traffic, jams };
+    const { place, layers: { chosen: layers } } = this;
+    const scene = { plan: this.#plan, grids, robots: this.#robots(), selected, place, colours, layers, pose, traffic, jams };
     const { places, labels } = this.painter.paint(this.view, scene);
     [this.#places, this.labels] = [places, labels];
     this.#drawScale();

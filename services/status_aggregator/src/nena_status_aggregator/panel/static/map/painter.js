@@ -1,7 +1,7 @@
 // Paints the map: the cached plan, robots and the picked pose.
 
 import { overlap } from "./labels.js";
-import { labelPlan, paintPlan } from "./plan_painter.js";
+import { labelPlan, paintMarked, paintPlan } from "./plan_painter.js";
 import { labelRobots, paintRobots } from "./robot_painter.js";
 import { paintTraffic } from "./traffic.js";
 
@@ -64,7 +64,7 @@ export class Painter {
   }
 
   /**
-   * Paint everything. `scene`: {plan, grids, robots, selected, colours, layers, pose, traffic, jams}; `jams`: robots that wait
+   * Paint everything. `scene`: {plan, grids, robots, selected, place, colours, layers, pose, traffic, jams}; `place`: name of a marked place or path; `jams`: robots that wait
    * behind a vehicle, by its name. Returns `{places, labels}`: the screen positions of the robots, `[{robot, at}]`, and the
    * labels, `[{text, box}]`.
    */
@@ -72,7 +72,7 @@ export class Painter {
     const context = this.#context;
     context.setTransform(1, 0, 0, 1, 0, 0);
     context.clearRect(0, 0, this.#canvas.width, this.#canvas.height);
-    const planned = this.#canvas.width > 0 && this.#canvas.height > 0 && Boolean(scene.plan || scene.grids.length);
+    const planned = Boolean(scene.plan || scene.grids.length);
     if (planned) context.drawImage(this.#planPicture(view, scene), 0, 0);
     const places = scene.robots.map((robot) => ({ robot, at: view.toScreen(robot.position.x, robot.position.y) }));
     const inView = places.filter(({ at }) => inSight(view, at));
@@ -82,6 +82,7 @@ export class Painter {
     for (const { box } of covered) this.#uncover(box);
     const shown = [...names.placed, ...labels.filter((each) => !covered.has(each))];
     context.scale(devicePixelRatio, devicePixelRatio);
+    if (scene.place && scene.plan) paintMarked(context, view, scene);
     if (scene.layers.traffic && scene.plan) shown.push(...paintTraffic(context, view, scene, shown.map(({ box }) => box)));
     paintRobots(context, view, places.filter(({ robot, at }) => robot.order?.active || inSight(view, at)), scene);
     names.paint(scene.colours);

@@ -130,6 +130,73 @@ export function middle(line, curved) {
   return [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2, Math.atan2(b[1] - a[1], b[0] - a[0])];
 }
 
+const NEAR_PLACE = 12; // px
+const NEAR_PATH = 7; // px
+const STEPS = 12;
+
+/** Return the name of the point, location or path at a place of the screen; null if there is none. */
+export function placeAt(plan, view, [x, y]) {
+  const to = (each) => distance([x, y], view.toScreen(each.x, each.y));
+  const nearest = [...plan.points.values(), ...plan.locations].reduce((best, each) => (best && to(best) <= to(each) ? best : each), null);
+  if (nearest && to(nearest) <= NEAR_PLACE) return nearest.name;
+  let [found, least] = [null, NEAR_PATH];
+  for (const [name, shape] of plan.named) {
+    const apart = distanceToLine([x, y], screenLine(view, flattened(shape)));
+    if (apart < least) [found, least] = [name, apart];
+  }
+  return found;
+}
+
+function distance([x, y], [otherX, otherY]) {
+  return Math.hypot(x - otherX, y - otherY);
+}
+
+// A Bézier curve as a line through points of it.
+function flattened({ line, curved }) {
+  if (!curved || line.length < 4) return line;
+  const points = [line[0]];
+  for (let at = 0; at + 3 < line.length; at += 3) {
+    for (let step = 1; step <= STEPS; step += 1) points.push(onCurve(line.slice(at, at + 4), step / STEPS));
+  }
+  return points;
+}
+
+function onCurve([a, b, c, d], at) {
+  const left = 1 - at;
+  return [0, 1].map((axis) => left ** 3 * a[axis] + 3 * left ** 2 * at * b[axis] + 3 * left * at ** 2 * c[axis] + at ** 3 * d[axis]);
+}
+
+function distanceToLine(place, line) {
+  return Math.min(...line.slice(1).map((end, at) => distanceToSegment(place, line[at], end)));
+}
+
+function distanceToSegment([x, y], [ax, ay], [bx, by]) {
+  const square = (bx - ax) ** 2 + (by - ay) ** 2;
+  const share = square ? Math.max(0, Math.min(1, ((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / square)) : 0;
+  return Math.hypot(x - ax - share * (bx - ax), y - ay - share * (by - ay));
+}
+
+/** Paint the mark of the chosen point, location or path, below what is painted already. */
+export function paintMarked(context, view, { plan, place, colours }) {
+  context.save();
+  context.globalCompositeOperation = "destination-over";
+  context.strokeStyle = colours.accent;
+  context.lineCap = "round";
+  const path = plan.named.get(place);
+  const at = plan.points.get(place) ?? plan.locations.find((each) => each.name === place);
+  if (path) {
+    context.globalAlpha = 0.4;
+    context.lineWidth = 12;
+    stroke(context, screenLine(view, path.line), path.curved);
+  } else if (at) {
+    context.lineWidth = 3;
+    context.beginPath();
+    context.arc(...view.toScreen(at.x, at.y), 14, 0, 2 * Math.PI);
+    context.stroke();
+  }
+  context.restore();
+}
+
 /** Paint grid maps and the visible layers of a plan, without labels. */
 export function paintPlan(context, view, { plan, grids, colours, layers }) {
   if (layers.grids) paintGrids(context, view, grids, colours.muted);

@@ -1,0 +1,173 @@
+// Beside the map: tabs of robots and orders, one search for robots, orders and places, and commands to several robots.
+
+import { command } from "./api.js";
+import { button, element, foreign, refill, setAttribute, setText } from "./dom.js";
+import { byName, number, plural, t } from "./i18n.js";
+import { matches } from "./live_table.js";
+import { address, currentView, lists } from "./router.js";
+
+const TABS = { robots: "robots.tab", orders: "orders.tab", map: "map.title" };
+const narrow = matchMedia("(max-width: 900px)"); // the map is beside the lists otherwise
+
+/** Chooses the list; on a telephone also the map. A list without a match gives way to the one that has some. */
+class Tabs extends HTMLElement {
+  /** Attach to the tables, by the tabs' names. */
+  show(tables) {
+    this.tables = tables;
+    this.tabs = Object.keys(TABS).map((name) => [name, this.#tab(name)]);
+    const row = element("div", { role: "tablist", "aria-label": t("lists.label") }, ...this.tabs.map(([, tab]) => tab));
+    row.addEventListener("keydown", (event) => this.#key(event));
+    this.replaceChildren(row);
+    for (const table of Object.values(tables)) table.addEventListener("count", () => this.#update());
+    narrow.addEventListener("change", () => this.#update());
+    this.#update();
+  }
+
+  #tab(name) {
+    const made = button("", () => lists.set({ tab: name === "robots" ? "" : name }), { role: "tab", id: `${name}-tab` });
+    setAttribute(made, "aria-controls", name);
+    return made;
+  }
+
+  get #chosen() {
+    const tab = lists.get("tab");
+    const wanted = tab in this.tables || (tab === "map" && narrow.matches) ? tab : "robots";
+    const other = { robots: "orders", orders: "robots" }[wanted];
+    const given = lists.get("q") && other && !this.tables[wanted].count && this.tables[other].count;
+    return given ? other : wanted;
+  }
+
+  #update() {
+    const chosen = this.#chosen;
+    const changed = document.body.dataset.tab !== chosen;
+    document.body.dataset.tab = chosen;
+    for (const [name, tab] of this.tabs) {
+      const count = this.tables[name]?.count;
+      setText(tab, t(TABS[name], { count: number(count ?? 0) }));
+      setAttribute(tab, "aria-selected", String(name === chosen));
+      tab.tabIndex = name === chosen ? 0 : -1;
+    }
+    for (const name of Object.keys(this.tables)) document.getElementById(name).hidden = name !== chosen;
+    if (changed) this.tables[chosen]?.refresh();
+  }
+
+  #key(event) {
+    const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+    if (!step) return;
+    const seen = this.tabs.map(([, tab]) => tab).filter((tab) => tab.offsetParent);
+    const next = seen[(seen.indexOf(document.activeElement) + step + seen.length) % seen.length];
+    next.focus();
+    next.click();
+  }
+}
+
+customElements.define("nena-tabs", Tabs);
+
+const PLACES = 6;
+
+/** Searches robots, orders and places: the lists show what matches, Enter opens the first. */
+class Search extends HTMLElement {
+  /** Attach to the tables and the plant model. */
+  show(tables, plant) {
+    this.tables = tables;
+    this.plant = plant;
+    const words = { type: "search", placeholder: t("search.hint"), "aria-label": t("search.label"), "aria-keyshortcuts": "/" };
+    this.input = element("input", words);
+    this.places = element("div", { class: "places" });
+    this.replaceChildren(this.input, this.places);
+    this.input.addEventListener("input", () => lists.set({ q: this.input.value.trim() && this.input.value }));
+    this.input.addEventListener("keydown", (event) => event.key === "Enter" && this.#open());
+    lists.addEventListener("change", () => this.#update());
+    plant.addEventListener("change", () => this.#update());
+    document.addEventListener("keydown", (event) => this.#key(event));
+    this.#update();
+  }
+
+  #key(event) {
+    const typing = event.target.closest("input, textarea, select");
+    if (event.key !== "/" || typing || event.ctrlKey || event.metaKey || event.altKey) return;
+    event.preventDefault();
+    this.input.focus();
+    this.input.select();
+  }
+
+  #update() {
+    if (this.input.value !== lists.get("q") && document.activeElement !== this.input) this.input.value = lists.get("q");
+    refill(this.places, this.#matching().slice(0, PLACES), (names) => names.map((name) => element("a", { href: address("places", name), translate: "no" }, name)));
+  }
+
+  #matching() {
+    const { points = [], locations = [], paths = [] } = this.plant.model ?? {};
+    if (!lists.get("q").trim()) return [];
+    const names = [locations, points, paths].flatMap((each) => each.map(({ name }) => name).sort(byName));
+    return names.filter((name) => matches(lists.get("q"), [name]));
+  }
+
+  // The first match: an exact name before others, robots and orders before places.
+  #open() {
+    if (currentView().length) return lists.set({ q: this.input.value });
+    const wanted = this.input.value.trim().toLowerCase();
+    if (!wanted) return;
+    const { robots, orders } = this.tables;
+    const found = [
+      ...robots.ids.map((id) => [robots.store.robots.get(id)?.name, address("robots", id)]),
+      ...orders.ids.map((id) => [id, address("orders", id)]),
+      ...this.#matching().map((name) => [name, address("places", name)]),
+    ];
+    const [, best] = found.find(([name]) => name?.toLowerCase() === wanted) ?? found[0] ?? [];
+    if (best) location.hash = best;
+  }
+}
+
+customElements.define("nena-search", Search);
+
+/** Sends a command to each of the marked robots. */
+class FleetCommands extends HTMLElement {
+  /** Attach to the table in which robots are marked. */
+  show(table) {
+    this.table = table;
+    this.count = element("strong");
+    this.all = button(t("several.all"), () => table.mark(table.ids, true));
+    this.pause = button(t("command.pause"), () => this.#send("pause", "several.paused", (robot) => !robot.paused));
+    this.resume = button(t("command.resume"), () => this.#send("resume", "several.resumed", (robot) => robot.paused));
+    const clear = button(t("several.clear"), () => table.mark([...table.marked], false));
+    this.result = element("output", { class: "result", role: "status" });
+    this.bar = element("div", { class: "actions" }, this.count, this.pause, this.resume, this.all, clear);
+    this.replaceChildren(this.bar, this.result);
+    for (const name of ["marked", "count"]) table.addEventListener(name, () => this.#update());
+    table.addEventListener("marked", () => this.result.replaceChildren());
+    this.#update();
+  }
+
+  #robots() {
+    return [...this.table.marked].map((id) => this.table.store.robots.get(id)).filter((robot) => robot?.vehicle);
+  }
+
+  #update() {
+    const robots = this.#robots();
+    this.bar.hidden = this.table.marked.size === 0;
+    setText(this.count, plural("several.marked", this.table.marked.size));
+    this.pause.disabled = !robots.some((robot) => !robot.paused);
+    this.resume.disabled = !robots.some((robot) => robot.paused);
+  }
+
+  async #send(actionType, done, fits) {
+    const robots = this.#robots().filter(fits);
+    this.bar.setAttribute("aria-busy", "true");
+    setText(this.result, t("command.sent"));
+    const answers = await Promise.allSettled(robots.map((robot) => command(["vehicles", robot.vehicle.name, "instantActions"], { actionType })));
+    this.bar.removeAttribute("aria-busy");
+    const failed = answers.flatMap((answer, at) => (answer.value?.status === "FINISHED" ? [] : [[robots[at].name, answer]]));
+    const count = { count: number(robots.length - failed.length), of: number(robots.length) };
+    this.result.dataset.level = failed.length ? "bad" : "fine";
+    this.result.replaceChildren(element("strong", {}, t(done, count)));
+    if (failed.length) this.result.append(element("ul", {}, ...failed.map(([name, answer]) => failure(name, answer))));
+  }
+}
+
+function failure(name, { reason, value }) {
+  const words = reason ? reason.message : [value.status, value.reason].filter(Boolean).join(" – ");
+  return element("li", {}, element("span", { translate: "no" }, name), ": ", words ? foreign("span", words) : t("command.unanswered"));
+}
+
+customElements.define("nena-fleet-commands", FleetCommands);

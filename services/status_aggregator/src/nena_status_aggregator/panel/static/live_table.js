@@ -1,0 +1,194 @@
+// A live table that mounts only the rows in sight, so that it stays fast with a thousand of them.
+
+import { button, element, emptyBox, setAttribute, setText } from "./dom.js";
+import { t } from "./i18n.js";
+import { lists } from "./router.js";
+
+const TICK = 1000;
+const BEYOND = 600; // px above and below what is in sight
+const HEIGHT = 58; // px of a row that was never mounted
+const HIDDEN_ROWS = 20; // mounted while the table is hidden
+
+/**
+ * A table of the views of one kind. Subclasses define `columns` (text keys; the part after the dot names the column),
+ * `empty` (text key), `sortKey` (its value in the address), `orders` (by column: a function of two views), `usual` (the order
+ * without a choice), `first` (what stays on top in any order), `accept(view)` and `makeRow(id)`, which returns
+ * `{row, update(view, now)}`.
+ */
+export class LiveTable extends HTMLElement {
+  #rows = new Map();
+  #heights = new Map();
+  #shown = [];
+  #pending = false;
+
+  /** Show the views of `kind` in the store, and follow their changes. */
+  follow(store, kind) {
+    this.store = store;
+    this.views = () => store[kind];
+    this.body = element("tbody");
+    this.spaces = [space(this.columns.length), space(this.columns.length)];
+    this.heads = new Map(this.columns.map((key) => [nameOf(key), this.#head(key)]));
+    const titles = element("tr", {}, ...this.heads.values());
+    this.table = element("table", {}, element("thead", {}, titles), this.body);
+    this.body.append(...this.spaces);
+    this.note = emptyBox(t(`${this.empty}.title`), t(`${this.empty}.text`));
+    const all = button(t("lists.all"), () => lists.set({ q: "", condition: "", state: "" }));
+    this.unmatched = element("div", { class: "empty" }, element("strong", {}, t("lists.none")), element("p", {}, all));
+    this.replaceChildren(this.table, this.note, this.unmatched);
+    store.addEventListener("change", (event) => event.detail[kind].size && this.#later());
+    lists.addEventListener("change", () => this.refresh());
+    document.addEventListener("scroll", () => this.#mount(), { capture: true, passive: true });
+    addEventListener("resize", () => this.#heights.clear());
+    setInterval(() => this.#update(), TICK);
+    this.refresh();
+  }
+
+  /** Return how many views are shown, in sight or not. */
+  get count() {
+    return this.#shown.length;
+  }
+
+  /** Return the ids of the views that are shown, in sight or not. */
+  get ids() {
+    return this.#shown.map((view) => view.id);
+  }
+
+  /** Filter, sort and show all views. Fires `count`. */
+  refresh() {
+    const views = [...this.views().values()];
+    this.#shown = views.filter((view) => this.accept(view)).sort(this.#compare());
+    this.table.hidden = this.#shown.length === 0;
+    this.note.hidden = views.length > 0;
+    this.unmatched.hidden = views.length === 0 || this.#shown.length > 0;
+    setAttribute(this.table, "aria-rowcount", this.#shown.length + 1);
+    this.#markHeads();
+    this.#mount();
+    this.#update();
+    this.dispatchEvent(new Event("count"));
+  }
+
+  // Once a frame, whatever has changed.
+  #later() {
+    if (this.#pending) return;
+    this.#pending = true;
+    requestAnimationFrame(() => {
+      this.#pending = false;
+      this.refresh();
+    });
+  }
+
+  #head(key) {
+    const name = nameOf(key);
+    return element("th", { scope: "col" }, name in this.orders ? button(t(key), () => this.#sortBy(name), { class: "sort" }) : t(key));
+  }
+
+  // Ascending, descending, and back to the usual order.
+  #sortBy(name) {
+    const next = { [name]: `-${name}`, [`-${name}`]: "" };
+    lists.set({ [this.sortKey]: next[lists.get(this.sortKey)] ?? name });
+  }
+
+  #compare() {
+    const chosen = lists.get(this.sortKey);
+    const order = this.orders[chosen.replace("-", "")];
+    const sign = chosen.startsWith("-") ? -1 : 1;
+    return (a, b) => this.first(a, b) || (order ? sign * order(a, b) : 0) || this.usual(a, b);
+  }
+
+  #markHeads() {
+    const chosen = lists.get(this.sortKey);
+    for (const [name, head] of this.heads) {
+      const sorted = { [name]: "ascending", [`-${name}`]: "descending" }[chosen];
+      setAttribute(head, "aria-sort", sorted);
+    }
+  }
+
+  #update() {
+    const now = this.store.now();
+    const views = this.views();
+    for (const [id, { update }] of this.#rows) if (views.has(id)) update(views.get(id), now);
+  }
+
+  // Mount the rows in sight; the others are two empty rows of their height.
+  #mount() {
+    const [from, to] = this.#inSight();
+    const wanted = this.#shown.slice(from, to);
+    const ids = new Set(wanted.map((view) => view.id));
+    const now = this.store.now();
+    for (const [id, { row }] of this.#rows) {
+      if (ids.has(id)) continue;
+      row.remove();
+      this.#rows.delete(id);
+    }
+    let last = this.spaces[0];
+    wanted.forEach((view, at) => {
+      if (!this.#rows.has(view.id)) {
+        this.#rows.set(view.id, this.makeRow(view.id));
+        this.#rows.get(view.id).update(view, now);
+      }
+      const { row } = this.#rows.get(view.id);
+      setAttribute(row, "aria-rowindex", from + at + 2);
+      if (last.nextSibling !== row) last.after(row);
+      last = row;
+    });
+    this.#stretch(from, to);
+  }
+
+  #stretch(from, to) {
+    for (const [id, { row }] of this.#rows) if (row.offsetHeight) this.#heights.set(id, row.offsetHeight);
+    const height = (views) => views.reduce((sum, view) => sum + this.#heightOf(view), 0);
+    const heights = [height(this.#shown.slice(0, from)), height(this.#shown.slice(to))];
+    this.spaces.forEach((each, at) => {
+      each.hidden = !heights[at];
+      each.firstChild.style.height = `${heights[at]}px`;
+    });
+  }
+
+  #heightOf(view) {
+    return this.#heights.get(view.id) ?? HEIGHT;
+  }
+
+  // The rows to mount, `[from, to]`.
+  #inSight() {
+    const box = this.body.getBoundingClientRect();
+    if (!this.offsetHeight) return [0, HIDDEN_ROWS];
+    const frame = this.closest(".scrolls").getBoundingClientRect();
+    const top = Math.max(0, frame.top) - BEYOND - box.top;
+    const bottom = Math.min(innerHeight, frame.bottom) + BEYOND - box.top;
+    let [at, y] = [0, 0];
+    for (; at < this.#shown.length && y + this.#heightOf(this.#shown[at]) < top; at += 1) y += this.#heightOf(this.#shown[at]);
+    const from = at;
+    for (; at < this.#shown.length && y < bottom; at += 1) y += this.#heightOf(this.#shown[at]);
+    return [from, at];
+  }
+}
+
+function nameOf(key) {
+  return key.split(".")[1];
+}
+
+function space(columns) {
+  return element("tr", { class: "space", "aria-hidden": "true" }, element("td", { colspan: columns }));
+}
+
+/** Create a cell with its column's title, for narrow screens. */
+export function cell(key, ...children) {
+  return element("td", { "data-title": t(key) }, ...children);
+}
+
+/** A chip that filters a list: pressed while it does; hidden with a count of 0, unless it is pressed. */
+export function filterChip(text, press, attributes = {}) {
+  const chip = button(text, press, { class: "chip filter-chip", ...attributes });
+  chip.show = (words, count, pressed) => {
+    setText(chip, words);
+    setAttribute(chip, "aria-pressed", String(pressed));
+    chip.hidden = !count && !pressed;
+  };
+  return chip;
+}
+
+/** Return whether one of the words contains what is searched. */
+export function matches(searched, words) {
+  const wanted = searched.trim().toLowerCase();
+  return !wanted || words.some((each) => each?.toLowerCase().includes(wanted));
+}

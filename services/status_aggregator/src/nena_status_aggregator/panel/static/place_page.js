@@ -1,0 +1,163 @@
+// The page of a point, location or path: what holds it, what it is connected to, lock and unlock, and sending a robot there.
+
+import { ask, command, newKey } from "./api.js";
+import { button, element, field, refill, refillSelect, select, setText, verbatim } from "./dom.js";
+import { conditionText } from "./explanations.js";
+import { commandForm, operation, run, vehicles } from "./forms.js";
+import { byName, t } from "./i18n.js";
+import { address, backLink } from "./router.js";
+
+const PAUSE = 2000;
+
+class PlacePage extends HTMLElement {
+  #name = null;
+  #held = null; // vehicle and whether it stands there, by the order service; null: not known
+
+  /** Attach to `fleet`: {store, link, plant, enabled, noCommands}. */
+  show(fleet) {
+    this.fleet = fleet;
+    fleet.store.addEventListener("change", () => this.#name && this.#update());
+    fleet.plant.addEventListener("change", () => this.#name && this.#build());
+    fleet.plant.addEventListener("locks", () => this.#name && this.#update());
+    if (fleet.enabled) setInterval(() => this.#name && !document.hidden && this.#ask(), PAUSE);
+  }
+
+  /** Show a place or path; null hides the page. */
+  open(name) {
+    this.#name = name;
+    this.#held = null;
+    if (!name) return this.replaceChildren();
+    this.#build();
+    if (this.fleet.enabled) this.#ask();
+    this.heading.focus({ preventScroll: true });
+  }
+
+  #build() {
+    const found = this.fleet.plant.find(this.#name);
+    this.heading = verbatim("h2", this.#name, { tabindex: -1 });
+    this.kind = element("span", { class: "chip" }, found ? t(`place.${found.kind}`) : "");
+    this.kind.hidden = !found;
+    const head = element("header", { class: "head" }, backLink(), this.heading, this.kind);
+    this.holders = element("div");
+    this.commands = element("div");
+    if (!found) return this.replaceChildren(head, element("p", { class: "hint" }, t("place.gone")));
+    const { noCommands } = this.fleet;
+    if (noCommands) this.commands.append(element("p", { class: "hint" }, t(noCommands)));
+    else if (found.kind === "path") this.commands.append(this.#lockCommands());
+    else this.commands.append(this.#sendForm());
+    this.neighbours = element("p", { class: "places" }, ...this.#neighbours(found).map(placeLink));
+    this.replaceChildren(head, section("place.heldBy", this.holders), section("robot.commands", this.commands), section("place.near", this.neighbours));
+    this.#update();
+  }
+
+  // Points next to a place, and paths from or to it; of a path its ends and the opposite path.
+  #neighbours({ kind, thing }) {
+    const { paths } = this.fleet.plant.model;
+    if (kind === "location") return thing.links.map((link) => link.point);
+    if (kind === "path") return [thing.source, thing.destination, this.#opposite(thing)?.name].filter(Boolean);
+    const names = paths.filter((path) => [path.source, path.destination].includes(thing.name)).map((path) => path.name);
+    return names.sort(byName);
+  }
+
+  #opposite({ source, destination }) {
+    return this.fleet.plant.model.paths.find((path) => path.source === destination && path.destination === source);
+  }
+
+  #lockCommands() {
+    this.result = element("output", { class: "result", role: "status" });
+    const opposite = this.#opposite(this.fleet.plant.find(this.#name).thing)?.name;
+    const names = [this.#name, opposite].filter(Boolean);
+    this.lock = button("", () => this.#lock(this.lock, [this.#name]));
+    this.both = button("", () => this.#lock(this.both, names));
+    this.both.hidden = !opposite;
+    return element("div", {}, element("div", { class: "actions" }, this.lock, this.both), element("p", { class: "hint" }, t("place.lockHint")), this.result);
+  }
+
+  #lock(pressed, names) {
+    const locked = !this.#locked;
+    return run(pressed, this.result, async () => {
+      for (const name of names) await this.fleet.plant.lock(name, locked);
+      return [locked ? "done.locked" : "done.unlocked", { name: names.join(", ") }];
+    });
+  }
+
+  get #locked() {
+    return Boolean(this.fleet.plant.find(this.#name)?.thing.locked);
+  }
+
+  #sendForm() {
+    const vehicle = select([["", t("orderForm.anyVehicle")], ...vehicles(this.fleet)], { name: "vehicle" });
+    const what = select([], { name: "operation" });
+    refillSelect(what, this.fleet.plant.operationsAt(this.#name).map(operation));
+    let key = newKey();
+    return commandForm({
+      label: t("place.send"),
+      submit: t("place.send"),
+      fields: [element("div", { class: "fields" }, field(t("orderForm.vehicle"), vehicle), field(t("form.operation"), what))],
+      send: async () => {
+        const destinations = [{ locationName: this.#name, operation: what.value }];
+        const order = await command(["transportOrders"], { destinations, idempotencyKey: key, ...(vehicle.value && { intendedVehicle: vehicle.value }) });
+        key = newKey();
+        return ["done.orderCreated", { name: order.name }];
+      },
+    });
+  }
+
+  async #ask() {
+    const name = this.#name;
+    const plan = await ask("traffic", "plan").catch(() => null);
+    const found = this.fleet.plant.find(name);
+    if (name !== this.#name || !found) return;
+    this.#held = plan && plan.vehicles.flatMap((vehicle) => heldAs(vehicle, found));
+    this.#update();
+  }
+
+  #update() {
+    const found = this.fleet.plant.find(this.#name);
+    if (!found) return;
+    const { store } = this.fleet;
+    const robots = [...store.robots.values()];
+    const standing = robots.filter((robot) => robot.vehicle?.currentPosition === this.#name).map((robot) => [robot.vehicle.name, "place.standsHere"]);
+    const known = new Map([...(this.#held ?? []), ...standing]);
+    const rows = [...known].sort(([a], [b]) => byName(a, b)).map(([name, how]) => {
+      const robot = store.robotOfVehicle(name);
+      return { name, id: robot?.id ?? null, text: t(how, { condition: robot ? conditionText(robot) : "" }) };
+    });
+    const none = t(this.#held || standing.length ? "place.free" : "place.unknown");
+    refill(this.holders, [rows, none], () => [rows.length ? element("ul", { class: "entries" }, ...rows.map(holder)) : element("p", { class: "hint" }, none)]);
+    if (found.kind !== "path") return;
+    const locked = this.#locked;
+    setText(this.kind, t(locked ? "place.locked" : "place.path"));
+    this.kind.dataset.state = locked ? "FAILED" : "";
+    if (this.fleet.noCommands) return;
+    setText(this.lock, t(locked ? "place.unlock" : "place.lock"));
+    setText(this.both, t(locked ? "place.unlockBoth" : "place.lockBoth"));
+  }
+}
+
+function section(key, content) {
+  return element("section", {}, element("h3", {}, t(key)), content);
+}
+
+function placeLink(name) {
+  return verbatim("a", name, { href: address("places", name) });
+}
+
+function holder({ name, id, text }) {
+  return element("li", {}, id ? verbatim("a", name, { href: address("robots", id) }) : verbatim("span", name), ` ${text}`);
+}
+
+// `[[vehicle, text]]` if a vehicle of the traffic plan holds a point or path or stands on it; a location by its points.
+function heldAs({ vehicle, at, ahead }, { kind, thing }) {
+  const held = ahead.filter((each) => each.held).map((each) => each.point);
+  if (kind === "path") {
+    const way = [at, ...held];
+    const runs = way.some((point, index) => index && [way[index - 1], point].sort().join() === [thing.source, thing.destination].sort().join());
+    return runs ? [[vehicle, "place.holds"]] : [];
+  }
+  const points = kind === "point" ? [thing.name] : thing.links.map((link) => link.point);
+  if (points.includes(at)) return [[vehicle, "place.standsHere"]];
+  return points.some((point) => held.includes(point)) ? [[vehicle, "place.holds"]] : [];
+}
+
+customElements.define("nena-place-page", PlacePage);

@@ -1,0 +1,221 @@
+"""The lists beside the map: tabs, order, filters, search, commands to several robots, and a thousand rows."""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import Any
+
+import pytest
+from playwright.async_api import Browser, Page, Route, expect
+
+from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.vda5050.topics import RobotKey, Topic
+from support.broker import free_port
+from support.fleet_examples import connection, position, power, state, vehicle_status
+from support.panel import Hall, findings, opened, picture, seconds_now
+
+pytestmark = [pytest.mark.e2e, pytest.mark.broker]
+
+STOP = {"safety_state": {"active_emergency_stop": "MANUAL", "field_violation": False}}
+MANY = 1000
+USABLE_WITHIN = 1.0
+"""Seconds of the page's own time from the list of many robots to the answer to a search."""
+
+WINDOW = [(1600, 1000), (1280, 800)]
+
+SEARCH_SECONDS = """(word) => new Promise((done) => {
+  const input = document.querySelector("nena-search input");
+  const begin = performance.now();
+  input.value = word;
+  input.dispatchEvent(new Event("input"));
+  requestAnimationFrame(() => requestAnimationFrame(() => done((performance.now() - begin) / 1000)));
+})"""
+"""How long the page takes to show what is searched."""
+
+
+def robot(hall: Hall, number: int, charge: float = 80.0, /, **fields: Any) -> None:
+    """Publish a robot and its vehicle."""
+    key = RobotKey("ACME", f"r{number:03}")
+    hall.send(Topic.CONNECTION, connection(robot=key), robot=key, retain=True)
+    here = position(3 + number % 20, 2 + number // 20 % 10)
+    shown = {"mobile_robot_position": here, **power(charge), **fields}
+    hall.send(Topic.STATE, state(robot=key, at=seconds_now(), **shown), robot=key)
+    status = vehicle_status(f"AMR-{number:02}", robot=key).model_dump_json(by_alias=True)
+    hall.peer.publish(hall.fleet.vehicle_status(key.serial_number), status, retain=True)
+
+
+def shift(hall: Hall) -> None:
+    """Publish a small fleet and its orders."""
+    hall.publish_plant()
+    robot(hall, 1, 30)
+    robot(hall, 2, 90, paused=True)
+    robot(hall, 3, 60, **STOP)
+    robot(hall, 4, 50)
+    hall.publish_order(1, TransportOrderState.BEING_PROCESSED, "WMS-041", processing_vehicle="AMR-04")
+    hall.publish_order(1, TransportOrderState.FINISHED, "WMS-042", processing_vehicle="AMR-01")
+
+
+async def names(page: Page) -> list[str]:
+    return [each.strip() for each in await page.locator("tr[data-robot] a.name").all_inner_texts()]
+
+
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+@pytest.mark.parametrize(("width", "height"), WINDOW)
+async def test_the_lists_are_sorted_and_filtered_and_the_address_keeps_it(
+    hall: Hall, browser: Browser, width: int, height: int, *, dark: bool
+) -> None:
+    with hall.aggregator() as aggregator:
+        await aggregator.logged("broker connected")
+        shift(hall)
+        async with opened(browser, hall.url, width=width, height=height, dark=dark) as page:
+            await expect(page.get_by_role("tab", name="Robots")).to_have_text("Robots (4)")
+            await expect(page.locator("tr[data-robot='ACME/r004'] .name")).to_have_text("AMR-04")
+            assert await names(page) == ["AMR-03", "AMR-02", "AMR-01", "AMR-04"]
+            battery = page.get_by_role("columnheader", name="Battery")
+            await battery.get_by_role("button").click()
+            await expect(battery).to_have_attribute("aria-sort", "ascending")
+            assert await names(page) == [
+                "AMR-03",
+                "AMR-01",
+                "AMR-04",
+                "AMR-02",
+            ]  # the urgent one stays on top
+            await battery.get_by_role("button").click()
+            assert await names(page) == ["AMR-03", "AMR-02", "AMR-04", "AMR-01"]
+            idle = page.get_by_role("button", name="2 Idle")
+            await idle.click()
+            await expect(idle).to_have_attribute("aria-pressed", "true")
+            await expect(page.get_by_role("tab", name="Robots")).to_have_text("Robots (2)")
+            assert await names(page) == ["AMR-04", "AMR-01"]
+            assert await findings(page) == []
+            await page.reload()
+            await expect(page.get_by_role("tab", name="Robots")).to_have_text("Robots (2)")
+            assert await names(page) == ["AMR-04", "AMR-01"]
+            await page.get_by_role("link", name="AMR-01", exact=True).click()
+            await page.get_by_role("link", name="All robots and orders").click()
+            await expect(idle).to_have_attribute("aria-pressed", "true")
+            await idle.click()
+            await expect(page.get_by_role("tab", name="Robots")).to_have_text("Robots (4)")
+
+
+async def test_one_search_finds_robots_orders_and_places(hall: Hall, browser: Browser) -> None:
+    with hall.aggregator() as aggregator:
+        await aggregator.logged("broker connected")
+        shift(hall)
+        async with opened(browser, hall.url, width=1600, height=1000) as page:
+            await expect(page.get_by_role("tab", name="Orders")).to_have_text("Orders (2)")
+            await page.keyboard.press("/")
+            search = page.get_by_role("searchbox", name="Search")
+            await expect(search).to_be_focused()
+            await page.keyboard.type("wms-042")
+            await expect(page.locator("tr[data-order='WMS-042']")).to_be_visible()  # its tab comes forward
+            await expect(page.locator("tr[data-order='WMS-041']")).to_have_count(0)
+            assert page.url.endswith("#/?q=wms-042")
+            await page.keyboard.press("Enter")
+            await expect(page.locator("nena-order-page h2")).to_have_text("WMS-042")
+            await search.fill("storage")
+            await expect(page.get_by_role("link", name="Storage", exact=True)).to_be_visible()
+            await search.fill("amr-03")
+            await search.press("Enter")
+            await expect(page.locator("nena-robot-page h2")).to_have_text("AMR-03")
+            await search.fill("nowhere")
+            await expect(page.get_by_role("tabpanel").get_by_text("No match")).to_be_visible()
+            assert await findings(page) == []
+            await page.get_by_role("tabpanel").get_by_role("button", name="Show all").click()
+            await expect(page.get_by_role("tab", name="Robots")).to_have_text("Robots (4)")
+
+
+async def test_the_tabs_are_moved_by_keys(hall: Hall, browser: Browser) -> None:
+    with hall.aggregator() as aggregator:
+        await aggregator.logged("broker connected")
+        shift(hall)
+        async with opened(browser, hall.url) as page:
+            await page.get_by_role("tab", name="Robots").focus()
+            await page.keyboard.press("ArrowRight")
+            orders = page.get_by_role("tab", name="Orders")
+            await expect(orders).to_be_focused()
+            await expect(page.locator("tr[data-order='WMS-041']")).to_be_visible()
+            await page.get_by_role("button", name="Open 1").click()
+            await expect(page.locator("tr[data-order='WMS-042']")).to_have_count(0)
+            assert await findings(page) == []
+            await picture(page, "orders")
+
+
+async def test_several_robots_are_paused_at_once(hall: Hall, browser: Browser) -> None:
+    sent: list[tuple[str, Any]] = []
+
+    async def order_service(route: Route) -> None:
+        vehicle = route.request.url.split("/")[-2]
+        sent.append((vehicle, json.loads(route.request.post_data or "")))
+        status = "FAILED" if vehicle == "AMR-04" else "FINISHED"
+        done = {
+            "actionId": "1",
+            "actionType": "startPause",
+            "status": status,
+            "reason": "it stands in a lift",
+        }
+        await route.fulfill(json=done)
+
+    with hall.aggregator("--order_service.url", f"http://127.0.0.1:{free_port()}") as aggregator:
+        await aggregator.logged("broker connected")
+        shift(hall)
+        async with opened(browser, hall.url, width=1600, height=1000, expected=("502",)) as page:
+            await page.route("**/instantActions", order_service)
+            await expect(page.get_by_role("button", name="Pause")).to_be_hidden()
+            for name in ("AMR-01", "AMR-02", "AMR-04"):
+                await page.get_by_role("checkbox", name=f"Select {name}").check()
+            await expect(page.get_by_text("3 robots selected")).to_be_visible()
+            await page.get_by_role("button", name="Pause").click()
+            told = page.locator("nena-fleet-commands .result")
+            await expect(told).to_contain_text("1 of 2 paused")  # AMR-02 is paused already
+            await expect(told).to_contain_text("AMR-04: FAILED \u2013 it stands in a lift")
+            assert sorted(sent) == [("AMR-01", {"actionType": "pause"}), ("AMR-04", {"actionType": "pause"})]
+            assert await findings(page) == []
+            await picture(page, "several")
+            await page.get_by_role("button", name="Clear selection").click()
+            await expect(page.get_by_text("robots selected")).to_be_hidden()
+
+
+async def test_a_thousand_robots_stay_usable(hall: Hall, browser: Browser) -> None:
+    with hall.aggregator() as aggregator:
+        await aggregator.logged("broker connected")
+        hall.publish_plant()
+        for number in range(1, MANY + 1):
+            robot(hall, number, **(STOP if number == MANY else {}))
+        async with opened(browser, hall.url) as page:
+            await expect(page.get_by_role("tab", name="Robots")).to_have_text(re.compile(r"\(1,000\)"))
+            rows = page.locator("tr[data-robot]")
+            await expect(rows.first).to_contain_text(f"AMR-{MANY}")
+            assert await rows.count() < 60  # only those in sight
+            await page.locator("#lists").evaluate("(list) => list.scrollTo(0, list.scrollHeight)")
+            await expect(page.locator(f"tr[data-robot='ACME/r{MANY - 1}']")).to_be_in_viewport()
+            await expect(page.get_by_role("columnheader", name="Battery")).to_be_in_viewport()
+            assert await rows.count() < 60
+            seconds = min([await page.evaluate(SEARCH_SECONDS, word) for word in ("AMR-77", "AMR-5", "r9")])
+            assert seconds < USABLE_WITHIN, f"{seconds:.2f} s for a search"
+
+
+@pytest.mark.parametrize(("language", "title"), [("en-GB", "Needs a person"), ("de-DE", "Eingriff nötig")])
+async def test_a_telephone_shows_who_needs_a_person_and_then_the_search(
+    hall: Hall, browser: Browser, language: str, title: str
+) -> None:
+    with hall.aggregator() as aggregator:
+        await aggregator.logged("broker connected")
+        shift(hall)
+        async with opened(browser, hall.url, width=390, height=844, language=language) as page:
+            needs = page.get_by_role("region", name=title)
+            await expect(needs.get_by_role("link")).to_have_text(["AMR-03", "AMR-02"])
+            search = page.get_by_role("searchbox")
+            await expect(search).to_be_in_viewport()
+            above, below = await needs.bounding_box(), await search.bounding_box()
+            assert above is not None
+            assert below is not None
+            assert above["y"] < below["y"]
+            assert await findings(page) == []
+            assert await page.evaluate("document.documentElement.scrollWidth") <= 390
+            if language == "en-GB":
+                await picture(page, "telephone-list")
+            await page.get_by_role("tab", name="Map" if language == "en-GB" else "Karte").click()
+            await expect(page.locator("nena-fleet-map canvas")).to_be_in_viewport()
+            await expect(page.locator("tr[data-robot]").first).to_be_hidden()
