@@ -5,17 +5,22 @@ from __future__ import annotations
 import asyncio
 import json
 import signal
+from contextlib import suppress
 
+import httpx
 import pytest
 
 from nena_order_service.fleet.leader import ANSWERED_WITHIN, LeaderRecord
 from nena_shared.fleet_api.epoch import epoch_of
-from support.broker import Broker, MqttPeer
+from support.broker import Broker, MqttPeer, free_port
+from support.mqtt_line import mqtt_line
 from support.order_service_fleet import Fleet, listening, order_in, vehicle_idle
 from support.waiting import PATIENCE, awaited, until
 
 pytestmark = [pytest.mark.broker, pytest.mark.e2e]
 
+SLOW = 0.3
+"""Seconds that each message to and from the broker takes."""
 TAKEN = "another order service with another store is active for this fleet"
 
 
@@ -44,6 +49,35 @@ async def test_the_second_one_ends_before_it_has_sent_anything(fleet: Fleet) -> 
     body = {"name": "T", "destinations": [{"locationName": "South 2"}]}
     assert (await first.post("/v1/transportOrders", json=body)).is_success
     await order_in(first, "T", "FINISHED")
+
+
+async def test_the_second_one_accepts_no_order_while_it_asks_who_leads(fleet: Fleet) -> None:
+    """An order that it accepted would be in the store of a program that has exited."""
+    await listening(await fleet.order_service(name="first").client())
+    url, accepted = f"http://127.0.0.1:{(port := free_port())}/v1/transportOrders", []
+    with mqtt_line(fleet.broker) as line:
+        line.conduct.delay = SLOW
+        more = (*own_store(fleet, "second"), "--mqtt.port", line.port, "--http.port", port)
+        second = fleet.order_service(*more, name="second")
+        async with httpx.AsyncClient(timeout=PATIENCE) as host:
+
+            async def ended() -> bool:
+                with suppress(httpx.HTTPError):
+                    answer = await host.post(url, json={"destinations": [{"locationName": "South 2"}]})
+                    accepted.extend([answer.text] if answer.is_success else [])
+                return second.process.poll() is not None
+
+            await awaited(ended, bool, seconds=PATIENCE, what="the second one has ended")
+    assert TAKEN in second.log
+    assert accepted == []
+
+
+async def test_without_a_broker_to_ask_it_accepts_orders(fleet: Fleet) -> None:
+    port = free_port()
+    client = await fleet.order_service("--mqtt.port", port).client()
+    assert (
+        await client.post("/v1/transportOrders", json={"destinations": [{"locationName": "South 2"}]})
+    ).is_success
 
 
 async def test_a_later_one_on_a_copy_of_the_store_ends_it_and_it_says_so(fleet: Fleet) -> None:

@@ -88,7 +88,7 @@ async def _serve_alone(settings: OrderServiceSettings, plant: PlantFile, stop: a
     async with Supervisor() as supervisor:
         election = _start_election(settings, supervisor, store_id(engine), epoch, always)
         runner = _runner(settings, plant, store, supervisor, election=election, answers=server.answers)
-        await _begin_and_serve(runner, store, server, supervisor, stop)
+        await _begin_and_serve(runner, store, server, supervisor, stop, election=election)
     store.close()
 
 
@@ -110,7 +110,7 @@ async def _serve_shared(settings: OrderServiceSettings, plant: PlantFile, stop: 
                     term=lead.lease.term,
                     answers=server.answers,
                 )
-                await _begin_and_serve(runner, store, server, supervisor, stop)
+                await _begin_and_serve(runner, store, server, supervisor, stop, election=election)
         finally:
             await server.close()
     if store:
@@ -124,8 +124,14 @@ async def _begin_and_serve(
     server: RestServer,
     supervisor: Supervisor,
     stop: asyncio.Event,
+    *,
+    election: LeaderElection,
 ) -> None:
     """Serve until ``stop``; while the store cannot be written initially, the server reports that."""
+
+    async def begin() -> None:
+        await runner.begin()
+        await election.decided()
 
     def show() -> None:
         server.show(make_starting_app(lambda: store.why_not_ready))
@@ -134,7 +140,7 @@ async def _begin_and_serve(
     runner.show = server.show
     begun = False
     try:
-        begun = await has_begun(runner.begin(), supervisor, stop, waits=lambda: not store.ready, show=show)
+        begun = await has_begun(begin(), supervisor, stop, waits=lambda: not store.ready, show=show)
         if begun:
             server.show(runner.service.app)
             server.open(supervisor)

@@ -18,12 +18,16 @@ from nena_shared.log import get_logger
 from nena_shared.mqtt import Inbound, LinkHooks, MqttLink, Outbound, Term
 from nena_shared.program import StartError
 from nena_shared.settings import MqttSettings
-from nena_shared.tasks import end
+from nena_shared.tasks import end, set_within
 
 log = get_logger(__name__)
 
 ANSWERED_WITHIN = 5.0
 """Seconds in which an active order service answers; a record without an answer is stale."""
+DECIDED_WITHIN = ANSWERED_WITHIN + 5.0
+"""Seconds after which a broker that neither answers nor refuses counts as unreachable."""
+LOOK = 0.05
+"""Seconds between checks whether the broker can be asked."""
 
 
 class FleetTakenError(StartError):
@@ -67,6 +71,7 @@ class LeaderElection:
         """Set once this order service leads: nothing may be sent to robots before."""
         self._own = LeaderRecord(store=store, epoch=epoch, instance=token_hex(8))
         self._topic = topic
+        self._term = term
         self._question = f"{self._topic}/question"
         self._holds = False
         """Whether the record at the broker is our own."""
@@ -113,6 +118,17 @@ class LeaderElection:
                     await self._link.drain(1.0)
             self._lost()
             await end(linking)
+
+    async def decided(self) -> None:
+        """Wait until this order service leads, as long as the broker can be asked and it has its lease.
+
+        An order accepted before could be in the store of an order service that exits at once.
+        """
+        with suppress(TimeoutError):
+            async with asyncio.timeout(DECIDED_WITHIN):
+                while not (self._link.state.last_error or self._term() is None):
+                    if await set_within(self.won, LOOK):
+                        return
 
     def _ask(self) -> None:
         """Request the leader: retained records arrive before our own request."""
