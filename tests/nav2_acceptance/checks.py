@@ -15,10 +15,11 @@ from nav2_acceptance.site import LeftOutError, Nav2Site, Place
 from nena_edge_agent.doctor.finding import LinkVerdict
 from nena_edge_agent.doctor.navigation import judge_robot
 from nena_edge_agent.doctor.ros_probe import look
+from nena_edge_agent.driver.port import STANDING
 from nena_edge_agent.nav2.settings import RosSettings
 from support.action_types import HERE
 from support.edge_agent import error_types, status_of
-from support.nav2_agent import failure_of, ready
+from support.nav2_agent import failure_of, ready, stamp_of
 from support.ros import LATCHED
 from support.simulator import goal
 from support.waiting import until
@@ -159,16 +160,23 @@ async def deaths(site: Nav2Site) -> str:
             here = site.here
             order_id = site.send(site.far)
             await site.moves()
+            since, seen = len(site.bench.fleet.states), len(site.bench.odometry)
             await site.die(server)
-            began, since = time.monotonic(), len(site.bench.fleet.states)
             state = await _stopped_or_done(site, order_id, since)
-            told.append(f"{server}: {state} after {time.monotonic() - began:.1f} s")
             await site.stands()
+            told.append(f"{server}: {state} after {_moved_for(site, seen):.1f} s")
             await site.live(server)
             if server == "amcl":
                 await site.put_at(here)
             await site.instant("cancelOrder")
     return "; ".join(told)
+
+
+def _moved_for(site: Nav2Site, seen: int) -> float:
+    """Return the seconds from the message ``seen`` of the odometry to the robot's rest, by its own clock."""
+    messages = site.bench.odometry[seen - 1 :]
+    moving = [each for each in messages if abs(each.twist.twist.linear.x) >= STANDING]
+    return stamp_of(moving[-1]) - stamp_of(messages[0]) if moving else 0.0
 
 
 async def _stopped_or_done(site: Nav2Site, order_id: str, since: int) -> str:

@@ -68,10 +68,10 @@ class Bench:
         told = datetime.fromisoformat(state["timestamp"]).timestamp()
 
         def after() -> bool:
-            return bool(self._odometry.messages) and _time_of(self._odometry.messages[-1]) > told
+            return bool(self._odometry.messages) and stamp_of(self._odometry.messages[-1]) > told
 
         await until(after, what="odometry that is younger than the state")
-        before = [each for each in self._odometry.messages if _time_of(each) <= told]
+        before = [each for each in self._odometry.messages if stamp_of(each) <= told]
         return abs(float(before[-1].twist.twist.linear.x))
 
     def speeds(self, start: float, end: float) -> list[float]:
@@ -147,7 +147,7 @@ class Bench:
                 yield fleet
 
 
-def _time_of(message: Odometry) -> float:
+def stamp_of(message: Odometry) -> float:
     """When it was stamped, UTC in s."""
     return float(message.header.stamp.sec + message.header.stamp.nanosec / 1e9)
 

@@ -5,17 +5,21 @@ from __future__ import annotations
 from typing import Any
 
 from action_msgs.msg import GoalStatus
-from geometry_msgs.msg import PoseWithCovarianceStamped
+from builtin_interfaces.msg import Duration
+from geometry_msgs.msg import Point, PoseWithCovarianceStamped
 from lifecycle_msgs.srv import ChangeState, GetState
 from rclpy.action import ActionClient
 
 from nena_robot_simulator.action_server import action_types
 from nena_robot_simulator.goals import Action
+from nena_shared.ros import interface
 from support.action_client import answer_of
 from support.ros import LATCHED, Inbox, RosPeer
 from support.simulator import goal, initial_pose
 from support.waiting import wait_until
 
+ALLOWANCE = Duration(sec=10)
+"""Time for a behaviour, the default of BasicNavigator."""
 ATTEMPT = 1.0
 """Seconds between two attempts to set the initial pose."""
 
@@ -47,6 +51,32 @@ class SimpleCommander:
     def go_through_poses(self, *places: tuple[float, float]) -> bool:
         request = self._types[Action.THROUGH_POSES].Goal(poses=[goal(x, y) for x, y in places])
         return self._go(Action.THROUGH_POSES, request)
+
+    def follow_path(self, *places: tuple[float, float]) -> bool:
+        request = self._types[Action.FOLLOW_PATH].Goal()
+        request.path.header.frame_id = "map"
+        request.path.poses = [goal(x, y) for x, y in places]
+        return self._go(Action.FOLLOW_PATH, request)
+
+    def spin(self, angle: float) -> bool:
+        kind: Any = interface("nav2_msgs/action/Spin")
+        return self._do("spin", kind, kind.Goal(target_yaw=angle, time_allowance=ALLOWANCE))
+
+    def backup(self, distance: float, speed: float) -> bool:
+        kind: Any = interface("nav2_msgs/action/BackUp")
+        request = kind.Goal(target=Point(x=distance), speed=speed, time_allowance=ALLOWANCE)
+        return self._do("backup", kind, request)
+
+    def clear_all_costmaps(self) -> None:
+        kind: Any = interface("nav2_msgs/srv/ClearEntireCostmap")
+        for name in ("local_costmap", "global_costmap"):
+            client = self._peer.client(kind, f"{name}/clear_entirely_{name}")
+            self._peer.call(client, kind.Request())
+
+    def change_map(self, file: str) -> bool:
+        kind: Any = interface("nav2_msgs/srv/LoadMap")
+        client = self._peer.client(kind, "map_server/load_map")
+        return bool(self._peer.call(client, kind.Request(map_url=file)).result == 0)
 
     def is_task_complete(self) -> bool:
         return bool(self._result is None or self._result.done())
@@ -82,9 +112,14 @@ class SimpleCommander:
             self._initial.publish(initial_pose(*self._start))
             self._poses.stays_silent(ATTEMPT)
 
+    def _do(self, name: str, kind: Any, request: Any) -> bool:
+        return self._send(ActionClient(self._peer.node, kind, name), name, request)
+
     def _go(self, action: Action, request: Any) -> bool:
-        client = self._clients[action]
-        wait_until(client.server_is_ready, what=f"the server of {action}")
+        return self._send(self._clients[action], action.value, request)
+
+    def _send(self, client: Any, name: str, request: Any) -> bool:
+        wait_until(client.server_is_ready, what=f"the server of {name}")
         self._handle = answer_of(
             client.send_goal_async(request, lambda told: self.feedback.add(told.feedback))
         )

@@ -8,10 +8,13 @@ from dataclasses import dataclass
 from typing import Any
 from uuid import UUID
 
+from action_msgs.msg import GoalStatus, GoalStatusArray
 from action_msgs.srv import CancelGoal
 
 from nena_robot_simulator import messages
+from nena_robot_simulator.action_server import FEEDBACK, LATCHED
 from nena_robot_simulator.robot import Robot
+from nena_robot_simulator.servers import Server
 from nena_robot_simulator.session import RosSession
 from nena_shared.log import get_logger
 from nena_shared.ros import GoalStatus as Status
@@ -56,9 +59,11 @@ class Behaviours:
         self._docks = docks
         self._wake = wake
         self._work: Work | None = None
+        self._pose = robot.pose
         self._waiting: dict[UUID, Answer] = {}
         self._ended: dict[UUID, tuple[Status, int]] = {}
         self._types: dict[str, Any] = {}
+        self._statuses: dict[str, Any] = {}
 
         session.every(PERIOD, self._advance)
 
@@ -96,20 +101,31 @@ class Behaviours:
                 response.goals_canceling = [request.goal_info]
             answer(response)
 
+        status = self._statuses[name] = self._session.publisher(GoalStatusArray, f"{hidden}/status", LATCHED)
         serve = self._session.serve_later
         own_cancel = [] if name in RECOVERIES else [serve(CancelGoal, f"{hidden}/cancel_goal", on_cancel)]
         return [
             serve(services.SendGoalService, f"{hidden}/send_goal", on_goal),
             serve(services.GetResultService, f"{hidden}/get_result", on_result),
             *own_cancel,
+            status,
+            # clients of rclpy wait for it, though a behaviour's feedback is of no use to them
+            self._session.publisher(services.FeedbackMessage, f"{hidden}/feedback", FEEDBACK),
         ]
+
+    def _show(self, name: str, goal_id: UUID, status: Status) -> None:
+        """Publish the status of the newest goal."""
+        entry = GoalStatus(status=int(status))
+        entry.goal_info.goal_id.uuid = list(goal_id.bytes)
+        self._statuses[name].publish(GoalStatusArray(status_list=[entry]))
 
     def _take(self, name: str, goal_id: UUID, goal: Any) -> bool:  # noqa: ANN401
         if self._work is not None:
             return False
         self._work = self._work_of(name, goal_id, goal)
         log.info("behaviour", name=name, left=self._work.left)
-        self._robot.behaviour = self._work.velocity
+        self._robot.behaviour, self._pose = self._work.velocity, self._robot.pose
+        self._show(name, goal_id, Status.EXECUTING)
         if name != "dock_robot":
             self._robot.docked = False
         self._wake()
@@ -134,8 +150,9 @@ class Behaviours:
         work = self._work
         if work is None:
             return
-        speed, yaw_rate = self._robot.velocity
-        work.left -= max(abs(speed), abs(yaw_rate)) * PERIOD
+        before, self._pose = self._pose, self._robot.pose
+        turned = abs(math.remainder(self._pose.yaw - before.yaw, math.tau))
+        work.left -= turned if work.velocity[1] else before.distance(self._pose)
         if work.left <= 0.0:
             self._end(Status.ABORTED if work.error_code else Status.SUCCEEDED)
 
@@ -146,6 +163,8 @@ class Behaviours:
             if work.name == "dock_robot" and status is Status.SUCCEEDED:
                 self._robot.docked = True
             log.info("behaviour ended", name=work.name, status=status.name)
+            if work.name in DOCKING or self._robot.servers.there(Server.BEHAVIOURS):
+                self._show(work.name, work.goal_id, status)
             self._answer(work.name)
 
     def _answer(self, name: str) -> None:

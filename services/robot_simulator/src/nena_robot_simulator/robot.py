@@ -100,6 +100,7 @@ class Robot:
         self._drive: Drive | None = None
         self._driven_for = Action.TO_POSE
         self._followed: UUID | None = None
+        self._target_seen: tuple[UUID | None, float] = (None, now)
         self.behaviour: tuple[float, float] | None = None
         """Velocity that a behaviour or the docking server commands, m/s and rad/s; None: neither does."""
         self.docked = False
@@ -198,7 +199,7 @@ class Robot:
             navigator.target.goal_id,
             self._shown(self.pose),
             seconds=seconds,
-            left=drive.left(self.pose) if seconds >= NO_PATH_YET else 0.0,
+            left=drive.left(self.pose) if now - self._target_seen[1] >= NO_PATH_YET else 0.0,
             speed=self.velocity[0],
             recoveries=recoveries,
             places_left=self._poses_left,
@@ -359,6 +360,7 @@ class Robot:
         """Plan a new drive where the target has changed, at the next turn of the tree's replanning clock."""
         path = self._navigators[Action.FOLLOW_PATH].target
         if path is not None:
+            self._see(path, now)
             self._follow_path(path)
             return
         if self._driven_for is Action.FOLLOW_PATH:
@@ -375,6 +377,7 @@ class Robot:
         if target is None:
             self._drive = None
             return
+        self._see(target, now)
         replans = self._drive is None or now >= self._replan_at
         if not replans:
             return
@@ -385,6 +388,11 @@ class Robot:
             drive = self._drive = self._planned(target, several=several, now=now)
             self._stuck_for = 0.0
         self._poses_left = drive.places_left
+
+    def _see(self, target: Target, now: float) -> None:
+        """Note when the navigator's loop first had a goal: on a busy computer long after its acceptance."""
+        if self._target_seen[0] != target.goal_id:
+            self._target_seen = (target.goal_id, now)
 
     def _follow_path(self, target: Target) -> None:
         """Drive along a path that the controller was given, from its nearest place on; it needs no plan."""

@@ -86,8 +86,9 @@ class Servers:
         return self.runs(server) and self._states[server] is LifecycleState.ACTIVE
 
     def group_active(self, manager: Server) -> bool:
-        """Return whether all servers of a lifecycle manager are active."""
-        return manager not in self._broken and all(map(self.works, MANAGED[manager]))
+        """Return whether a lifecycle manager holds its group for active: its bonds miss a server later."""
+        active = (self._states[server] is LifecycleState.ACTIVE for server in MANAGED[manager])
+        return manager not in self._broken and all(active)
 
     def set_dead(self, server: Server, *, dead: bool) -> None:
         """Make a process die, or start again."""
