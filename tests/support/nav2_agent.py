@@ -24,6 +24,9 @@ from support.waiting import until
 ROS: dict[str, Any] = {"goals": PATIENT.model_dump(), "watch_period": 0.1, "call_timeout": 3.0}
 """Quick to notice, and patient with a slow machine."""
 
+ROUNDED = 0.01
+"""Seconds by which the timestamp of a state is rounded down at most."""
+
 
 class Bench:
     """What a test has in its hands: fleet control, the ROS graph, and a folder for the programs."""
@@ -65,7 +68,7 @@ class Bench:
 
     async def speed_at(self, state: dict[str, Any]) -> float:
         """Return the robot's speed by its odometry, m/s, at the time of a state."""
-        told = datetime.fromisoformat(state["timestamp"]).timestamp()
+        told = datetime.fromisoformat(state["timestamp"]).timestamp() + ROUNDED
 
         def after() -> bool:
             return bool(self._odometry.messages) and stamp_of(self._odometry.messages[-1]) > told
