@@ -94,6 +94,7 @@ async def test_events_are_filtered_grouped_and_linked_to(
 
     with hall.aggregator("--history.url", f"sqlite:///{tmp_path}/history.db") as aggregator:
         await aggregator.logged("broker connected")
+        hall.publish_plant()
         error = {"error_type": "NODE_UNREACHABLE", "error_level": "WARNING", "error_description": "no way"}
         for robot, errors in ((ROBOT, (error,)), (OTHER, ())):
             hall.send(Topic.CONNECTION, connection(robot=robot), robot=robot, retain=True)
