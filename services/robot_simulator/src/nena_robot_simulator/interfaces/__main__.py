@@ -38,7 +38,7 @@ def _made(definitions: Path) -> int:
             return 0
     problem = _missing()
     if problem is not None:
-        return _report(f"{name} was not built: {problem}. Interfaces that need {name} are not served.")
+        return _report(f"{name} was not built: {problem}. The simulator offers only what needs no {name}.")
     with tempfile.TemporaryDirectory(prefix="nena-action-types-") as folder:
         try:
             made = build.generate(definitions, Path(folder))
