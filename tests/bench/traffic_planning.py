@@ -11,7 +11,6 @@ unit of work with its planning, or the effects of one commit.
 from __future__ import annotations
 
 import argparse
-import asyncio
 import gc
 import sys
 import time
@@ -30,6 +29,7 @@ from nena_shared.histogram import SHORT, Histogram
 from nena_shared.settings import LogSettings
 from nena_simulate.site import Case, Site
 from nena_simulate.virtual_time import VirtualClock, run
+from support.pausing import time_passes
 
 LARGE = 100
 """Robots from which the large hall is used."""
@@ -79,16 +79,16 @@ async def _watched(case: Case, clock: VirtualClock, path: str) -> Watched:
 
     async def lock() -> None:
         seconds = case.warm_up + case.hours * 3600
-        await asyncio.sleep(seconds / 2)
+        await time_passes(seconds / 2)
         for locked in (True, False):
             watched.under_way = len(engine.traffic.waiting)
             watched.locked = True
             engine.context.finder.set_locks({path: locked})
             engine.traffic.resources.set_locks({path: locked})
             engine.plant_changed()
-            await asyncio.sleep(1)
+            await time_passes(1)
             watched.locked = False
-            await asyncio.sleep(seconds / 4 - 1)
+            await time_passes(seconds / 4 - 1)
 
     await site.run(case.warm_up + case.hours * 3600, lock)
     return watched

@@ -85,9 +85,7 @@ async def test_without_a_history_the_page_says_so(hall: Hall, browser: Browser) 
             await expect(page.get_by_role("button", name="Play")).to_be_disabled()
 
 
-async def test_events_are_filtered_grouped_and_linked_to(
-    hall: Hall, browser: Browser, tmp_path: Path
-) -> None:
+async def test_events_are_filtered_grouped_and_linked(hall: Hall, browser: Browser, tmp_path: Path) -> None:
     async def recorded(code: str) -> int:
         async with httpx.AsyncClient(base_url=hall.url, timeout=PATIENCE) as client:
             return len((await client.get(f"/api/v1/history?code={code}")).json()["entries"])

@@ -75,10 +75,8 @@ async def test_a_shift(
         service = fleet.order_service("--plant", plant)
         async with await service.client() as orders:
             await listening(orders)
-            body = {
-                "name": "WMS-042",
-                "destinations": [{"locationName": grid_name(9, 9), "operation": "MOVE"}],
-            }
+            stop = {"locationName": grid_name(9, 9), "operation": "MOVE"}
+            body = {"name": "WMS-042", "destinations": [stop]}
             assert (await orders.post("/v1/transportOrders", json=body)).status_code == 201
             options = (
                 *("--http.port", str(port), "--mqtt.port", str(broker.port)),
@@ -88,8 +86,7 @@ async def test_a_shift(
             with AggregatorProcess(*options) as aggregator:
                 await aggregator.logged("broker connected")
                 topics = FleetTopics(fleet.prefix)
-                await until(lambda: bool(heard.payloads(topics.service_status)), what="it lives")
-                told = heard.payloads(topics.service_status)
+                told = await until(lambda: heard.payloads(topics.service_status), what="it lives")
                 publish_robots(peer, TopicScheme(interface_name), topics, epoch_of(told[-1]))
                 url = f"http://127.0.0.1:{port}/"
                 async with opened(
@@ -108,13 +105,17 @@ async def test_a_shift(
                     await page.get_by_role("link", name="All robots and orders").click()
                     if not dark:
                         await picture(page, "shift")
-                    killed = time.monotonic()
                     service.kill()
-                    banner = page.locator("nena-link-banner")
-                    await expect(banner).to_contain_text("The order service is down", timeout=1e3 * PATIENCE)
-                    took = time.monotonic() - killed
-                    assert took < TOLD_WITHIN, f"told after {took:.1f} s"
-                    assert await findings(page) == []
+                    await the_order_service_is_said_to_be_down(page)
+
+
+async def the_order_service_is_said_to_be_down(page: Page) -> None:
+    killed = time.monotonic()
+    banner = page.locator("nena-link-banner")
+    await expect(banner).to_contain_text("The order service is down", timeout=1e3 * PATIENCE)
+    took = time.monotonic() - killed
+    assert took < TOLD_WITHIN, f"told after {took:.1f} s"
+    assert await findings(page) == []
 
 
 async def the_stopped_robot_is_seen(page: Page) -> None:

@@ -130,7 +130,6 @@ def build(
 
     Raises:
         ConfigurationError: the plant model names an unsupported version.
-
     """
     clock = SystemClock()
     engine = make_engine(settings, plant, store, clock)
@@ -149,9 +148,9 @@ def build(
     sweep = RetainedSweep(settings.mqtt, client_id=f"{client_id}-sweep", engine=engine, publisher=publisher)
     operations = HostOperations(hosts)
     limits = MqttLimits(settings.hosts, clock)
-    mqtt_api = MqttApi(mqtt, topics, operations, limits=limits, max_body=settings.max_body)
+    api = MqttApi(mqtt, topics, operations, limits=limits, max_body=settings.max_body)
     loop_lag = LoopLag(clock)
-    parts = Monitored(engine, fleet, mqtt, mqtt_api, stream, loop_lag, {} if answers is None else answers)
+    parts = Monitored(engine, fleet, mqtt, api, stream, loop_lag, {} if answers is None else answers)
     opentcs_app = opentcs.make_app(hosts, operations, engine, changes, change_plant or _no_change)
     service = Service(
         plant_json=plant_json,
@@ -164,19 +163,7 @@ def build(
     )
     app = make_app(operations, stream, service)
     return OrderService(
-        engine,
-        fleet,
-        publisher,
-        heartbeat,
-        sweep,
-        mqtt,
-        app,
-        mqtt_api,
-        stream,
-        changes,
-        hosts,
-        loop_lag,
-        elected,
+        engine, fleet, publisher, heartbeat, sweep, mqtt, app, api, stream, changes, hosts, loop_lag, elected
     )
 
 

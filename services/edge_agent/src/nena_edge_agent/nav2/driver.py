@@ -124,8 +124,7 @@ class Nav2Driver:
         options: Nav2Options = NO_OPTIONS,
     ) -> None:
         self._settings = settings
-        self._extensions = options.extensions
-        self._limiter = options.limiter
+        self._extensions, self._limiter = options.extensions, options.limiter
         self._map_server = map_server = options.map_server
         if map_server is not None:
             map_server.attach(self)
@@ -134,8 +133,7 @@ class Nav2Driver:
         self._keep_out = KeepOutMask(settings) if nav2_offers(settings).keeps_out else None
         self._map_id = map_server.map_id if map_server is not None else map_id
         self._unplaced = map_server is not None and map_server.unplaced
-        self._emit = emit
-        self._clock = clock
+        self._emit, self._clock = emit, clock
         self._log = get_logger(__name__)
         self.session = SessionManager(
             RosAddress.of(settings),

@@ -503,11 +503,7 @@ def _add_assignment(app: FastAPI, requests: HostRequests, dispatch: Callable[[],
 
 
 def _add_vehicles(
-    app: FastAPI,
-    requests: HostRequests,
-    operations: HostOperations,
-    plant: PlantModel,
-    changes: ChangeLog,
+    app: FastAPI, requests: HostRequests, operations: HostOperations, plant: PlantModel, changes: ChangeLog
 ) -> None:
     models = plant.vehicles_by_name
 
@@ -548,6 +544,10 @@ def _add_vehicles(
         await requests.set_integration_level(name, level)
         return done()
 
+    _add_order_types(app, requests)
+
+
+def _add_order_types(app: FastAPI, requests: HostRequests) -> None:
     @_serve(app, table.ORDER_TYPES, response_class=Response)
     async def accept(name: str, body: AcceptableOrderTypes) -> Response:
         await requests.accept_order_types(name, body.acceptable_order_types)

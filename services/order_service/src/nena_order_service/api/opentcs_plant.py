@@ -27,6 +27,9 @@ from nena_shared.plant import (
     PlantModel,
     PlantModelError,
     PlantProblem,
+    Point,
+    Vehicle,
+    VisualLayout,
 )
 from nena_shared.plant.opentcs_xml.writer import VERSION
 from nena_shared.plant.track import Envelope, LabelLayout
@@ -40,19 +43,7 @@ def plant_json(model: PlantModel) -> Json:
     layout = model.visual_layout
     return {
         "name": model.name,
-        "points": [
-            {
-                "name": each.name,
-                "position": _triple(each.x_mm, each.y_mm, each.z_mm),
-                "vehicleOrientationAngle": "NaN" if each.orientation_deg is None else each.orientation_deg,
-                "type": each.type.value,
-                "vehicleEnvelopes": _envelopes(each.envelopes),
-                "maxVehicleBoundingBox": _box(each.max_vehicle_bounding_box),
-                "layout": {"position": {"x": each.x_mm, "y": each.y_mm}, **_label(each.layout)},
-                "properties": _properties(each.properties),
-            }
-            for each in model.points
-        ],
+        "points": [_point(each) for each in model.points],
         "paths": [_path(each, layout.scale_x_mm_per_px, layout.scale_y_mm_per_px) for each in model.paths],
         "locationTypes": [
             {
@@ -75,43 +66,61 @@ def plant_json(model: PlantModel) -> Json:
             }
             for each in model.blocks
         ],
-        "vehicles": [
-            {
-                "name": each.name,
-                "length": each.bounding_box.length_mm,
-                "boundingBox": _box(each.bounding_box),
-                "energyLevelCritical": each.energy_thresholds.critical,
-                "energyLevelGood": each.energy_thresholds.good,
-                "energyLevelFullyRecharged": each.energy_thresholds.fully_recharged,
-                "energyLevelSufficientlyRecharged": each.energy_thresholds.sufficiently_recharged,
-                "maxVelocity": each.max_velocity_mm_s,
-                "maxReverseVelocity": each.max_reverse_velocity_mm_s,
-                "envelopeKey": each.envelope_key,
-                "layout": {"routeColor": each.color or "#00FF00"},
-                "properties": _properties(each.properties),
-            }
-            for each in model.vehicles
-        ],
-        "visualLayout": {
-            "name": layout.name,
-            "scaleX": layout.scale_x_mm_per_px,
-            "scaleY": layout.scale_y_mm_per_px,
-            "layers": [
-                {
-                    "id": each.id,
-                    "ordinal": each.ordinal,
-                    "visible": each.visible,
-                    "name": each.name,
-                    "groupId": each.group_id,
-                }
-                for each in layout.layers
-            ],
-            "layerGroups": [
-                {"id": each.id, "name": each.name, "visible": each.visible} for each in layout.layer_groups
-            ],
-            "properties": _properties(layout.properties),
-        },
+        "vehicles": [_vehicle(each) for each in model.vehicles],
+        "visualLayout": _visual_layout(layout),
         "properties": _properties(model.properties),
+    }
+
+
+def _point(each: Point) -> Json:
+    return {
+        "name": each.name,
+        "position": _triple(each.x_mm, each.y_mm, each.z_mm),
+        "vehicleOrientationAngle": "NaN" if each.orientation_deg is None else each.orientation_deg,
+        "type": each.type.value,
+        "vehicleEnvelopes": _envelopes(each.envelopes),
+        "maxVehicleBoundingBox": _box(each.max_vehicle_bounding_box),
+        "layout": {"position": {"x": each.x_mm, "y": each.y_mm}, **_label(each.layout)},
+        "properties": _properties(each.properties),
+    }
+
+
+def _vehicle(each: Vehicle) -> Json:
+    return {
+        "name": each.name,
+        "length": each.bounding_box.length_mm,
+        "boundingBox": _box(each.bounding_box),
+        "energyLevelCritical": each.energy_thresholds.critical,
+        "energyLevelGood": each.energy_thresholds.good,
+        "energyLevelFullyRecharged": each.energy_thresholds.fully_recharged,
+        "energyLevelSufficientlyRecharged": each.energy_thresholds.sufficiently_recharged,
+        "maxVelocity": each.max_velocity_mm_s,
+        "maxReverseVelocity": each.max_reverse_velocity_mm_s,
+        "envelopeKey": each.envelope_key,
+        "layout": {"routeColor": each.color or "#00FF00"},
+        "properties": _properties(each.properties),
+    }
+
+
+def _visual_layout(layout: VisualLayout) -> Json:
+    return {
+        "name": layout.name,
+        "scaleX": layout.scale_x_mm_per_px,
+        "scaleY": layout.scale_y_mm_per_px,
+        "layers": [
+            {
+                "id": each.id,
+                "ordinal": each.ordinal,
+                "visible": each.visible,
+                "name": each.name,
+                "groupId": each.group_id,
+            }
+            for each in layout.layers
+        ],
+        "layerGroups": [
+            {"id": each.id, "name": each.name, "visible": each.visible} for each in layout.layer_groups
+        ],
+        "properties": _properties(layout.properties),
     }
 
 

@@ -57,9 +57,8 @@ def view_robot(
 
     ``clockSkew`` is None while it is below ``skew_limit`` (s), so that noise makes no changes.
     """
-    state, vehicle = robot.state, robot.vehicle
+    state, vehicle, skew = robot.state, robot.vehicle, robot.skew.seconds
     header = state or robot.connection or robot.factsheet
-    skew = robot.skew.seconds
     return {
         "id": robot.id,
         "manufacturer": robot.key.manufacturer,
