@@ -83,9 +83,10 @@ async def _watched(case: Case, clock: VirtualClock, path: str) -> Watched:
         for locked in (True, False):
             watched.under_way = len(engine.traffic.waiting)
             watched.locked = True
-            engine.context.finder.set_locks({path: locked})
-            engine.traffic.resources.set_locks({path: locked})
-            engine.plant_changed()
+            with watched.after_lock.timed():  # all of it, with the work between its units
+                engine.context.finder.set_locks({path: locked})
+                engine.traffic.resources.set_locks({path: locked})
+                engine.plant_changed()
             await time_passes(1)
             watched.locked = False
             await time_passes(seconds / 4 - 1)

@@ -40,7 +40,10 @@ O: Final = "/v1/transportOrders"  # noqa: E741 - as V
 S: Final = "/v1/orderSequences"
 P: Final = "/v1/peripherals"
 J: Final = "/v1/peripheralJobs"
-PLANT_CHANGE: Final = "Changes the plant model, which restarts the event numbers."
+PLANT_CHANGE: Final = (
+    "Changes the plant model, so it needs the role `admin`: the service is built again over the same store. "
+    "Meanwhile requests may get 503, and open streams and polls end; robots drive on."
+)
 E: Final = "/v1/environmentalEntities"
 ENTITIES: Final = "NeNa has no environmental entities."
 DEVICES: Final = "NeNa has no peripheral drivers."
@@ -274,7 +277,7 @@ ROUTES: Final = (
         "PUT",
         "/v1/locations/{name}/locked",
         (200, 404),
-        PLANT_CHANGE,
+        f"{PLANT_CHANGE} Orders that exist keep a locked destination.",
         _named("/v1/locations", "Goods in", "/locked", query=_value("false")),
     ),
     Route(
@@ -339,7 +342,8 @@ ROUTES: Final = (
         "GET",
         "/v1/events",
         (200, 400),
-        "The last 1000 changes; numbers begin at 0 with each start of the service.",
+        "The last 1000 changes; numbers begin at 0 with each start of the service. "
+        "A change of the plant model drops the kept ones, and numbers go on.",
         (
             Try(200, "/v1/events", query={"timeout": "0"}),
             Try(400, "/v1/events", query={"timeout": "10001"}),

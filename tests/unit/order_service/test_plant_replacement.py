@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
+
 import pytest
 
 from nena_demo.plants import sample_plant_path
+from nena_order_service.api.opentcs_plant import EditPlant
 from nena_order_service.errors import InvalidPlantError, PlantInUseError, StoreNotReadyError
 from nena_order_service.plant_file import PlantFile, load_plant
 from nena_order_service.service import CHANGING, ServiceRunner, build
@@ -14,6 +17,7 @@ from nena_order_service.store.store import Store
 from nena_shared.plant import Path, PlantModel
 from nena_shared.tasks import Supervisor
 from support.order_service import request
+from support.pausing import time_passes
 
 FILE = load_plant(sample_plant_path())
 SAMPLE = FILE.model
@@ -65,6 +69,33 @@ async def test_model_is_put_in_use_as_a_whole_and_kept(settings: OrderServiceSet
         with pytest.raises(StoreNotReadyError, match=CHANGING):
             before.engine.create(request("South 2"), "T-2")
     assert await taken_up(settings, store) == without("South 3")
+    store.close()
+
+
+async def test_edits_that_are_requested_at_once_are_all_kept(settings: OrderServiceSettings) -> None:
+    store = Store(open_database(settings.store.location()))
+
+    def named(suffix: str) -> EditPlant:
+        return lambda present: PlantModel(
+            name=present.name + suffix, points=present.points, paths=present.paths, vehicles=present.vehicles
+        )
+
+    async with Supervisor() as supervisor:
+        runner = runner_of(settings, store, supervisor)
+        await runner.begin()
+        numbered = runner.service.changes
+        numbered.count += 7
+
+        async def later() -> None:
+            await time_passes(0)  # the first one is out of the queue
+            await runner.change_plant(named("-2"))
+
+        await asyncio.gather(runner.change_plant(named("-1")), later())
+        service = runner.service
+        assert service.engine.plant.name == f"{SAMPLE.name}-1-2"
+        assert service.changes.count >= 7, "a client of openTCS's events misses none for lower numbers"
+        await runner.change_plant(lambda present: present)
+        assert runner.service is service, "nothing has changed"
     store.close()
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
 from secrets import token_hex
 from typing import Any
@@ -20,6 +20,7 @@ from nena_order_service.api.host_requests import HostRequests, HostServices, Seq
 from nena_order_service.api.metrics import SECTIONS, Monitored
 from nena_order_service.api.mqtt import MqttApi, MqttLimits
 from nena_order_service.api.opentcs_events import ChangeLog
+from nena_order_service.api.opentcs_plant import EditPlant
 from nena_order_service.api.operations import HostOperations
 from nena_order_service.api.rest import ChangePlant, Service, make_app
 from nena_order_service.api.statuses import Heartbeat, RetainedSweep, StatusPublisher
@@ -151,7 +152,7 @@ def build(
     api = MqttApi(mqtt, topics, operations, limits=limits, max_body=settings.max_body)
     loop_lag = LoopLag(clock)
     parts = Monitored(engine, fleet, mqtt, api, stream, loop_lag, {} if answers is None else answers)
-    opentcs_app = opentcs.make_app(hosts, operations, engine, changes, change_plant or _no_change)
+    opentcs_app = opentcs.make_app(hosts, operations, engine, changes, change_plant or _no_change(plant))
     service = Service(
         plant_json=plant_json,
         change_plant=change_plant,
@@ -190,8 +191,14 @@ def _make_host_services(engine: Engine, fleet: FleetLink) -> HostServices:
     )
 
 
-async def _no_change(_: PlantModel) -> None:
-    raise StoreNotReadyError(CHANGING)
+def _no_change(plant: PlantModel) -> Callable[[PlantModel | EditPlant], Awaitable[None]]:
+    """Return what refuses all changes of the plant model; one that changes nothing is none."""
+
+    async def refuse(change: PlantModel | EditPlant) -> None:
+        if isinstance(change, PlantModel) or change(plant) is not plant:
+            raise StoreNotReadyError(CHANGING)
+
+    return refuse
 
 
 def _client_id(settings: OrderServiceSettings, epoch: int) -> str:
@@ -268,7 +275,7 @@ class StoredPlant(BaseModel):
 
 @dataclass(slots=True)
 class _RequestedChange:
-    model: PlantModel
+    model: PlantModel | EditPlant
     done: asyncio.Future[None]
     check_only: bool
 
@@ -312,8 +319,10 @@ class ServiceRunner:
         await self.service.begin(self._start)
         self._supervisor.start("plant model", self._change_when_asked())
 
-    async def change_plant(self, model: PlantModel, *, check_only: bool = False) -> None:
+    async def change_plant(self, model: PlantModel | EditPlant, *, check_only: bool = False) -> None:
         """Use another plant model, or only check whether that is possible.
+
+        A function receives the model in use when its turn comes, so that no change undoes another one.
 
         Raises:
             InvalidPlantError: this service cannot use it.
@@ -342,12 +351,15 @@ class ServiceRunner:
                     asked.done.set_result(None)
 
     async def _change(self, asked: _RequestedChange) -> None:
+        old = self.service
+        model = asked.model if isinstance(asked.model, PlantModel) else asked.model(old.engine.plant)
+        if model is old.engine.plant:
+            return
         try:
-            service = await asyncio.to_thread(self._make, asked.model)
+            service = await asyncio.to_thread(self._make, model)
         except ConfigurationError as error:
             raise InvalidPlantError(error.problems) from error
-        old = self.service
-        if problems := conflicts(old.engine, asked.model, service.engine.registry):
+        if problems := conflicts(old.engine, model, service.engine.registry):
             raise PlantInUseError(problems)
         if not self._store.ready:
             raise StoreNotReadyError(self._store.why_not_ready)
@@ -355,7 +367,8 @@ class ServiceRunner:
             return
         old.engine.close(CHANGING)  # from here to the check above nothing else has run
         await self._end(old)
-        await self._keep(asked.model)
+        await self._keep(model)
+        service.changes.count = old.changes.count
         self.service = service
         try:
             await service.begin(self._start)
@@ -365,7 +378,7 @@ class ServiceRunner:
             message = "the changed plant model cannot be activated: the store is unavailable"
             raise RuntimeError(message) from error
         self.show(service.app)
-        log.info("plant model changed", name=asked.model.name, points=len(asked.model.points))
+        log.info("plant model changed", name=model.name, points=len(model.points))
 
     async def _end(self, service: OrderService) -> None:
         tasks, self._tasks = self._tasks, []

@@ -56,7 +56,7 @@ class VehiclePlan(Resource):
     ahead: tuple[PlannedPoint, ...] = ()
     """The points of its route, as far as it could drive within the horizon."""
     goal: str | None = None
-    """The end of its route; None: it is not driving."""
+    """The end of its route; None: it has no route."""
     wait: TrafficWait | None = None
     """None: nothing keeps it."""
 

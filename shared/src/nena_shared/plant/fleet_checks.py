@@ -35,7 +35,7 @@ def _topic_errors(vehicle: Vehicle, serial: str) -> Iterator[PlantProblem]:
     """Yield why a vehicle can have no topics of VDA 5050."""
     kind, name = ObjectKind.VEHICLE, vehicle.name
     if len(vehicle.manufacturer or "") + len(serial) >= KEY_LENGTH:
-        text = f"manufacturer and serial number have more than {KEY_LENGTH} characters together"
+        text = f"manufacturer and serial number have {KEY_LENGTH} characters or more together"
         yield PlantProblem("NOT_IN_TOPICS", kind, name, text)
     if any(sign in f"{vehicle.manufacturer}{serial}" for sign in "/+#"):
         names = f"manufacturer {vehicle.manufacturer!r} and serial number {serial!r}"

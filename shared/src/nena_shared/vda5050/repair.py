@@ -99,7 +99,11 @@ class Scope(Enum):
     REPORT = auto()
     """Reports of a robot: as far as they can be used safely."""
     COMMAND = auto()
-    """Repairs of commands: only where the meaning is certain; nothing is left out or clamped."""
+    """Repairs of commands: only where the meaning is certain.
+
+    Nothing is left out, and nothing clamped but the allowed deviation of a heading within a full turn: from
+    half a turn on, it allows every heading.
+    """
 
 
 EVERYWHERE: Final[frozenset[str]] = frozenset()
@@ -495,11 +499,11 @@ def _brought_into(number: float, shape: Shape, at: str, scope: Scope) -> tuple[f
         _Beyond: there is no sure way.
 
     """
+    if shape.most == ANGLE_LIMIT and scope is Scope.COMMAND and abs(number) > _FULL_TURN:
+        raise _Beyond  # perhaps degrees
     if shape.most == ANGLE_LIMIT and shape.least == 0:  # a deviation: 2.x allows less than 0
         return min(max(number, 0.0), pi), RepairKind.CLAMPED
     if shape.most == ANGLE_LIMIT and shape.least == -ANGLE_LIMIT:
-        if scope is Scope.COMMAND and abs(number) > _FULL_TURN:
-            raise _Beyond  # perhaps degrees
         return remainder(number, 2 * pi), RepairKind.ANGLE_WRAPPED
     of_percent = shape.most == _PERCENT and shape.least == 0
     if scope is Scope.REPORT and of_percent and -_MUCH_BEYOND <= number <= _PERCENT + _MUCH_BEYOND:

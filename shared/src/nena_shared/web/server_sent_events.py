@@ -19,7 +19,7 @@ HEADERS: Final[Mapping[str, str]] = MappingProxyType({"cache-control": "no-store
 """Neither caches nor proxies may hold events back."""
 
 HEARTBEAT: Final = 5.0
-"""Seconds without an event after which a heartbeat is sent, so that both ends notice a dead line."""
+"""Seconds without a frame after which a heartbeat is sent, so that both ends notice a dead line."""
 
 HEARTBEAT_FRAME: Final = b"event: heartbeat\ndata: {}\n\n"
 
@@ -49,6 +49,11 @@ class EventRing(Generic[E]):
         self.count += 1
         self._wake()
 
+    @property
+    def kept(self) -> int:
+        """Number of events that are kept."""
+        return len(self._ring)
+
     def close(self) -> None:
         """End the streams of all clients."""
         self.closed = True
@@ -70,13 +75,21 @@ class EventRing(Generic[E]):
             self.clients -= 1
 
     async def frames(self, read: Callable[[], Awaitable[bytes]]) -> AsyncGenerator[bytes, None]:
-        """Yield what ``read`` returns, and again after each event, until the stream is closed."""
+        """Yield what ``read`` returns, and again after each event, until the stream is closed.
+
+        Events of which ``read`` returns nothing do not delay the heartbeat.
+        """
+        loop = asyncio.get_running_loop()
+        due = loop.time() + HEARTBEAT
         while not self.closed:
             added = self._added
             if found := await read():
                 yield found
-            elif not await set_within(added, HEARTBEAT):
+            elif (left := due - loop.time()) > 0 and await set_within(added, left):
+                continue
+            else:
                 yield HEARTBEAT_FRAME
+            due = loop.time() + HEARTBEAT
 
     def _wake(self) -> None:
         self._added.set()

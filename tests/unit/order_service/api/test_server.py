@@ -184,6 +184,13 @@ def client_of_starting(problem: str) -> httpx.AsyncClient:
     return httpx.AsyncClient(transport=transport, base_url="http://starting")
 
 
+async def test_it_does_not_blame_a_database_that_answers() -> None:
+    async with client_of_starting("") as starting:
+        ready = await starting.get("/readyz")
+    assert ready.status_code == 503
+    assert "asks the MQTT broker" in ready.json()["problems"][0]
+
+
 async def test_it_is_well_and_says_what_it_waits_for() -> None:
     async with client_of_starting("database or disk is full") as starting:
         assert (await starting.get("/healthz")).status_code == 200

@@ -70,6 +70,17 @@ async def test_a_vehicle_that_kept_a_load_drops_it_before_it_picks_up_another_on
     assert [vda_order.order_id for _, vda_order in fleet.sent] == ["drop-0", "T-0"]
 
 
+async def test_a_vehicle_is_not_kept_for_an_order_that_is_intended_for_another_one() -> None:
+    engine, _ = await make(energy={"respected": False})
+    engine.create(request("B", intendedVehicle="V2"), "first")
+    engine.create(request("A", intendedVehicle="V2"), "T")
+    order, dispatching = engine.state.orders.named("T"), engine._dispatching
+    assert order
+    dispatching._keep(order.number, "V1")
+    dispatching._forget_kept()
+    assert dispatching._kept == {}
+
+
 async def test_a_vehicle_gets_no_order_before_its_map_is_enabled() -> None:
     engine, fleet = await make(energy={"respected": False})
     told = {"map_id": "map", "map_version": "2"}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from itertools import cycle
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -402,6 +403,29 @@ async def test_after_a_lock_vehicles_are_led_around_it_in_several_turns() -> Non
     await turn_passes()
     assert led_around() == len(lanes)
     assert base(fleet.missions[key(last)]).endswith(f"X{lanes[-1]}")
+
+
+async def test_a_vehicle_that_cannot_be_led_around_a_lock_does_not_keep_others_from_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    fleet = ScriptedFleet({})
+    engine = await under_way(fleet, goal="D")
+    fleet.appear("V2", "B")
+    engine.create(request("E", intendedVehicle="V2"), "T-2")
+    send, failed = engine._rerouting._send, list[str]()
+
+    def failing(under_way: Any, *rest: Any) -> None:
+        if under_way.vehicle.name == "V1":
+            failed.append("V1")
+            message = "no VDA order"
+            raise ValueError(message)
+        send(under_way, *rest)
+
+    monkeypatch.setattr(engine._rerouting, "_send", failing)
+    lock(engine, "C D")
+    assert failed == ["V1"]
+    assert "Y" in whole(fleet.missions[key("V2")])
+    assert whole(fleet.missions[key("V1")]) == base(fleet.missions[key("V1")]), "it stops before the lock"
 
 
 async def behind_a_queue(fleet: ScriptedFleet) -> Engine:

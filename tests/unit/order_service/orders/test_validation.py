@@ -84,6 +84,18 @@ def test_locked_and_unlinked_locations_are_refused() -> None:
     ]
 
 
+def test_stored_order_keeps_a_destination_that_is_locked_later() -> None:
+    locked = PLANT.location("Storage").model_copy(update={"locked": True})
+    others = tuple(each for each in PLANT.locations if each.name != "Storage")
+    changed = PlantModel(
+        name="changed",
+        points=PLANT.points,
+        location_types=PLANT.location_types,
+        locations=(locked, *others),
+    )
+    check_order(dispatchable_order("Storage:NOP").status, changed)
+
+
 def test_stored_order_is_checked_against_a_changed_plant() -> None:
     order = dispatchable_order("Storage:NOP").status
     check_order(order, PLANT)

@@ -91,7 +91,7 @@ def test_a_command_is_repaired_only_where_its_meaning_is_certain(order: dict[str
 
 
 @pytest.mark.clause("7.3/deviation")
-@pytest.mark.parametrize(("given", "meant"), [(-0.1, 0.0), (6.3, pi)])
+@pytest.mark.parametrize(("given", "meant"), [(-0.1, 0.0), (6.28, pi)])
 def test_a_deviation_beyond_a_half_turn_allows_every_heading_and_one_below_0_none(
     order: dict[str, Any], given: float, meant: float
 ) -> None:
@@ -102,6 +102,15 @@ def test_a_deviation_beyond_a_half_turn_allows_every_heading_and_one_below_0_non
     assert read.nodes[1].node_position is not None
     assert read.nodes[1].node_position.allowed_deviation_theta == meant
     assert [each.kind for each in repairs] == [RepairKind.CLAMPED]
+
+
+@pytest.mark.parametrize("given", [10, 180.0, -90.0])
+def test_a_deviation_beyond_a_full_turn_is_refused_as_it_may_be_in_degrees(
+    order: dict[str, Any], given: float
+) -> None:
+    order["nodes"][1]["nodePosition"]["allowedDeviationTheta"] = given
+    with pytest.raises(MalformedMessageError):
+        read_command(Order, CODEC_2_1, json.dumps(order).encode(), now=datetime(2026, 1, 1, tzinfo=UTC))
 
 
 def test_a_command_that_is_refused_is_answered_as_it_was_sent(order: dict[str, Any]) -> None:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import asyncio
 import json
 from collections.abc import AsyncGenerator
 from contextlib import aclosing
@@ -7,10 +8,13 @@ from contextlib import aclosing
 import httpx
 import pytest
 
+from nena_shared.tasks import end
 from nena_shared.web import server_sent_events
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.api.events import EventStream
 from nena_status_aggregator.settings import EventSettings
+from support.pausing import time_passes
+from support.waiting import PATIENCE
 
 
 async def test_too_many_followers_are_told_so(client: httpx.AsyncClient, aggregator: Aggregator) -> None:
@@ -103,6 +107,26 @@ async def test_silence_is_broken_by_heartbeats(monkeypatch: pytest.MonkeyPatch) 
     async with follower(published) as frames:
         await anext(frames)
         assert parsed(await anext(frames)) == [("heartbeat", "")]
+
+
+async def test_events_that_a_client_does_not_get_do_not_delay_its_heartbeat(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(server_sent_events, "HEARTBEAT", 0.05)
+    ring = server_sent_events.EventRing[int](10)
+
+    async def nothing() -> bytes:
+        return b""
+
+    async def busy() -> None:
+        while True:
+            ring.add(0)
+            await time_passes(0.01)
+
+    adding = asyncio.create_task(busy())
+    async with aclosing(ring.frames(nothing)) as frames, asyncio.timeout(PATIENCE):
+        assert await anext(frames) == server_sent_events.HEARTBEAT_FRAME
+    await end(adding)
 
 
 async def test_clients_are_counted_and_limited() -> None:

@@ -405,7 +405,7 @@ def make_app(
     install(app)
     _add_dispatcher(app, engine.look)
     _add_orders(app, hosts.requests)
-    _add_assignment(app, hosts.requests, engine.look)
+    _add_assignment(app, hosts.requests, engine)
     _add_sequences(app, hosts.sequences, hosts.requests)
     _add_vehicles(app, hosts.requests, operations, engine.plant, changes)
     _add_paths(app, hosts.locks)
@@ -475,7 +475,7 @@ def _add_orders(app: FastAPI, requests: HostRequests) -> None:
         return done()
 
 
-def _add_assignment(app: FastAPI, requests: HostRequests, dispatch: Callable[[], None]) -> None:
+def _add_assignment(app: FastAPI, requests: HostRequests, engine: Engine) -> None:
     @app.put("/v1/transportOrders/{name}/intendedVehicle", response_class=Response)
     async def intend(name: str, vehicle: str | None = None) -> Response:
         try:
@@ -488,18 +488,27 @@ def _add_assignment(app: FastAPI, requests: HostRequests, dispatch: Callable[[],
     async def assign(name: str) -> Response:
         """Assign it if that is possible: the dispatcher does so on its own."""
         order = await requests.order(name)
-        dispatch()
-        order = await requests.order(name)
-        if order.intended_vehicle is None:
-            reason = "it has no intended vehicle"
-        elif order.wrapping_sequence is not None:
-            reason = "it belongs to a sequence"
-        elif order.processing_vehicle != order.intended_vehicle:
-            reason = f"{order.state}, {order.reason}"
-        else:
-            return done()
-        text = f"Transport order {name!r} cannot be assigned to its intended vehicle: {reason}."
-        raise NotPossibleError(text)
+        reason = _why_not_assigned(order)
+        if not reason and order.processing_vehicle != order.intended_vehicle:
+            with engine.change():
+                engine.state.dispatch_due = True
+            await engine.unit_of_work.wait_committed()
+            order = await requests.order(name)
+            if order.processing_vehicle != order.intended_vehicle:
+                reason = f"{order.state}, {order.reason}"
+        if reason:
+            text = f"Transport order {name!r} cannot be assigned to its intended vehicle: {reason}."
+            raise NotPossibleError(text)
+        return done()
+
+
+def _why_not_assigned(order: TransportOrderStatus) -> str:
+    """Return why the dispatcher need not be asked; empty if it may assign the order."""
+    if order.state.final:
+        return f"it is {order.state}"
+    if order.intended_vehicle is None:
+        return "it has no intended vehicle"
+    return "" if order.wrapping_sequence is None else "it belongs to a sequence"
 
 
 def _add_vehicles(

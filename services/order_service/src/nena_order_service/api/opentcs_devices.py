@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from http import HTTPStatus
 from importlib.metadata import version as distribution_version
 from typing import Annotated, Any
@@ -97,7 +98,11 @@ def _add_routes(app: FastAPI, engine: Engine) -> None:
         if unknown := [*unknown, *(each for each in body.resources_to_avoid if each not in known)]:
             raise HTTPException(HTTPStatus.NOT_FOUND, f"Unknown points or resources: {', '.join(unknown)}")
         avoid = frozenset(body.resources_to_avoid)
-        return {"routes": [_route(engine, vehicle, start, point, avoid) for point in body.destination_points]}
+        found = []
+        for point in body.destination_points:
+            found.append(_route(engine, vehicle, start, point, avoid))
+            await asyncio.sleep(0)  # each search holds the event loop
+        return {"routes": found}
 
 
 def _route(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
+import re
 from collections.abc import AsyncGenerator, Collection
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -38,6 +40,8 @@ KEPT: Final = 1000
 
 CLIENTS: Final = 100
 """Clients that may wait or follow the stream at once."""
+
+_COLOR: Final = re.compile("#[0-9A-Fa-f]{6}")
 
 LAST_MOMENT: Final = "9999-12-31T23:59:59.000Z"
 """openTCS's value for a time that has not come, as near as it can be written."""
@@ -119,16 +123,27 @@ class ChangeLog(EventRing[_Change]):
     async def poll(self, first: int, last: int, seconds: float) -> list[Json]:
         """Return the status messages with these numbers, waiting up to ``seconds`` for the first one."""
         self._require_room()
+        loop = asyncio.get_running_loop()
+        end = loop.time() + seconds
         with self.client():
-            if not (found := self._messages(first, last)) and not self.closed:
-                await set_within(self._added, seconds)
-                found = self._messages(first, last)
-        return found
+            while True:
+                added = self._added
+                if (found := self._messages(first, last)) or self.closed:
+                    return found
+                first = max(first, self.count)  # those before do not match
+                if not await set_within(added, max(end - loop.time(), 0.0)):
+                    return []
 
-    async def follow(self, topics: Collection[EventTopic]) -> AsyncGenerator[bytes, None]:
-        """Yield the changes of these kinds from now on, as server-sent events."""
+    def follow(self, topics: Collection[EventTopic]) -> AsyncGenerator[bytes, None]:
+        """Return the changes of these kinds from now on, as server-sent events.
+
+        Raises:
+            TooManyClientsError: at once, before an answer begins.
+        """
         self._require_room()
-        position = self.count
+        return self._follow(topics, self.count)
+
+    async def _follow(self, topics: Collection[EventTopic], position: int) -> AsyncGenerator[bytes, None]:
         with self.client():
 
             async def following() -> bytes:
@@ -153,7 +168,7 @@ class ChangeLog(EventRing[_Change]):
 
     def _messages(self, first: int, last: int) -> list[Json]:
         """Return the status messages with these numbers that are kept; sequences have none."""
-        changes = self.last(min(self.count, KEPT)) or ()
+        changes = self.last(min(max(self.count - first, 0), self.kept)) or ()
         return [
             _message(number, each)
             for number, each in enumerate(changes, self.count - len(changes))
@@ -222,8 +237,8 @@ def _message(number: int, change: _Change) -> Json:
 
 def _vehicle(status: VehicleStatus, model: Vehicle, times: StateTimes) -> Json:
     box, levels, position = model.bounding_box, model.energy_thresholds, status.precise_position
-    color = (model.color or "#000000").removeprefix("#")
-    red, green, blue = bytes.fromhex(color)
+    color = model.color or ""
+    red, green, blue = bytes.fromhex(color[1:] if _COLOR.fullmatch(color) else "000000")
     return {
         "name": status.name,
         "properties": dict(model.properties),

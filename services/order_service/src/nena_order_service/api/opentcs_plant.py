@@ -34,7 +34,9 @@ from nena_shared.plant import (
 from nena_shared.plant.opentcs_xml.writer import VERSION
 from nena_shared.plant.track import Envelope, LabelLayout
 
-ChangePlant = Callable[[PlantModel], Awaitable[None]]
+EditPlant = Callable[[PlantModel], PlantModel]
+"""Returns the plant model with a change; the same object: nothing changes."""
+ChangePlant = Callable[[PlantModel | EditPlant], Awaitable[None]]
 Json = dict[str, Any]
 
 
@@ -444,13 +446,17 @@ def _add_model(app: FastAPI, plant: PlantModel, locks: PathLocks, change_plant: 
 
     @app.put("/v1/locations/{name:path}/locked", response_class=Response)
     async def lock_location(name: str, new_value: Annotated[bool, Query(alias="newValue")]) -> Response:
-        known = plant.locations_by_name.get(name)
-        if known is None:
-            raise HTTPException(HTTPStatus.NOT_FOUND, f"Could not find location {name!r}.")
-        if known.locked is not new_value:
+        def lock(present: PlantModel) -> PlantModel:
+            known = present.locations_by_name.get(name)
+            if known is None or known.locked is new_value:
+                return present
             made = known.model_copy(update={"locked": new_value})
-            locations = tuple(made if each is known else each for each in plant.locations)
-            await change_plant(_changed(plant, locations=locations))
+            locations = tuple(made if each is known else each for each in present.locations)
+            return _changed(present, locations=locations)
+
+        if name not in plant.locations_by_name:
+            raise HTTPException(HTTPStatus.NOT_FOUND, f"Could not find location {name!r}.")
+        await change_plant(lock)
         return done()
 
 
@@ -473,13 +479,16 @@ def _add_vehicle_data(app: FastAPI, plant: PlantModel, change_plant: ChangePlant
     """Serve changes of what the plant model says of vehicles."""
 
     async def change(name: str, **fields: object) -> Response:
-        known = plant.vehicles_by_name.get(name)
-        if known is None:
+        def edit(present: PlantModel) -> PlantModel:
+            known = present.vehicles_by_name.get(name)
+            if known is None or (made := known.model_copy(update=fields)) == known:
+                return present
+            vehicles = tuple(made if each is known else each for each in present.vehicles)
+            return _changed(present, vehicles=vehicles)
+
+        if name not in plant.vehicles_by_name:
             raise UnknownVehicleError(name)
-        made = known.model_copy(update=fields)
-        if made != known:
-            vehicles = tuple(made if each is known else each for each in plant.vehicles)
-            await change_plant(_changed(plant, vehicles=vehicles))
+        await change_plant(edit)
         return done()
 
     @app.put("/v1/vehicles/{name}/energyLevelThresholdSet", response_class=Response)

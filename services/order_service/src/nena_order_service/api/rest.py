@@ -51,6 +51,8 @@ ChangePlant = Callable[..., Awaitable[None]]
 OPEN = frozenset({"/healthz", "/readyz"})
 READING = frozenset({"GET", "HEAD", "OPTIONS"})
 GUARDED: tuple[Operation[Any], ...] = (*OPERATIONS, CHANGE_PLANT)
+OPENTCS_PLANT_CHANGES = ("/v1/locations/", "/energyLevelThresholdSet", "/envelopeKey")
+"""Parts of the paths of openTCS's web API that change the plant model."""
 
 NOT_READY: dict[int | str, dict[str, object]] = {
     503: {"model": Readiness, "description": "What is missing, and its effect."}
@@ -100,7 +102,12 @@ def make_app(operations: HostOperations, stream: EventStream, service: Service) 
         docs_url=None,
         redoc_url=None,
     )
-    larger = {each.path: each.max_body for each in GUARDED if each.max_body is not None}
+    larger = {
+        f"{prefix}{each.path}": each.max_body
+        for each in GUARDED
+        if each.max_body is not None
+        for prefix in ("", *service.mounted)
+    }
     app.add_middleware(BodyLimit, limit=service.max_body, larger=larger)
     problems.install(app)
     router = APIRouter()
@@ -125,6 +132,8 @@ def role_needed(method: str, path: str) -> Role | None:
     if path in OPEN:
         return None
     reads = method in READING
+    if not reads and any(part in path for part in OPENTCS_PLANT_CHANGES):
+        return Role.ADMIN
     inner = path[max(path.rfind("/v1/"), 0) :]  # what a mounted application sees, such as openTCS's web API
     alike = (
         each

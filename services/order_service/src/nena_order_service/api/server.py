@@ -115,9 +115,13 @@ def make_starting_app(problem: Callable[[], str]) -> FastAPI:
     """Make the ASGI application of the start; ``problem`` returns why the store cannot be written."""
 
     def detail() -> str:
-        why = f" ({problem()})" if problem() else ""
+        if not problem():
+            return (
+                "This order service is starting: it loads its orders, and asks the MQTT broker whether "
+                "another one is active for this fleet. It continues automatically."
+            )
         return (
-            f"This order service is starting and waits for its database{why}. "
+            f"This order service is starting and waits for its database ({problem()}). "
             "Check the disk or server of store.url; it continues automatically."
         )
 

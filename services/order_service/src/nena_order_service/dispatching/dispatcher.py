@@ -412,7 +412,7 @@ class _Choices:
         """Each vehicle's cost beyond the order's own route, which is the same for all."""
 
     def why(self, best: Candidate) -> str:
-        """Return why a vehicle gets an order that is not its nearest one."""
+        """Return why an order gets a vehicle that is not the nearest one."""
         return f"least driving in total ({best.cost.complete:.0f}), {self.free} free vehicles"
 
 
@@ -606,7 +606,7 @@ class _Round:
         return vehicle.why_not(order, recharges=self._recharges(order), pick=self._pick(order))
 
     def _recharges(self, order: TransportOrder) -> bool:
-        """Return whether an order begins with recharging, if relevant."""
+        """Return whether an order's next operation is recharging, if relevant."""
         return self._restricted and self._knowledge.recharges(order)
 
     def _pick(self, order: TransportOrder) -> Pick | None:

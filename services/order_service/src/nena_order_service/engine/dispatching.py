@@ -217,7 +217,7 @@ REASONS_AT_ONCE = 100
 ORDERS_FOR_ONE = 32
 """Orders that are compared for one vehicle that has become free."""
 ORDERS_FOR_EACH = 4
-"""Additional orders for each further vehicle."""
+"""Additional orders for each vehicle."""
 FEW = 8
 """Number of vehicles up to which this applies."""
 ORDERS_FOR_MANY = 16
@@ -416,7 +416,10 @@ class Dispatching:
         )
 
     def _free_soon(self, vehicle: FleetVehicle, order: TransportOrder) -> LocatedCandidate | None:
-        """Return how a vehicle will be after it unloads at the end of its order; None: it does not unload."""
+        """Return a vehicle that unloads at the end of its order as it will be then.
+
+        Return None if it does not unload now, cannot go on, or has no known position.
+        """
         last = order.index == len(order.status.drive_orders) - 1
         unloads = self._planner.action_type(order.current.destination.operation) == DROP
         if not (last and unloads and is_operating(order)):
@@ -609,8 +612,9 @@ class Dispatching:
             vehicle = self._registry.named(name)
             order = self._orders.find(number)
             waits = order is not None and order.state is TransportOrderState.DISPATCHABLE and not order.held
+            intended = order.status.intended_vehicle if order else None
             obstacle = self.consider(vehicle).seen.obstacle if vehicle else BUSY
-            if not waits or obstacle not in ("", GIVES_UP):
+            if not waits or intended not in (None, name) or obstacle not in ("", GIVES_UP):
                 self._keep(number, None)
 
 

@@ -130,8 +130,14 @@ class Rerouting:
         self._halt_rest()
         for robot in robots:
             record = self._sent.of_robot(robot)
-            if record and not record.cancelled and self._leads_over_lock(record):
-                self._lead_off(self._registry.discover(robot), record)
+            if not record or record.cancelled or not self._leads_over_lock(record):
+                continue
+            vehicle = self._registry.discover(robot)
+            try:
+                self._lead_off(vehicle, record)
+            except ValueError:  # of one vehicle: the others must not drive over the locked path for it
+                log.exception("vehicle cannot be led around a locked path", vehicle=vehicle.name)
+                self._driving.end_early(record, partial=True)
 
     def _halt_rest(self) -> None:
         self._traffic.halt([self._registry.discover(each).name for each in self._over_locks])

@@ -24,8 +24,10 @@ log = get_logger(__name__)
 
 ANSWERED_WITHIN = 5.0
 """Seconds in which an active order service answers; a record without an answer is stale."""
+CONNECTED_WITHIN = 10.0
+"""Seconds to connect and subscribe, after which the broker counts as unreachable."""
 DECIDED_WITHIN = ANSWERED_WITHIN + 5.0
-"""Seconds after which a broker that neither answers nor refuses counts as unreachable."""
+"""Seconds from then on, after which a broker that does not answer counts as unreachable."""
 LOOK = 0.05
 """Seconds between checks whether the broker can be asked."""
 
@@ -69,6 +71,8 @@ class LeaderElection:
         """Prepare to take part; ``store`` identifies the store, for ``term`` see :data:`Term`."""
         self.won = asyncio.Event()
         """Set once this order service leads: nothing may be sent to robots before."""
+        self._asked = asyncio.Event()
+        """Set once the broker has been asked for the leader."""
         self._own = LeaderRecord(store=store, epoch=epoch, instance=token_hex(8))
         self._topic = topic
         self._term = term
@@ -124,14 +128,20 @@ class LeaderElection:
 
         An order accepted before could be in the store of an order service that exits at once.
         """
+        if await self._reached(self._asked, CONNECTED_WITHIN):
+            await self._reached(self.won, DECIDED_WITHIN)
+
+    async def _reached(self, step: asyncio.Event, seconds: float) -> bool:
         with suppress(TimeoutError):
-            async with asyncio.timeout(DECIDED_WITHIN):
+            async with asyncio.timeout(seconds):
                 while not (self._link.state.last_error or self._term() is None):
-                    if await set_within(self.won, LOOK):
-                        return
+                    if await set_within(step, LOOK):
+                        return True
+        return False
 
     def _ask(self) -> None:
         """Request the leader: retained records arrive before our own request."""
+        self._asked.set()
         self._link.publish(Outbound(self._question, self._own.instance.encode()))
 
     def _on_question(self, message: Inbound) -> None:

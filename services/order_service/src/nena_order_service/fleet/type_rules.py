@@ -83,8 +83,8 @@ def edge_fields(
 ) -> Iterator[dict[str, object]]:
     """Yield the edge fields of a route by its rules, for a robot that starts at its position.
 
-    Of several orientations, the one with the least turning is taken, from the heading with which the robot
-    reaches the one that it needs at the end.
+    Of several orientations, the one with the least turning is taken, from the robot's heading on arrival
+    to the heading needed at the end.
     """
     pose = standing.pose
     heading = profile.on(pose.map_id).heading_to_plant(pose.theta) if pose else None

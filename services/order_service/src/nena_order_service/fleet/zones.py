@@ -37,7 +37,7 @@ class _Asked:
 
     @property
     def holds(self) -> bool:
-        """Return whether the robot may be at a position: it was granted, or needs no release now."""
+        """Return whether the robot may be at a position: granted, or inside though its release has ended."""
         return self.shown in INSIDE or self.answer is GrantType.GRANTED
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
+from itertools import chain
 
 from nena_order_service.orders.transport_order import RESOURCES_TO_AVOID
 from nena_shared.fleet_api.transport_order import (
@@ -48,7 +49,7 @@ def check_request(request: TransportOrderRequest, plant: PlantModel, vehicles: C
     """Raise InvalidRequestError with all errors of ``request``; ``vehicles`` are the known ones."""
     _raise_if_any(
         [
-            *_check_destinations(request.destinations, plant),
+            *_check_destinations(request.destinations, plant, new=True),
             *_check_vehicle(request.intended_vehicle, vehicles),
             *_check_resources_to_avoid(request.properties, plant),
         ]
@@ -56,10 +57,13 @@ def check_request(request: TransportOrderRequest, plant: PlantModel, vehicles: C
 
 
 def check_order(order: TransportOrderStatus, plant: PlantModel) -> None:
-    """Raise InvalidRequestError if an existing order no longer fits the plant."""
+    """Raise InvalidRequestError if an existing order no longer fits the plant; locks are for new orders."""
     destinations = [each.destination for each in order.drive_orders]
     _raise_if_any(
-        [*_check_destinations(destinations, plant), *_check_resources_to_avoid(order.properties, plant)]
+        [
+            *_check_destinations(destinations, plant, new=False),
+            *_check_resources_to_avoid(order.properties, plant),
+        ]
     )
 
 
@@ -68,10 +72,19 @@ def _raise_if_any(findings: Sequence[Finding]) -> None:
         raise InvalidRequestError(findings)
 
 
-def _check_destinations(destinations: Iterable[Destination], plant: PlantModel) -> Iterator[Finding]:
+def _check_destinations(
+    destinations: Iterable[Destination], plant: PlantModel, *, new: bool
+) -> Iterator[Finding]:
     for number, destination in enumerate(destinations, start=1):
-        for finding in _check_destination(destination, plant):
+        findings = _check_destination(destination, plant)
+        for finding in chain(_check_lock(destination, plant), findings) if new else findings:
             yield Finding(f"Destination {number}: {finding.text}", finding.unknown)
+
+
+def _check_lock(destination: Destination, plant: PlantModel) -> Iterator[Finding]:
+    location = plant.locations_by_name.get(destination.location_name or "")
+    if location and location.locked:
+        yield Finding(f"location {location.name!r} is locked; unlock it or choose another one.")
 
 
 def _check_destination(destination: Destination, plant: PlantModel) -> Iterator[Finding]:
@@ -87,8 +100,6 @@ def _check_destination(destination: Destination, plant: PlantModel) -> Iterator[
 
 
 def _check_operation(operation: str, location: Location, plant: PlantModel) -> Iterator[Finding]:
-    if location.locked:
-        yield Finding(f"location {location.name!r} is locked; unlock it or choose another one.")
     if not location.links:
         yield Finding(f"location {location.name!r} has no link to a point, so no vehicle can reach it.")
     elif not plant.access_points(location.name, operation):

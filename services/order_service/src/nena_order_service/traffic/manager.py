@@ -80,7 +80,7 @@ class TrafficManager:
         return occupant.point == point and (occupant.entry is None) == on_point
 
     def journey(self, vehicle: str) -> Journey | None:
-        """Return the vehicle's route, read-only; None while it rests."""
+        """Return the vehicle's route, read-only; None: it has none, and rests."""
         return self._journeys.get(vehicle)
 
     def seen(self, vehicle: str, found: Found, box: BoundingBox, *, moving: bool = False) -> bool:

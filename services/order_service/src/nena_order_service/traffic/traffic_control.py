@@ -161,7 +161,7 @@ class TrafficControl:
         self.resources = resources or Resources(plant)
         self.scheduler = Scheduler()
         self.journeys: dict[str, Journey] = {}
-        """The driving vehicles."""
+        """The routes of the vehicles under way: those that drive or wait on their route."""
         self._routes = _RouteSearch(plant, routes, self.scheduler, self.journeys)
         self._evader = Evader(plant, self.resources, self.scheduler, routes)
         self._turns = _Turns()

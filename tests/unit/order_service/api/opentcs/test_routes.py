@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import asyncio
 from urllib.parse import quote
 
 import httpx
 import pytest
 
 from golden.outside import opentcs, order_service
+from nena_order_service.api.opentcs_events import CLIENTS, ChangeLog, _vehicle
 from nena_order_service.api.opentcs_plant import plant_json, plant_xml
+from nena_order_service.api.rest import role_needed
 from nena_order_service.service import OrderService
-from nena_shared.plant import PlantModel
+from nena_shared.clock import SystemClock
+from nena_shared.fleet_api.base import Role
+from nena_shared.plant import PlantModel, Vehicle
 from nena_shared.plant.files import read
 from support.opentcs_routes import FOR_ROBOT, LEVELS, ROUTES, Route, Try
+from support.waiting import PATIENCE, until
 
 PREFIX = "/opentcs"
 API = f"{PREFIX}/v1"
@@ -107,6 +113,75 @@ async def test_changes_are_polled(client: httpx.AsyncClient) -> None:
     more = (await client.get(url, params={"minSequenceNo": str(numbers[-1] + 1)})).json()["statusMessages"]
     vehicle = next(each for each in more if each["type"] == "Vehicle")
     assert (vehicle["vehicleName"], vehicle["state"], vehicle["procState"]) == ("Robot-01", "UNKNOWN", "IDLE")
+
+
+async def test_a_poll_waits_on_past_changes_that_do_not_match(
+    client: httpx.AsyncClient, service: OrderService
+) -> None:
+    log = service.changes
+    waiting = asyncio.create_task(log.poll(log.count, log.count + 1000, PATIENCE))
+    await until(lambda: log.clients == 1)
+    await client.post(f"{API}/orderSequences/S-1", json={})
+    assert (log.count > 0, waiting.done()) == (True, False), "sequences have no messages"
+    await client.post(f"{API}/transportOrders/T-1", json=FOR_ROBOT)
+    assert (await waiting)[0]["orderName"] == "T-1"
+
+
+async def test_numbers_of_changes_go_on_after_a_change_of_the_plant(service: OrderService) -> None:
+    log = ChangeLog(service.engine.plant, SystemClock())
+    log.count = 40
+    assert await log.poll(0, 100, 0.0) == []
+    log.vehicle_changed(service.engine.status(service.engine.registry.named("Robot-01")))  # type: ignore[arg-type]
+    assert [each["sequenceNumber"] for each in await log.poll(0, 100, 0.0)] == [40]
+
+
+async def test_a_client_too_many_is_refused_before_the_stream_begins(
+    client: httpx.AsyncClient, service: OrderService
+) -> None:
+    service.changes.clients = CLIENTS
+    assert (await client.get(f"{API}/sse")).status_code == 503
+
+
+@pytest.mark.parametrize(("color", "red"), [("#FF0000", 255), ("red", 0), ("#F00", 0), (None, 0)])
+def test_a_color_that_cannot_be_read_is_black(service: OrderService, color: str | None, red: int) -> None:
+    engine = service.engine
+    known = engine.registry.named("Robot-01")
+    assert known
+    log = ChangeLog(service.engine.plant, SystemClock())
+    model = Vehicle(name="Robot-01", color=color)
+    shown = _vehicle(engine.status(known), model, log.times("Robot-01"))
+    assert shown["layout"]["routeColor"] == {"red": red, "green": 0, "blue": 0}
+
+
+async def test_a_plant_model_may_be_larger_than_other_bodies(client: httpx.AsyncClient) -> None:
+    large = {"name": "x" * 300_000}
+    assert (await client.put(f"{API}/plantModel", json=large)).status_code != 413
+    assert (await client.post(f"{API}/transportOrders/T-1", json=large)).status_code == 413
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "locations/Goods in/locked",
+        "vehicles/R/envelopeKey",
+        "vehicles/R/energyLevelThresholdSet",
+        "plantModel",
+    ],
+)
+def test_changes_of_the_plant_need_the_role_admin(path: str) -> None:
+    assert role_needed("PUT", f"{API}/{path}") is Role.ADMIN
+    assert role_needed("PUT", f"{API}/{path}\n") is Role.ADMIN
+
+
+async def test_an_order_that_has_ended_is_not_assigned(client: httpx.AsyncClient) -> None:
+    url = f"{API}/transportOrders/T-1"
+    await client.post(url, json=FOR_ROBOT)
+    await client.post(f"{url}/withdrawal")
+    answer = await client.post(f"{url}/immediateAssignment")
+    assert (answer.status_code, answer.json()) == (
+        400,
+        ["Transport order 'T-1' cannot be assigned to its intended vehicle: it is FAILED."],
+    )
 
 
 async def test_plant_model_comes_back_as_it_was_read(
