@@ -283,7 +283,8 @@ async def test_a_withdrawal_needs_two_steps_and_a_refusal_is_shown(
             sure = button(page, "Withdraw T-1 now")
             await expect(sure).to_be_hidden()
             await button(page, "Withdraw").click()
-            await expect(page.get_by_text("Robot-01 stops, and order T-1 ends as failed.")).to_be_visible()
+            effect = page.get_by_text("Robot-01 stops, and order T-1 ends as failed.")
+            await expect(effect).to_be_focused()  # not the button: a held Enter key would press it
             await sure.click()
             await expect(page.locator("nena-order-page")).to_contain_text("Order T-1 withdrawn")
             await order_in(fleet.orders, "T-1", "FAILED")

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
+import re
 from pathlib import Path
 
 import httpx
 import pytest
-from playwright.async_api import Browser, expect
+from playwright.async_api import Browser, Route, expect
 
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.vda5050.topics import RobotKey, Topic
@@ -17,6 +19,8 @@ from support.waiting import PATIENCE, awaited
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 
 OTHER = RobotKey("ACME", "r2")
+LISTED = 60
+"""How many events or orders the page lists."""
 
 SHOWN = """() => document.querySelector("nena-fleet-map").replayed?.robots.map(
   (robot) => [robot.id, Math.round(robot.position.x), robot.condition]
@@ -75,6 +79,29 @@ async def test_the_slider_shows_where_a_robot_was(hall: Hall, browser: Browser, 
             await page.get_by_role("link", name="All robots and orders").click()
             await expect(page.get_by_text("Replay:")).to_be_hidden()
             assert await page.evaluate(SHOWN) is None
+
+            answers: list[asyncio.Event] = []
+
+            async def late(route: Route) -> None:
+                answers.append(asyncio.Event())
+                await answers[-1].wait()
+                await route.continue_()
+
+            async def pending() -> int:
+                return len(answers)
+
+            await page.route("**/api/v1/history?*", late)
+            await page.get_by_role("link", name="History").click()
+            await awaited(pending, bool, seconds=PATIENCE, what="the history loads")
+            await page.get_by_role("link", name="All robots and orders").click()
+            async with page.expect_response("**/api/v1/history?*"):
+                answers[0].set()
+            await page.unroute("**/api/v1/history?*")
+            await page.evaluate("fetch('api/v1/history?limit=1').then((answer) => answer.text())")
+            assert await page.evaluate(SHOWN) is None  # the map stays live
+            for broken in ("from=x", "from=2026-01-01T00:00:00Z", "from=x&to=y"):
+                await page.goto(f"{hall.url}#/history?{broken}")
+                await expect(page.get_by_label("Time range")).to_have_value("minutes10")
 
 
 async def test_without_a_history_the_page_says_so(hall: Hall, browser: Browser) -> None:
@@ -135,3 +162,19 @@ async def test_events_are_filtered_grouped_and_linked(hall: Hall, browser: Brows
             await expect(group.get_by_text("Transport order").first).to_be_visible()
             assert await findings(page) == []
             await picture(page, "history-by-order")
+            for number in range(LISTED + 1):
+                hall.publish_order(1, TransportOrderState.BEING_PROCESSED, f"L-{number}")
+            await awaited(
+                lambda: recorded("transportOrder"),
+                lambda found: found == LISTED + 4,
+                seconds=PATIENCE,
+                what="all orders are in the history",
+            )
+            await page.goto("about:blank")
+            await page.goto(f"{hall.url}#/history?kind=transportOrder")
+            await expect(page.get_by_text(f"the latest {LISTED} of {LISTED + 4}.")).to_be_visible()
+            await expect(events).to_have_count(LISTED)
+            await page.get_by_label("Group by order").check()
+            await expect(page.get_by_text(f"the latest {LISTED} of {LISTED + 3}.")).to_be_visible()
+            file = page.get_by_role("link", name="Download CSV")
+            await expect(file).to_have_attribute("href", re.compile("code=transportOrder$"))

@@ -97,6 +97,26 @@ async def test_the_lists_are_sorted_and_filtered_and_the_address_keeps_it(
             await expect(idle).to_have_attribute("aria-pressed", "true")
             await idle.click()
             await expect(page.get_by_role("tab", name="Robots")).to_have_text("Robots (4)")
+            for unknown in ("tab=constructor", "state=hasOwnProperty", "robotSort=hasOwnProperty"):
+                await page.goto(f"{hall.url}#/?{unknown}")
+                await expect(page.get_by_role("tab", name="Robots")).to_have_text("Robots (4)")
+
+
+async def test_rows_keep_their_order_while_the_pointer_is_over_them(hall: Hall, browser: Browser) -> None:
+    with hall.aggregator() as aggregator:
+        await aggregator.logged("broker connected")
+        shift(hall)
+        async with opened(browser, hall.url, width=1600, height=1000) as page:
+            last = page.locator("tr[data-robot='ACME/r004']")
+            await last.hover()
+            robot(hall, 4, 50, header_id=2, **STOP)
+            await expect(last).to_contain_text("Emergency stop")
+            assert (await names(page))[-1] == "AMR-04"
+            await last.get_by_role("link", name="AMR-04").focus()
+            await page.mouse.move(5, 5)
+            assert (await names(page))[-1] == "AMR-04"
+            await page.get_by_role("searchbox").focus()
+            await expect(page.locator("tr[data-robot]").nth(1)).to_contain_text("AMR-04")
 
 
 async def test_one_search_finds_robots_orders_and_places(hall: Hall, browser: Browser) -> None:
@@ -119,6 +139,13 @@ async def test_one_search_finds_robots_orders_and_places(hall: Hall, browser: Br
             await search.fill("amr-03")
             await search.press("Enter")
             await expect(page.locator("nena-robot-page h2")).to_have_text("AMR-03")
+            await page.get_by_role("button", name="2 Idle").click()
+            await search.fill("amr-03")  # an exact name is found whatever the filter
+            await expect(page.locator("tr[data-robot='ACME/r003']")).to_be_visible()
+            await search.fill("wms-042")
+            await expect(page.locator("tr[data-order='WMS-042']")).to_be_visible()
+            await page.get_by_role("tab", name="Robots").click()
+            await expect(page.get_by_role("tab", name="Robots")).to_have_attribute("aria-selected", "true")
             await search.fill("nowhere")
             await expect(page.get_by_role("tabpanel").get_by_text("No match")).to_be_visible()
             assert await findings(page) == []
@@ -166,13 +193,24 @@ async def test_several_robots_are_paused_at_once(hall: Hall, browser: Browser) -
             for name in ("AMR-01", "AMR-02", "AMR-04"):
                 await page.get_by_role("checkbox", name=f"Select {name}").check()
             await expect(page.get_by_text("3 robots selected")).to_be_visible()
-            await page.get_by_role("button", name="Pause").click()
+            await page.get_by_role("searchbox").fill("AMR-01")
+            await expect(page.get_by_text("not shown by the filter: AMR-02, AMR-04")).to_be_visible()
+            await page.get_by_role("searchbox").fill("")
+            await page.get_by_role("button", name="Pause").dblclick()
             told = page.locator("nena-fleet-commands .result")
-            await expect(told).to_contain_text("1 of 2 paused")  # AMR-02 is paused already
-            await expect(told).to_contain_text("AMR-04: FAILED \u2013 it stands in a lift")
-            assert sorted(sent) == [("AMR-01", {"actionType": "pause"}), ("AMR-04", {"actionType": "pause"})]
+            await expect(told).to_contain_text("2 of 3 paused")
+            await expect(told).to_contain_text("Pause failed on AMR-04: it stands in a lift")
+            marked = ("AMR-01", "AMR-02", "AMR-04")
+            assert sorted(sent) == [(name, {"actionType": "pause"}) for name in marked]
             assert await findings(page) == []
             await picture(page, "several")
+            sent.clear()
+            await page.get_by_role("button", name="Resume", exact=True).click()
+            await expect(page.get_by_text("These robots continue: AMR-01, AMR-02, AMR-04")).to_be_focused()
+            assert sent == []
+            await page.get_by_role("button", name="Resume 3 robots now").click()
+            await expect(told).to_contain_text("2 of 3 resumed")
+            assert sorted(sent) == [(name, {"actionType": "resume"}) for name in marked]
             await page.get_by_role("button", name="Clear selection").click()
             await expect(page.get_by_text("robots selected")).to_be_hidden()
 
@@ -196,7 +234,7 @@ async def test_a_thousand_robots_stay_usable(hall: Hall, browser: Browser) -> No
             assert seconds < USABLE_WITHIN, f"{seconds:.2f} s for a search"
 
 
-@pytest.mark.parametrize(("language", "title"), [("en-GB", "Needs a person"), ("de-DE", "Eingriff nötig")])
+@pytest.mark.parametrize(("language", "title"), [("en-GB", "Needs attention"), ("de-DE", "Eingriff nötig")])
 async def test_a_telephone_shows_who_needs_a_person_and_then_the_search(
     hall: Hall, browser: Browser, language: str, title: str
 ) -> None:

@@ -21,7 +21,7 @@ MAP = "document.querySelector('nena-fleet-map')"
 async def click_on(page: Page, x: float, y: float) -> None:
     """Click a place of the plane on the map."""
     await becomes(
-        page, f"{MAP}.canvas.getAttribute('aria-label')", None, lambda label: "points" in (label or "")
+        page, f"{MAP}.canvas?.getAttribute('aria-label')", None, lambda label: "points" in (label or "")
     )
     px, py = await page.evaluate(f"{MAP}.view.toScreen({x}, {y})")
     await page.locator("nena-fleet-map canvas").click(position={"x": px, "y": py})
@@ -58,7 +58,10 @@ async def test_a_path_is_locked_and_a_robot_sent_from_the_map(
                     await becomes(page, COLOUR_NEAR, [5, 2, "bad"], lambda found: found > 3)
                     assert await findings(page) == []
                     await picture(page, "path")
+                    await expect(page.get_by_role("button", name="Lock", exact=True)).to_be_disabled()
                     await page.get_by_role("button", name="Unlock", exact=True).click()
+                    await expect(page.get_by_text("Robots may drive over it again")).to_be_focused()
+                    await page.get_by_role("button", name="Unlock now").click()
                     await expect(shown.locator(".chip")).to_have_text("Path")
                     await awaited(locked, lambda still: not still, seconds=PATIENCE, what="it is unlocked")
 
@@ -66,6 +69,8 @@ async def test_a_path_is_locked_and_a_robot_sent_from_the_map(
                     await expect(shown.locator("h2")).to_have_text("Middle 1")
                     form = page.get_by_role("form", name="Send a robot here")
                     await form.get_by_label("Vehicle").select_option("Robot-01")
+                    await click_on(page, 6, 2)  # does not close a form with input
+                    await expect(form.get_by_label("Vehicle")).to_have_value("Robot-01")
                     await form.get_by_role("button").click()
                     await expect(form).to_contain_text("created")
                     name = (await orders.get("/v1/transportOrders")).json()["transportOrders"][0]["name"]

@@ -21,7 +21,7 @@ from support.aggregator_process import AggregatorProcess
 from support.broker import Broker, MqttPeer, free_port
 from support.fleet_examples import connection, position, state, vehicle_status
 from support.order_service_fleet import Fleet, listening
-from support.panel import LABELS, becomes, findings, opened, picture, seconds_now
+from support.panel import COLOUR_NEAR, LABELS, becomes, findings, opened, picture, seconds_now
 from support.plants import grid_name, grid_plant
 from support.waiting import PATIENCE, awaited, until
 
@@ -32,6 +32,14 @@ STOPPED = 17
 TOLD_WITHIN = 2.0
 """Seconds until the page says that the order service is dead, plus what a busy machine adds."""
 MAP = "document.querySelector('nena-fleet-map')"
+NOTE_BANNER = """() => {
+  const banner = document.querySelector("nena-link-banner");
+  const look = () => {
+    if (banner.textContent.includes("The order service is down")) window.told ??= Date.now();
+  };
+  new MutationObserver(look).observe(banner, { childList: true, characterData: true, subtree: true });
+}"""
+"""Note in the page when the banner appears, so that it does not count how often the test looks."""
 
 
 def publish_robots(peer: MqttPeer, robots: TopicScheme, fleet: FleetTopics, epoch: int) -> None:
@@ -105,16 +113,17 @@ async def test_a_shift(
                     await page.get_by_role("link", name="All robots and orders").click()
                     if not dark:
                         await picture(page, "shift")
+                    await page.evaluate(NOTE_BANNER)
+                    killed = time.time()
                     service.kill()
-                    await the_order_service_is_said_to_be_down(page)
+                    await the_order_service_is_said_to_be_down(page, killed)
 
 
-async def the_order_service_is_said_to_be_down(page: Page) -> None:
-    killed = time.monotonic()
+async def the_order_service_is_said_to_be_down(page: Page, killed: float) -> None:
     banner = page.locator("nena-link-banner")
     await expect(banner).to_contain_text("The order service is down", timeout=1e3 * PATIENCE)
-    took = time.monotonic() - killed
-    assert took < TOLD_WITHIN, f"told after {took:.1f} s"
+    took = await page.evaluate("window.told") / 1e3 - killed
+    assert 0 < took < TOLD_WITHIN, f"told after {took:.1f} s"
     assert await findings(page) == []
 
 
@@ -153,4 +162,5 @@ async def a_path_is_locked(page: Page) -> str:
     await expect(shown.locator("h2")).to_contain_text("P-15-9")
     await page.get_by_role("button", name="Lock", exact=True).click()
     await expect(shown.locator(".chip")).to_have_text("Path, locked")
+    await becomes(page, COLOUR_NEAR, [31, 18, "bad"], lambda found: found > 2)  # one of two directions
     return await shown.locator("h2").inner_text()

@@ -121,6 +121,14 @@ async def test_a_path_is_locked(client: httpx.AsyncClient, far: Far) -> None:
     assert far.asked == [("PUT", "/v1/paths/A%2FB%20---%20C/lock", {"locked": True})]
 
 
+@pytest.mark.parametrize(
+    "path", ["/paths/A", "/vehicles/A/lock", "/transportOrders/A/lock", "/paths/A/route"]
+)
+async def test_nothing_but_the_lock_of_a_path_is_put(client: httpx.AsyncClient, far: Far, path: str) -> None:
+    assert (await client.put(path, json={})).status_code == 404
+    assert far.asked == []
+
+
 async def test_problems_of_the_order_service_are_told_as_they_are(client: httpx.AsyncClient) -> None:
     answer = await client.post("/vehicles/taken/dispatch", json={"point": "A"})
     assert (answer.status_code, answer.headers["content-type"]) == (409, "application/problem+json")

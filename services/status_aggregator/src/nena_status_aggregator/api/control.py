@@ -77,7 +77,9 @@ class OrderServiceClient:
 
 PREFIX = "/api/v1/control"
 RESOURCES = re.compile(r"(transportOrders|vehicles|paths)(/[^/]+(/[A-Za-z]+)?)?|traffic/plan")
-"""Forwarded paths: the resources that the panel uses."""
+"""Paths of forwarded questions and commands: the resources that the panel uses."""
+CHANGES = re.compile(r"paths/[^/]+/lock")
+"""Paths of forwarded changes (PUT): only the lock of a path."""
 BODY_LIMIT = 256 * 1024
 """Maximum size of a command, bytes."""
 
@@ -153,13 +155,14 @@ def resource_of(request: Request) -> str:
     """Return the path to forward, percent-encoded as received.
 
     Raises:
-        ProblemError: 404 for resources that the panel does not use.
+        ProblemError: 404 for resources that the panel does not use in this way.
 
     """
     raw: bytes = request.scope["raw_path"]
     path = raw.decode("ascii").split("?", 1)[0].removeprefix(f"{PREFIX}/")
     dots = any(unquote(part) in (".", "..") for part in path.split("/"))
-    if dots or not RESOURCES.fullmatch(path):
+    allowed = CHANGES if request.method == "PUT" else RESOURCES
+    if dots or not allowed.fullmatch(path):
         detail = f"No command at {request.url.path}; see /api/v1/openapi.json."
         raise ProblemError(HTTPStatus.NOT_FOUND, detail)
     return path

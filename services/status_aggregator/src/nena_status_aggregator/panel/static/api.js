@@ -49,9 +49,11 @@ export async function commandsEnabled() {
   return answer?.ok ? (await answer.json()).enabled : false;
 }
 
-/** Fetch a resource of the order service, e.g. `ask("transportOrders", name)`. */
+const ASKED_WITHIN = 5000; // ms
+
+/** Fetch a resource of the order service, e.g. `ask("transportOrders", name)`; fails after 5 s without an answer. */
 export function ask(...path) {
-  return request(path, { headers: { accept: "application/json" } });
+  return request(path, { headers: { accept: "application/json" }, signal: AbortSignal.timeout(ASKED_WITHIN) });
 }
 
 /** Send a command once; `body` is sent as JSON. */

@@ -84,9 +84,12 @@ export class PlantStore extends EventTarget {
   model = null;
   #known = null;
   #locksFollowed = false;
+  #asking = false;
+  #store;
 
   constructor(store) {
     super();
+    this.#store = store;
     store.addEventListener("change", (event) => event.detail.parts.has("plant") && this.#load(store.plant));
   }
 
@@ -114,7 +117,10 @@ export class PlantStore extends EventTarget {
   }
 
   async #loadLocks() {
-    const answer = this.model && (await ask("paths").catch(() => null));
+    if (!this.model || this.#asking || this.#store.orderService.up === false) return;
+    this.#asking = true;
+    const answer = await ask("paths").catch(() => null);
+    this.#asking = false;
     if (answer) this.#takeLocks(answer.paths);
   }
 

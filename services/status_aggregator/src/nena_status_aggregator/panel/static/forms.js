@@ -13,26 +13,36 @@ export function commandForm({ label, submit, send, fields = [], more = [] }) {
   const button = element("button", { class: "primary" }, submit);
   const actions = element("div", { class: "actions" }, button, ...more);
   const form = element("form", { class: "command", "aria-label": label }, ...fields, actions, result);
-  form.addEventListener("input", () => result.replaceChildren());
-  form.addEventListener("submit", (event) => {
+  form.addEventListener("input", () => {
+    form.dataset.touched = "";
+    result.replaceChildren();
+  });
+  form.addEventListener("submit", async (event) => {
     event.preventDefault();
-    run(button, result, send);
+    if (await run(button, result, send)) delete form.dataset.touched;
   });
   return form;
 }
 
-/** Send a command from a button and show its result in `result`. */
+/** Return the form with input that was not sent yet; null if there is none. */
+export function unsentForm() {
+  return document.querySelector("form.command[data-touched]");
+}
+
+/** Send a command from a button and show its result in `result`. Returns whether it was done. */
 export async function run(button, result, send) {
-  if (button.getAttribute("aria-busy") === "true") return;
+  if (button.getAttribute("aria-busy") === "true") return false;
   button.setAttribute("aria-busy", "true");
   show(result, "wait", t("command.sent"));
   try {
     const [key, values, words] = await send();
     show(result, "fine", t(key, values), words);
     document.dispatchEvent(new CustomEvent("poseshow", { detail: null }));
+    return true;
   } catch (error) {
     if (error instanceof RefusedError) show(result, "bad", t("command.refused"), error.message, error.errors);
     else show(result, "bad", t("command.unanswered"));
+    return false;
   } finally {
     button.removeAttribute("aria-busy");
   }
@@ -146,7 +156,9 @@ export class PoseFields {
 
   /** Fill in a pose unless one was entered, picked or suggested before. */
   suggest(pose) {
-    if (!this.#touched) this.pose = pose;
+    if (this.#touched) return;
+    this.pose = pose;
+    delete this.element.closest("form")?.dataset.touched; // not typed by hand
   }
 
   /** Show the pose on the map. */

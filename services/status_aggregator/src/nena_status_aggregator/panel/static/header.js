@@ -93,10 +93,11 @@ class Attention extends HTMLElement {
   }
 
   #update(store) {
+    this.hidden = !store.robots.size; // without robots it is not known that all is well
     const stuck = [...store.robots.values()].filter((each) => each.urgent || STUCK.includes(each.condition));
     stuck.sort((a, b) => b.urgent - a.urgent || byName(a.name, b.name));
     const shown = stuck.slice(0, LISTED).map((each) => [each.id, each.name, each.urgent, each.condition, conditionText(each), reasonOf(each), adviceFor(each)]);
-    refill(this, [shown, stuck.length, store.robots.size > 0], () => [
+    refill(this, [shown, stuck.length], () => [
       element("h2", { id: "attention-title" }, t(stuck.length ? "attention.title" : "attention.none")),
       element("ul", { class: "entries" }, ...shown.map(attentionItem)),
       stuck.length > LISTED ? element("p", { class: "hint" }, t("summary.more", { count: stuck.length - LISTED })) : "",

@@ -1,7 +1,7 @@
 // The history: a time slider that replays the map, and a list of events with filters, by order if wanted.
 
-import { button, element, field, foreign, refill, select, setAttribute, setText, verbatim } from "./dom.js";
-import { byName, dateAndTime, plural, t } from "./i18n.js";
+import { button, element, field, foreign, refill, refillSelect, select, setAttribute, setText, verbatim } from "./dom.js";
+import { byName, dateAndTime, number, plural, t } from "./i18n.js";
 import { backLink, parameters, setParameters } from "./router.js";
 
 const PAGE = 1000;
@@ -26,14 +26,14 @@ export async function loadHistory(range) {
   return { entries: entries.reverse(), complete: before === null };
 }
 
-/** Return the address of the same time range as a file, `csv` or `jsonl`. */
-export function exportAddress(range, form) {
-  return `api/v1/history.${form}?${queryOf(range, {})}`;
+/** Return the address of the same time range as a file, `csv` or `jsonl`; only of one robot or kind, if they are given. */
+export function exportAddress(range, form, { robot, kind }) {
+  return `api/v1/history.${form}?${queryOf(range, { robot: robot || null }, kind ? [kind] : CODES)}`;
 }
 
-function queryOf({ since, until }, more) {
+function queryOf({ since, until }, more, codes = CODES) {
   const query = new URLSearchParams({ since: new Date(since).toISOString(), until: new Date(until).toISOString() });
-  for (const code of CODES) query.append("code", code);
+  for (const code of codes) query.append("code", code);
   for (const [name, value] of Object.entries(more)) if (value !== null) query.set(name, value);
   return query;
 }
@@ -41,16 +41,16 @@ function queryOf({ since, until }, more) {
 const GAP = 15_000;
 
 /**
- * The history by time. `entries` are those of the API, oldest first; `robots` are the current ones: a robot that did not
+ * The history by time. `entries` are those of the API, oldest first; the store has the current robots: one that did not
  * move within the time range is shown at its current position.
  */
 export class Timeline {
-  #robots;
+  #store;
   #tracks = new Map();
   #conditions = new Map();
 
-  constructor(entries, robots) {
-    this.#robots = robots;
+  constructor(entries, store) {
+    this.#store = store;
     this.events = entries.filter((entry) => entry.code !== "position");
     for (const entry of entries) {
       const at = Date.parse(entry.time);
@@ -61,7 +61,7 @@ export class Timeline {
 
   /** Return the robots at a time, as the map needs them. */
   robotsAt(time) {
-    return this.#robots.map((robot) => this.#robotAt(robot, time)).filter((robot) => robot.position);
+    return [...this.#store.robots.values()].map((robot) => this.#robotAt(robot, time)).filter((robot) => robot.position);
   }
 
   /** Return the index of the last event before a time; -1 if there is none. */
@@ -127,19 +127,23 @@ const LISTED = 60;
 class HistoryPage extends HTMLElement {
   #timeline = null;
   #playing = null;
+  #loads = 0; // a load that is not the latest, or ends after the page was left, has no effect
 
   /** Attach to `fleet`: {store, link, plant, enabled, noCommands}. */
   show(fleet) {
     this.fleet = fleet;
+    fleet.store.addEventListener("change", () => this.firstElementChild && this.#offerRobots());
   }
 
   /** Show the history; null hides it. */
   open(view) {
     this.#stop();
+    this.#loads += 1;
+    this.#timeline = null;
     this.#replay(null);
     if (view === null) return this.replaceChildren();
     const linked = parameters();
-    this.given = linked.get("from") && { since: Date.parse(linked.get("from")), until: Date.parse(linked.get("to")) };
+    this.given = rangeOf(linked.get("from"), linked.get("to"));
     const ranges = Object.keys(RANGES).map((name) => [name, t(`history.${name}`)]);
     const given = this.given ? [["given", t("history.given", { from: dateAndTime(this.given.since), to: dateAndTime(this.given.until) })]] : [];
     this.range = select([...given, ...ranges], { name: "range" });
@@ -151,6 +155,7 @@ class HistoryPage extends HTMLElement {
     this.note = element("p", { class: "hint", role: "status" });
     this.files = element("p", { class: "files" });
     this.list = element("ol", { class: "history" });
+    this.cut = element("p", { class: "hint" });
     this.opened = new Set();
     this.range.addEventListener("change", () => this.#load());
     this.slider.addEventListener("input", () => this.#moved());
@@ -160,7 +165,7 @@ class HistoryPage extends HTMLElement {
     const controls = element("section", {}, choices, this.slider, this.note);
     const narrowing = element("div", { class: "fields" }, ...Object.entries(this.filters).map(([name, control]) => field(t(`history.by.${name}`), control)));
     narrowing.addEventListener("input", () => this.#narrow());
-    const listed = element("section", {}, element("h3", {}, t("history.events")), narrowing, this.list, this.files);
+    const listed = element("section", {}, element("h3", {}, t("history.events")), narrowing, this.cut, this.list, this.files);
     this.replaceChildren(head, controls, listed);
     heading.focus({ preventScroll: true });
     return this.#load();
@@ -168,11 +173,9 @@ class HistoryPage extends HTMLElement {
 
   #filters(linked) {
     const all = ["", t("history.all")];
-    const robots = [...this.fleet.store.robots.values()].sort((a, b) => byName(a.name, b.name)).map(({ id, name }) => [id, name, true]);
-    const known = linked.get("robot") && !robots.some(([id]) => id === linked.get("robot")) ? [[linked.get("robot"), linked.get("robot"), true]] : [];
     const kinds = CODES.filter((code) => code !== "position").map((code) => [code, t(`eventLog.${code}`)]);
     const made = {
-      robot: select([all, ...known, ...robots]),
+      robot: select(this.#robotOptions(linked.get("robot"))),
       order: element("input", { type: "search" }),
       kind: select([all, ...kinds]),
       level: select([all, ["problems", t("history.problems")]]),
@@ -181,6 +184,23 @@ class HistoryPage extends HTMLElement {
     for (const name of ["robot", "order", "kind", "level"]) made[name].value = linked.get(name) ?? "";
     made.grouped.checked = Boolean(linked.get("grouped"));
     return made;
+  }
+
+  // Robots to choose from; `chosen` also if it is not known.
+  #robotOptions(chosen) {
+    const robots = [...this.fleet.store.robots.values()].sort((a, b) => byName(a.name, b.name)).map(({ id, name }) => [id, name, true]);
+    const known = !chosen || robots.some(([id]) => id === chosen) ? [] : [[chosen, chosen, true]];
+    return [["", t("history.all")], ...known, ...robots];
+  }
+
+  // The page may be open before the robots are known.
+  #offerRobots() {
+    const { robot } = this.filters;
+    const options = this.#robotOptions(robot.value);
+    const offered = [...robot.options].map((each) => [each.value, each.text]);
+    if (JSON.stringify(options.map(([id, name]) => [id, name])) === JSON.stringify(offered)) return;
+    refillSelect(robot, options);
+    this.#moved();
   }
 
   get #chosen() {
@@ -192,18 +212,21 @@ class HistoryPage extends HTMLElement {
   #narrow() {
     const { since, until } = this.loaded;
     setParameters({ from: new Date(since).toISOString(), to: new Date(until).toISOString(), ...this.#chosen });
-    if (this.#timeline) this.#moved();
+    if (!this.#timeline) return;
+    this.files.replaceChildren(...["csv", "jsonl"].map((form) => download(this.loaded, form, this.#chosen)));
+    this.#moved();
   }
 
   async #load() {
     this.#stop();
+    const load = (this.#loads += 1);
     setText(this.note, t("history.loading"));
     const now = this.fleet.store.now();
     const range = this.range.value === "given" ? this.given : { since: now - RANGES[this.range.value] * 1000, until: now };
     this.loaded = range;
     const found = await loadHistory(range);
-    if (!this.isConnected || !this.list) return;
-    this.#timeline = found && new Timeline(found.entries, [...this.fleet.store.robots.values()]);
+    if (load !== this.#loads) return;
+    this.#timeline = found && new Timeline(found.entries, this.fleet.store);
     setText(this.note, noteOn(found));
     for (const control of [this.slider, this.play]) control.disabled = !found?.entries.length;
     if (!found) return;
@@ -211,32 +234,35 @@ class HistoryPage extends HTMLElement {
     setAttribute(this.slider, "min", begin);
     setAttribute(this.slider, "max", range.until);
     this.slider.value = range.until;
-    this.files.replaceChildren(...["csv", "jsonl"].map((form) => download(range, form)));
     this.#narrow();
   }
 
   // Show the fleet at the slider's time.
   #moved() {
+    if (!this.#timeline) return;
     const time = Number(this.slider.value);
     setText(this.clock, dateAndTime(time));
     setAttribute(this.slider, "aria-valuetext", dateAndTime(time));
     this.#replay(this.#timeline.robotsAt(time));
     const chosen = this.#chosen;
     const past = this.#timeline.events.slice(0, this.#timeline.lastEvent(time) + 1);
-    const shown = past.filter((entry) => fits(entry, chosen)).slice(-LISTED).reverse();
+    const found = past.filter((entry) => fits(entry, chosen)).reverse();
     const names = Object.fromEntries([...this.fleet.store.robots.values()].map((robot) => [robot.id, robot.name]));
+    const shown = chosen.grouped ? found : found.slice(0, LISTED);
     const content = [shown.map((entry) => entry.id), chosen.grouped];
     refill(this.list, content, () => (chosen.grouped ? this.#groups(shown, names) : shown.map((entry) => this.#event(entry, names))));
+    const of = chosen.grouped ? new Set(found.map((entry) => entry.order ?? "")).size : found.length;
+    setText(this.cut, of > LISTED ? t("history.listed", { count: number(LISTED), of: number(of) }) : "");
   }
 
   // One row for each order, the latest first; events without an order are in a row of their own.
-  #groups(shown, names) {
+  #groups(found, names) {
     const groups = new Map();
-    for (const entry of shown) append(groups, entry.order ?? "", entry);
-    return [...groups].map(([order, entries]) => {
+    for (const entry of found) append(groups, entry.order ?? "", entry);
+    return [...groups].slice(0, LISTED).map(([order, entries]) => {
       const title = order ? verbatim("strong", order) : element("strong", {}, t("history.noOrder"));
       const latest = element("span", {}, `${dateAndTime(entries[0].time)} · ${plural("history.count", entries.length)}`);
-      const rows = element("ol", { class: "history" }, ...entries.map((entry) => this.#event(entry, names)));
+      const rows = element("ol", { class: "history" }, ...entries.slice(0, LISTED).map((entry) => this.#event(entry, names)));
       const made = element("details", {}, element("summary", {}, title, " ", latest), rows);
       made.open = this.opened.has(order);
       made.addEventListener("toggle", () => (made.open ? this.opened.add(order) : this.opened.delete(order)));
@@ -283,8 +309,14 @@ function noteOn(found) {
   return found.complete ? "" : t("history.cut");
 }
 
-function download(range, form) {
-  return element("a", { href: exportAddress(range, form), download: `nena-history.${form}` }, t(`history.${form}`));
+// A time range of the address; null if it has none or one that cannot be read.
+function rangeOf(from, to) {
+  const [since, until] = [Date.parse(from), Date.parse(to)];
+  return since < until ? { since, until } : null;
+}
+
+function download(range, form, chosen) {
+  return element("a", { href: exportAddress(range, form, chosen), download: `nena-history.${form}` }, t(`history.${form}`));
 }
 
 customElements.define("nena-history-page", HistoryPage);

@@ -1,7 +1,7 @@
 // Beside the map: tabs of robots and orders, one search for robots, orders and places, and commands to several robots.
 
 import { command } from "./api.js";
-import { button, element, foreign, refill, setAttribute, setText } from "./dom.js";
+import { button, element, foreign, refill, setAttribute, setText, verbatim } from "./dom.js";
 import { byName, number, plural, t } from "./i18n.js";
 import { matches } from "./live_table.js";
 import { address, currentView, lists } from "./router.js";
@@ -9,8 +9,15 @@ import { address, currentView, lists } from "./router.js";
 const TABS = { robots: "robots.tab", orders: "orders.tab", map: "map.title" };
 const narrow = matchMedia("(max-width: 900px)"); // the map is beside the lists otherwise
 
-/** Chooses the list; on a telephone also the map. A list without a match gives way to the one that has some. */
+/**
+ * Chooses the list; on a telephone also the map. When the search changes, a list without a match gives way to the one that
+ * has some; later it changes only by hand.
+ */
 class Tabs extends HTMLElement {
+  #searched = "";
+  #undecided = false; // searched before the lists were loaded
+  #given = false;
+
   /** Attach to the tables, by the tabs' names. */
   show(tables) {
     this.tables = tables;
@@ -20,25 +27,46 @@ class Tabs extends HTMLElement {
     this.replaceChildren(row);
     for (const table of Object.values(tables)) table.addEventListener("count", () => this.#update());
     narrow.addEventListener("change", () => this.#update());
+    lists.addEventListener("change", () => this.#search());
     this.#update();
   }
 
   #tab(name) {
-    const made = button("", () => lists.set({ tab: name === "robots" ? "" : name }), { role: "tab", id: `${name}-tab` });
+    const choose = () => {
+      this.#given = this.#undecided = false;
+      lists.set({ tab: name === "robots" ? "" : name });
+    };
+    const made = button("", choose, { role: "tab", id: `${name}-tab` });
     setAttribute(made, "aria-controls", name);
     return made;
   }
 
-  get #chosen() {
+  #choose() {
     const tab = lists.get("tab");
-    const wanted = tab in this.tables || (tab === "map" && narrow.matches) ? tab : "robots";
+    const wanted = Object.hasOwn(this.tables, tab) || (tab === "map" && narrow.matches) ? tab : "robots";
     const other = { robots: "orders", orders: "robots" }[wanted];
-    const given = lists.get("q") && other && !this.tables[wanted].count && this.tables[other].count;
-    return given ? other : wanted;
+    if (!other) return wanted;
+    if (this.#undecided) {
+      const loaded = Object.values(this.tables).some((table) => table.loaded);
+      const [own, others] = [wanted, other].map((name) => this.tables[name].matching);
+      this.#given = !own && others;
+      this.#undecided = !loaded;
+    }
+    return this.#given ? other : wanted;
+  }
+
+  #search() {
+    const searched = lists.get("q").trim();
+    if (searched !== this.#searched) {
+      this.#given = false;
+      this.#undecided = searched !== "";
+    }
+    this.#searched = searched;
+    this.#update();
   }
 
   #update() {
-    const chosen = this.#chosen;
+    const chosen = this.#choose();
     const changed = document.body.dataset.tab !== chosen;
     document.body.dataset.tab = chosen;
     for (const [name, tab] of this.tabs) {
@@ -128,46 +156,87 @@ class FleetCommands extends HTMLElement {
     this.table = table;
     this.count = element("strong");
     this.all = button(t("several.all"), () => table.mark(table.ids, true));
-    this.pause = button(t("command.pause"), () => this.#send("pause", "several.paused", (robot) => !robot.paused));
-    this.resume = button(t("command.resume"), () => this.#send("resume", "several.resumed", (robot) => robot.paused));
+    this.pause = button(t("command.pause"), () => this.#send("pause"));
+    this.resume = button(t("command.resume"), () => this.#askResume());
     const clear = button(t("several.clear"), () => table.mark([...table.marked], false));
+    this.unseen = element("p", { class: "hint" });
+    this.effect = element("p", { class: "effect", id: "several-effect", tabindex: -1 });
+    this.sure = button("", () => this.#send("resume"), { class: "danger", "aria-describedby": "several-effect" });
+    this.asked = element("div", {}, this.effect, element("div", { class: "actions" }, this.sure));
     this.result = element("output", { class: "result", role: "status" });
     this.bar = element("div", { class: "actions" }, this.count, this.pause, this.resume, this.all, clear);
-    this.replaceChildren(this.bar, this.result);
+    this.replaceChildren(this.bar, this.unseen, this.asked, this.result);
     for (const name of ["marked", "count"]) table.addEventListener(name, () => this.#update());
-    table.addEventListener("marked", () => this.result.replaceChildren());
+    table.addEventListener("marked", () => {
+      this.asked.hidden = true;
+      this.result.replaceChildren();
+    });
+    this.asked.hidden = true;
     this.#update();
   }
 
-  #robots() {
-    return [...this.table.marked].map((id) => this.table.store.robots.get(id)).filter((robot) => robot?.vehicle);
+  // The names of marked robots that can be commanded or not; `hidden`: those that the list does not show.
+  #names() {
+    const { marked, store, ids } = this.table;
+    const robots = [...marked].map((id) => store.robots.get(id)).filter(Boolean).sort((a, b) => byName(a.name, b.name));
+    const shown = new Set(ids);
+    const names = (chosen) => chosen.map(({ name }) => name);
+    return {
+      robots: robots.filter(({ vehicle }) => vehicle),
+      skipped: names(robots.filter(({ vehicle }) => !vehicle)),
+      hidden: names(robots.filter(({ id }) => !shown.has(id))),
+    };
   }
 
   #update() {
-    const robots = this.#robots();
+    const { robots, hidden } = this.#names();
     this.bar.hidden = this.table.marked.size === 0;
     setText(this.count, plural("several.marked", this.table.marked.size));
-    this.pause.disabled = !robots.some((robot) => !robot.paused);
-    this.resume.disabled = !robots.some((robot) => robot.paused);
+    this.pause.disabled = this.resume.disabled = !robots.length;
+    this.unseen.hidden = !hidden.length;
+    setText(this.unseen, t("several.unseen", { names: hidden.join(", ") }));
   }
 
-  async #send(actionType, done, fits) {
-    const robots = this.#robots().filter(fits);
+  // Paused robots start to move: it says which, and asks once.
+  #askResume() {
+    const { robots } = this.#names();
+    this.asked.hidden = !this.asked.hidden;
+    setText(this.effect, t("several.effect", { names: robots.map(({ name }) => name).join(", ") }));
+    setText(this.sure, plural("several.sure", robots.length));
+    if (!this.asked.hidden) this.effect.focus();
+  }
+
+  async #send(actionType) {
+    if (this.bar.getAttribute("aria-busy")) return;
+    const { robots, skipped } = this.#names();
     this.bar.setAttribute("aria-busy", "true");
+    if (this.asked.contains(document.activeElement)) this.resume.focus();
+    this.asked.hidden = true;
+    this.result.dataset.level = "wait";
     setText(this.result, t("command.sent"));
     const answers = await Promise.allSettled(robots.map((robot) => command(["vehicles", robot.vehicle.name, "instantActions"], { actionType })));
     this.bar.removeAttribute("aria-busy");
-    const failed = answers.flatMap((answer, at) => (answer.value?.status === "FINISHED" ? [] : [[robots[at].name, answer]]));
-    const count = { count: number(robots.length - failed.length), of: number(robots.length) };
-    this.result.dataset.level = failed.length ? "bad" : "fine";
-    this.result.replaceChildren(element("strong", {}, t(done, count)));
-    if (failed.length) this.result.append(element("ul", {}, ...failed.map(([name, answer]) => failure(name, answer))));
+    const open = answers.flatMap((answer, at) => (answer.value?.status === "FINISHED" ? [] : [[robots[at].name, answer]]));
+    const count = { count: number(robots.length - open.length), of: number(robots.length) };
+    const running = open.every(([, { value }]) => value?.status === "PENDING");
+    this.result.dataset.level = open.length ? (running ? "wait" : "bad") : "fine";
+    this.result.replaceChildren(element("strong", {}, t(DONE[actionType], count)));
+    const action = t(`command.${actionType}`);
+    const rows = open.map(([name, answer]) => unfinished(name, action, answer));
+    if (skipped.length) rows.push(element("li", {}, t("several.skipped", { names: skipped.join(", ") })));
+    if (rows.length) this.result.append(element("ul", {}, ...rows));
   }
 }
 
-function failure(name, { reason, value }) {
-  const words = reason ? reason.message : [value.status, value.reason].filter(Boolean).join(" – ");
-  return element("li", {}, element("span", { translate: "no" }, name), ": ", words ? foreign("span", words) : t("command.unanswered"));
+const DONE = { pause: "several.paused", resume: "several.resumed" };
+
+// A robot that has not done it (yet), and why.
+function unfinished(name, action, { reason, value }) {
+  if (value) {
+    const words = [value.reason, value.result].filter(Boolean).join(" – ");
+    return element("li", {}, t(`command.${value.status}`, { name, action }), " ", foreign("span", words));
+  }
+  return element("li", {}, verbatim("span", name), ": ", reason.message ? foreign("span", reason.message) : t("command.unanswered"));
 }
 
 customElements.define("nena-fleet-commands", FleetCommands);

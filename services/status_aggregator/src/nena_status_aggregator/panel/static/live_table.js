@@ -20,6 +20,7 @@ export class LiveTable extends HTMLElement {
   #heights = new Map();
   #shown = [];
   #pending = false;
+  #pointed = false;
 
   /** Show the views of `kind` in the store, and follow their changes. */
   follow(store, kind) {
@@ -39,7 +40,8 @@ export class LiveTable extends HTMLElement {
     lists.addEventListener("change", () => this.refresh());
     document.addEventListener("scroll", () => this.#mount(), { capture: true, passive: true });
     addEventListener("resize", () => this.#heights.clear());
-    setInterval(() => this.#update(), TICK);
+    this.#watchHand();
+    setInterval(() => this.update(), TICK);
     this.refresh();
   }
 
@@ -53,17 +55,29 @@ export class LiveTable extends HTMLElement {
     return this.#shown.map((view) => view.id);
   }
 
-  /** Filter, sort and show all views. Fires `count`. */
-  refresh() {
+  /** Return whether there are any views, shown or not. */
+  get loaded() {
+    return this.views().size > 0;
+  }
+
+  /** Return whether any view is accepted, also before the list is refreshed. */
+  get matching() {
+    return [...this.views().values()].some((view) => this.accept(view));
+  }
+
+  /** Filter, sort and show all views; `kept`: rows that are shown stay in their order. Fires `count`. */
+  refresh(kept = false) {
     const views = [...this.views().values()];
-    this.#shown = views.filter((view) => this.accept(view)).sort(this.#compare());
+    const compare = kept ? this.#compareAsShown() : this.#compare();
+    this.#shown = views.filter((view) => this.accept(view)).sort(compare);
+    for (const id of this.#heights.keys()) if (!this.views().has(id)) this.#heights.delete(id);
     this.table.hidden = this.#shown.length === 0;
     this.note.hidden = views.length > 0;
     this.unmatched.hidden = views.length === 0 || this.#shown.length > 0;
     setAttribute(this.table, "aria-rowcount", this.#shown.length + 1);
     this.#markHeads();
     this.#mount();
-    this.#update();
+    this.update();
     this.dispatchEvent(new Event("count"));
   }
 
@@ -73,8 +87,22 @@ export class LiveTable extends HTMLElement {
     this.#pending = true;
     requestAnimationFrame(() => {
       this.#pending = false;
-      this.refresh();
+      this.refresh(this.#inHand);
     });
+  }
+
+  // Rows do not change places while the pointer is over them or the focus is in them: a click would hit another one.
+  get #inHand() {
+    return this.#pointed || this.body.contains(document.activeElement);
+  }
+
+  #watchHand() {
+    this.body.addEventListener("pointerenter", (event) => (this.#pointed = event.pointerType === "mouse"));
+    this.body.addEventListener("pointerleave", () => {
+      this.#pointed = false;
+      this.#later();
+    });
+    this.body.addEventListener("focusout", () => this.#later());
   }
 
   #head(key) {
@@ -84,36 +112,51 @@ export class LiveTable extends HTMLElement {
 
   // Ascending, descending, and back to the usual order.
   #sortBy(name) {
-    const next = { [name]: `-${name}`, [`-${name}`]: "" };
-    lists.set({ [this.sortKey]: next[lists.get(this.sortKey)] ?? name });
+    const next = new Map([[name, `-${name}`], [`-${name}`, ""]]);
+    lists.set({ [this.sortKey]: next.get(this.#sorting) ?? name });
+  }
+
+  // The column to sort by, with `-` descending; empty for the usual order.
+  get #sorting() {
+    const chosen = lists.get(this.sortKey);
+    return Object.hasOwn(this.orders, chosen.replace(/^-/, "")) ? chosen : "";
   }
 
   #compare() {
-    const chosen = lists.get(this.sortKey);
-    const order = this.orders[chosen.replace("-", "")];
+    const chosen = this.#sorting;
+    const order = this.orders[chosen.replace(/^-/, "")];
     const sign = chosen.startsWith("-") ? -1 : 1;
     return (a, b) => this.first(a, b) || (order ? sign * order(a, b) : 0) || this.usual(a, b);
   }
 
+  #compareAsShown() {
+    const at = new Map(this.#shown.map((view, index) => [view.id, index]));
+    const place = (view) => at.get(view.id) ?? at.size;
+    const compare = this.#compare();
+    return (a, b) => place(a) - place(b) || compare(a, b);
+  }
+
   #markHeads() {
-    const chosen = lists.get(this.sortKey);
+    const chosen = this.#sorting;
     for (const [name, head] of this.heads) {
       const sorted = { [name]: "ascending", [`-${name}`]: "descending" }[chosen];
       setAttribute(head, "aria-sort", sorted);
     }
   }
 
-  #update() {
+  /** Update the rows in sight. */
+  update() {
     const now = this.store.now();
     const views = this.views();
     for (const [id, { update }] of this.#rows) if (views.has(id)) update(views.get(id), now);
   }
 
-  // Mount the rows in sight; the others are two empty rows of their height.
+  // Mount the rows in sight and the one with the focus; the others are two empty rows of their height.
   #mount() {
     const [from, to] = this.#inSight();
-    const wanted = this.#shown.slice(from, to);
-    const ids = new Set(wanted.map((view) => view.id));
+    const focused = document.activeElement;
+    const wanted = this.#shown.map((view, at) => [view, at]).filter(([{ id }, at]) => (at >= from && at < to) || this.#rows.get(id)?.row.contains(focused));
+    const ids = new Set(wanted.map(([view]) => view.id));
     const now = this.store.now();
     for (const [id, { row }] of this.#rows) {
       if (ids.has(id)) continue;
@@ -121,22 +164,23 @@ export class LiveTable extends HTMLElement {
       this.#rows.delete(id);
     }
     let last = this.spaces[0];
-    wanted.forEach((view, at) => {
+    for (const [view, at] of wanted) {
       if (!this.#rows.has(view.id)) {
         this.#rows.set(view.id, this.makeRow(view.id));
         this.#rows.get(view.id).update(view, now);
       }
       const { row } = this.#rows.get(view.id);
-      setAttribute(row, "aria-rowindex", from + at + 2);
+      setAttribute(row, "aria-rowindex", at + 2);
       if (last.nextSibling !== row) last.after(row);
       last = row;
-    });
-    this.#stretch(from, to);
+    }
+    if (focused !== document.activeElement && this.body.contains(focused)) focused.focus({ preventScroll: true }); // its row was moved
+    this.#stretch(from, to, ids);
   }
 
-  #stretch(from, to) {
+  #stretch(from, to, mounted) {
     for (const [id, { row }] of this.#rows) if (row.offsetHeight) this.#heights.set(id, row.offsetHeight);
-    const height = (views) => views.reduce((sum, view) => sum + this.#heightOf(view), 0);
+    const height = (views) => views.filter(({ id }) => !mounted.has(id)).reduce((sum, view) => sum + this.#heightOf(view), 0);
     const heights = [height(this.#shown.slice(0, from)), height(this.#shown.slice(to))];
     this.spaces.forEach((each, at) => {
       each.hidden = !heights[at];

@@ -2,6 +2,7 @@
 
 import { commandsEnabled, whoIsIt } from "./api.js";
 import { EventLink, FleetStore, PlantStore } from "./fleet.js";
+import { unsentForm } from "./forms.js";
 import { chosenLanguage, t } from "./i18n.js";
 import { address, followView } from "./router.js";
 import "./header.js";
@@ -40,8 +41,15 @@ part("user-menu").show(session);
 map.show(store, plant, enabled);
 for (const view of Object.values(views)) view.show(fleet);
 
-map.addEventListener("select", (event) => event.detail && (location.hash = address("robots", event.detail)));
-map.addEventListener("selectplace", (event) => (location.hash = address("places", event.detail)));
+// A click on the map does not close a form with input that was not sent yet.
+function go(...view) {
+  const form = unsentForm();
+  if (form) form.scrollIntoView({ block: "nearest" });
+  else location.hash = address(...view);
+}
+
+map.addEventListener("select", (event) => go("robots", event.detail));
+map.addEventListener("selectplace", (event) => go("places", event.detail));
 views.robots.addEventListener("reveal", (event) => map.reveal(event.detail));
 views.history.addEventListener("replay", (event) => map.replay(event.detail));
 document.addEventListener("poseshow", (event) => map.showPose(event.detail));
@@ -49,8 +57,8 @@ document.addEventListener("posepick", (event) => map.pickPose(event.detail));
 
 let begun = false;
 followView(([name, id]) => {
-  const chosen = id || name === "history" ? name : { orders: "newOrder" }[name];
-  const view = views[chosen] ?? null;
+  const chosen = id || name === "history" ? name : name === "orders" && "newOrder";
+  const view = Object.hasOwn(views, chosen) ? views[chosen] : null;
   document.getElementById("lists").hidden = view !== null;
   document.body.dataset.view = view ? "page" : "lists";
   if (!view) for (const table of Object.values(tables)) table.refresh();

@@ -54,12 +54,12 @@ class OrderPage extends HTMLElement {
   // Withdrawing asks once, and says what it will do.
   #commands() {
     this.result = element("output", { class: "result", role: "status" });
-    this.sure = button(t("order.withdrawSure", { name: this.#name }), () => run(this.sure, this.result, () => this.#ask("withdrawal", "withdrawn")), { class: "danger" });
+    this.sure = button(t("order.withdrawSure", { name: this.#name }), () => run(this.sure, this.result, () => this.#ask("withdrawal", "withdrawn")), { class: "danger", "aria-describedby": "withdraw-effect" });
     this.withdraw = button(t("order.withdraw"), () => {
       this.effect.hidden = this.sure.hidden = !this.sure.hidden;
-      if (!this.sure.hidden) this.sure.focus();
+      if (!this.sure.hidden) this.effect.focus(); // not the button: a held Enter key would press it
     });
-    this.effect = element("p", { class: "effect" });
+    this.effect = element("p", { class: "effect", id: "withdraw-effect", tabindex: -1 });
     this.effect.hidden = this.sure.hidden = true;
     this.hold = button(t("order.hold"), () => run(this.hold, this.result, () => this.#ask("hold", "held")));
     this.resume = button(t("order.resume"), () => run(this.resume, this.result, () => this.#ask("resume", "resumed")));

@@ -1,6 +1,6 @@
 // The page of a point, location or path: what holds it, what it is connected to, lock and unlock, and sending a robot there.
 
-import { ask, command, newKey } from "./api.js";
+import { ask, command, newKey, RefusedError } from "./api.js";
 import { button, element, field, refill, refillSelect, select, setText, verbatim } from "./dom.js";
 import { conditionText } from "./explanations.js";
 import { commandForm, operation, run, vehicles } from "./forms.js";
@@ -11,6 +11,7 @@ const PAUSE = 2000;
 
 class PlacePage extends HTMLElement {
   #name = null;
+  #asking = false;
   #held = null; // vehicle and whether it stands there, by the order service; null: not known
 
   /** Attach to `fleet`: {store, link, plant, enabled, noCommands}. */
@@ -63,26 +64,50 @@ class PlacePage extends HTMLElement {
     return this.fleet.plant.model.paths.find((path) => path.source === destination && path.destination === source);
   }
 
+  // Locking and unlocking are buttons of their own, so that a second click does not undo the first. Unlocking asks once.
   #lockCommands() {
     this.result = element("output", { class: "result", role: "status" });
     const opposite = this.#opposite(this.fleet.plant.find(this.#name).thing)?.name;
-    const names = [this.#name, opposite].filter(Boolean);
-    this.lock = button("", () => this.#lock(this.lock, [this.#name]));
-    this.both = button("", () => this.#lock(this.both, names));
-    this.both.hidden = !opposite;
-    return element("div", {}, element("div", { class: "actions" }, this.lock, this.both), element("p", { class: "hint" }, t("place.lockHint")), this.result);
+    const [one, both] = [[this.#name], [this.#name, opposite].filter(Boolean)];
+    this.lock = button(t("place.lock"), () => this.#lock(this.lock, one, true));
+    this.lockBoth = button(t("place.lockBoth"), () => this.#lock(this.lockBoth, both, true));
+    this.unlock = button(t("place.unlock"), () => this.#askUnlock(one));
+    this.unlockBoth = button(t("place.unlockBoth"), () => this.#askUnlock(both));
+    this.lockBoth.hidden = this.unlockBoth.hidden = !opposite;
+    this.effect = element("p", { class: "effect", id: "unlock-effect", tabindex: -1 });
+    this.asked = element("div", {}, this.effect);
+    this.asked.hidden = true;
+    const bar = element("div", { class: "actions" }, this.lock, this.lockBoth, this.unlock, this.unlockBoth);
+    return element("div", {}, bar, this.asked, element("p", { class: "hint" }, t("place.lockHint")), this.result);
   }
 
-  #lock(pressed, names) {
-    const locked = !this.#locked;
+  #askUnlock(names) {
+    const sure = button(t("place.unlockSure"), () => this.#lock(sure, names, false), { class: "danger", "aria-describedby": "unlock-effect" });
+    setText(this.effect, t("place.unlockEffect", { name: names.join(", ") }));
+    this.asked.replaceChildren(this.effect, element("div", { class: "actions" }, sure));
+    this.asked.hidden = false;
+    this.effect.focus();
+  }
+
+  #lock(pressed, names, locked) {
+    if (locked) this.asked.hidden = true;
+    this.heading.focus({ preventScroll: true }); // the button will be disabled or hidden
+    const done = t(locked ? "done.locked" : "done.unlocked", { name: names[0] });
     return run(pressed, this.result, async () => {
-      for (const name of names) await this.fleet.plant.lock(name, locked);
-      return [locked ? "done.locked" : "done.unlocked", { name: names.join(", ") }];
+      for (const name of names) {
+        await this.fleet.plant.lock(name, locked).catch((error) => {
+          if (name === names[0]) throw error;
+          throw new RefusedError({ detail: `${name}: ${error.message || t("command.unanswered")} (${done})` });
+        });
+      }
+      this.asked.hidden = true;
+      if (names.length === 1) return [locked ? "done.locked" : "done.unlocked", { name: names[0] }];
+      return [locked ? "done.lockedBoth" : "done.unlockedBoth", { name: names.join(", ") }];
     });
   }
 
-  get #locked() {
-    return Boolean(this.fleet.plant.find(this.#name)?.thing.locked);
+  #locked(name) {
+    return Boolean(this.fleet.plant.find(name)?.thing.locked);
   }
 
   #sendForm() {
@@ -104,10 +129,13 @@ class PlacePage extends HTMLElement {
   }
 
   async #ask() {
-    const name = this.#name;
-    const plan = await ask("traffic", "plan").catch(() => null);
-    const found = this.fleet.plant.find(name);
-    if (name !== this.#name || !found) return;
+    if (this.#asking) return;
+    this.#asking = true;
+    const away = this.fleet.store.orderService.up === false;
+    const plan = away ? null : await ask("traffic", "plan").catch(() => null);
+    this.#asking = false;
+    const found = this.#name && this.fleet.plant.find(this.#name); // the plan is the same for all places
+    if (!found) return;
     this.#held = plan && plan.vehicles.flatMap((vehicle) => heldAs(vehicle, found));
     this.#update();
   }
@@ -126,12 +154,16 @@ class PlacePage extends HTMLElement {
     const none = t(this.#held || standing.length ? "place.free" : "place.unknown");
     refill(this.holders, [rows, none], () => [rows.length ? element("ul", { class: "entries" }, ...rows.map(holder)) : element("p", { class: "hint" }, none)]);
     if (found.kind !== "path") return;
-    const locked = this.#locked;
+    const locked = this.#locked(this.#name);
+    const opposite = this.#opposite(found.thing)?.name;
+    const other = opposite ? this.#locked(opposite) : locked;
     setText(this.kind, t(locked ? "place.locked" : "place.path"));
     this.kind.dataset.state = locked ? "FAILED" : "";
     if (this.fleet.noCommands) return;
-    setText(this.lock, t(locked ? "place.unlock" : "place.lock"));
-    setText(this.both, t(locked ? "place.unlockBoth" : "place.lockBoth"));
+    this.lock.disabled = locked;
+    this.lockBoth.disabled = locked && other;
+    this.unlock.disabled = !locked;
+    this.unlockBoth.disabled = !locked && !other;
   }
 }
 

@@ -1,6 +1,6 @@
 // Command buttons of a robot, and the forms they open.
 
-import { command, newKey } from "./api.js";
+import { command, newKey, RefusedError } from "./api.js";
 import { button, element, field, foreign, numberInput, numberOf, select, setAttribute } from "./dom.js";
 import { orderOf, reasonOf } from "./explanations.js";
 import { commandForm, outcome, PlaceFields, PoseFields, run } from "./forms.js";
@@ -172,8 +172,10 @@ function valueOf(control, type) {
 
 /** Say what a command will do to a robot, with the button that sends it. */
 function confirmation({ label, effect, submit, send }) {
-  const form = commandForm({ label, submit, send, fields: [element("p", { class: "effect" }, effect)] });
-  form.querySelector("button").className = "danger";
+  const form = commandForm({ label, submit, send, fields: [element("p", { class: "effect", id: "command-effect", tabindex: -1 }, effect)] });
+  const sure = form.querySelector("button");
+  sure.className = "danger";
+  setAttribute(sure, "aria-describedby", "command-effect");
   return form;
 }
 
@@ -274,7 +276,7 @@ class RobotCommands extends HTMLElement {
     }
     this.result.replaceChildren();
     this.place.replaceChildren(...(close ? [] : [await make()]));
-    this.place.querySelector("select, input")?.focus();
+    this.place.querySelector("select, input, .effect")?.focus();
   }
 
   // `name`: of the command, as in the texts under `command.` and `done.`.
@@ -295,8 +297,17 @@ class RobotCommands extends HTMLElement {
       label: t("confirm.cancelTitle"),
       effect: t(order.id ? "confirm.withdraw" : "confirm.cancel", values) + load,
       submit: t("order.withdrawSure", { name: order.name }),
-      send: () => (order.id ? this.#withdraw(order.id) : this.#act("cancelOrder", "cancel")),
+      send: () => {
+        this.#checkStill(order);
+        return order.id ? this.#withdraw(order.id) : this.#act("cancelOrder", "cancel");
+      },
     });
+  }
+
+  // Meanwhile the robot may have another order than the one that was confirmed.
+  #checkStill({ name }) {
+    const now = this.#order?.name;
+    if (now !== name) throw new RefusedError({ detail: t("confirm.otherOrder", { name, now: now ?? t("none") }) });
   }
 
   async #withdraw(order) {

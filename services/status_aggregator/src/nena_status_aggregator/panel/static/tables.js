@@ -16,6 +16,11 @@ function rankOf({ urgent, condition }) {
   return urgent ? -1 : RANKS.findIndex((names) => names.includes(condition));
 }
 
+// Whether a name is searched in full.
+function isNamed(name) {
+  return lists.get("q").trim().toLowerCase() === name.toLowerCase();
+}
+
 class RobotTable extends LiveTable {
   columns = ["robots.name", "robots.condition", "robots.battery", "robots.order", "robots.age"];
   empty = "robots.empty";
@@ -45,12 +50,13 @@ class RobotTable extends LiveTable {
       if (on) this.marked.add(id);
       else this.marked.delete(id);
     }
-    this.refresh();
+    this.update();
     this.dispatchEvent(new Event("marked"));
   }
 
   accept(robot) {
     const conditions = lists.get("condition").split(",").filter(Boolean);
+    if (isNamed(robot.name)) return true; // whatever its condition
     if (conditions.length && !conditions.includes(filterOf(robot))) return false;
     return matches(lists.get("q"), [robot.name, robot.id, robot.vehicle?.currentPosition, orderOf(robot, this.store.orders)?.name]);
   }
@@ -193,7 +199,9 @@ class OrderTable extends LiveTable {
 
   accept(order) {
     const places = order.destinations.map((each) => each.place);
-    const chosen = SHOWN[lists.get("state")] ?? (() => true);
+    if (isNamed(order.name)) return true;
+    const state = lists.get("state");
+    const chosen = Object.hasOwn(SHOWN, state) ? SHOWN[state] : () => true;
     return chosen(order) && matches(lists.get("q"), [order.name, order.intendedVehicle, order.processingVehicle, order.type, ...places]);
   }
 

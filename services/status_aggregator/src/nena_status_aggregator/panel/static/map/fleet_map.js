@@ -163,7 +163,8 @@ class FleetMap extends HTMLElement {
     this.layers = element("nena-map-layers");
     this.layers.addEventListener("layers", () => this.#draw());
     const legend = element("div", { class: "legend" }, this.bar, this.readout);
-    this.replaceChildren(this.canvas, this.note, this.hint, this.past, this.#tools(this.gestures), legend);
+    const notes = element("div", { class: "notes" }, this.past, this.hint, this.note);
+    this.replaceChildren(this.canvas, notes, this.#tools(this.gestures), legend);
   }
 
   #tools(gestures) {

@@ -46,7 +46,7 @@ function paths(published, shapes) {
     if (opposite && shape.line.length === 2 && opposite.line.length === 2) {
       opposite.forward ||= path.maxReverseVelocityMmS > 0;
       opposite.backward ||= path.maxVelocityMmS > 0;
-      opposite.locked &&= path.locked;
+      opposite.locked ||= path.locked; // also if only one direction is
     } else {
       found.set(`${path.source} ${path.destination}`, {
         ...shape,

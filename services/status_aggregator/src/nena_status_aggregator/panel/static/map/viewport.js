@@ -3,6 +3,7 @@
 const LEAST = 0.5;
 const MOST = 400;
 const MARGIN = 48;
+const RIGHT = 96; // below the map's buttons, with the labels beside them
 
 /** Maps plant coordinates (m, y up) to the screen (CSS pixels, y down): scale in pixels per metre, and the origin. */
 export class Viewport {
@@ -45,9 +46,9 @@ export class Viewport {
   fit([left, bottom, right, top]) {
     const wide = Math.max(1, right - left);
     const high = Math.max(1, top - bottom);
-    const room = [Math.max(40, this.width - 2 * MARGIN), Math.max(40, this.height - 2 * MARGIN)];
+    const room = [Math.max(40, this.width - MARGIN - RIGHT), Math.max(40, this.height - 2 * MARGIN)];
     this.scale = Math.min(MOST, Math.max(LEAST, Math.min(room[0] / wide, room[1] / high)));
-    this.x = this.width / 2 - ((left + right) / 2) * this.scale;
+    this.x = (this.width + MARGIN - RIGHT) / 2 - ((left + right) / 2) * this.scale;
     this.y = this.height / 2 + ((bottom + top) / 2) * this.scale;
   }
 
