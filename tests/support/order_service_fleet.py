@@ -105,7 +105,8 @@ class Fleet:
     def settings(self, *, speed_limits: bool = False, **more: Any) -> OrderServiceSettings:
         """Return the settings of an order service in this process.
 
-        ``speed_limits``: whether robots get the speeds of the plant, at which they drive for a minute.
+        ``speed_limits``: whether robots get the speeds of the plant, at which they drive for a minute; it has
+        no effect if ``kernel`` sets it.
         """
         made = OrderServiceSettings.model_validate(
             {
@@ -120,6 +121,8 @@ class Fleet:
                 **more,
             }
         )
+        if "speed_limits" in made.kernel.model_fields_set:
+            return made
         kernel = made.kernel.model_copy(update={"speed_limits": speed_limits})
         return made.model_copy(update={"kernel": kernel})
 

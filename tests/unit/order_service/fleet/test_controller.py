@@ -455,6 +455,6 @@ def test_a_robot_at_the_last_node_that_never_empties_its_node_states_is_named_as
     bench.report()
     assert bench.view().wait_reason == (
         "the robot stands at the last node of its order, 'B', but still lists 'B' in its nodeStates: it has "
-        "to empty them (or set vda5050:keepsLastNodeStates)"
+        "to empty them (with vda5050:keepsLastNodeStates: to turn to the node's heading)"
     )
     assert bench.story() == ["VdaOrderAccepted", "NodePassed"]

@@ -7,9 +7,10 @@ from typing import Any
 import pytest
 
 from nena_order_service.fleet.failures import RobotBusyError
-from nena_order_service.fleet.link import STANDARD, FleetLink, RobotAddresses
+from nena_order_service.fleet.link import STANDARD, FleetLink, LastNodes, RobotAddresses
+from nena_order_service.fleet.outputs import VdaOrderFinished
 from nena_order_service.fleet.settings import FleetSettings
-from nena_shared.mqtt import MqttLink
+from nena_shared.mqtt import Handler, Inbound, MqttLink
 from nena_shared.plant import Vehicle
 from nena_shared.plant.fleet_checks import KEY_LENGTH
 from nena_shared.settings import ConfigurationError, MqttSettings
@@ -207,12 +208,72 @@ def test_a_robot_that_is_to_turn_at_its_last_node_is_done_when_it_has_turned(
 ) -> None:
     """Its lastNodeSequenceId may be that of the order before, which ended there."""
     dialect = addresses(keepsLastNodeStates="true").dialect(ROBOT)
-    robot = HonestRobot(key=ROBOT)
+    state = at_last_node(heading, wanted, allowed)
+
+    assert (dialect.understood(state, outdated=True).node_states == ()) is done
+    assert dialect.understood(state).node_states == (), "a robot whose last node is current has arrived"
+
+
+def at_last_node(heading: float, wanted: float | None, allowed: float | None = None) -> State:
+    """Return the state of a robot that stands at B, its last node, and keeps it."""
+    robot = HonestRobot(key=ROBOT, order_id="m")
     robot.nodes = list(make_vda_order("m", "B", "B").nodes[1:])
     robot.last_node_id, robot.last_sequence_id, robot.paused = "B", 2, True
     robot.position = (1.0, 0.0, heading)
     place = NodePosition(x=1.0, y=0.0, theta=wanted, map_id="hall", allowed_deviation_theta=allowed)
     state = robot.state()
     nodes = tuple(each.model_copy(update={"node_position": place}) for each in state.node_states)
+    return state.model_copy(update={"node_states": nodes})
 
-    assert (dialect.understood(state.model_copy(update={"node_states": nodes})).node_states == ()) is done
+
+@pytest.mark.parametrize(
+    ("places", "before", "outdated"),
+    [
+        (("A", "B"), None, False),
+        (("B", "B"), None, True),
+        (("B", "B"), {"last_node_sequence_id": 0}, False),
+        (("B", "B"), {"order_id": "earlier"}, True),
+    ],
+)
+def test_a_last_node_may_be_outdated_where_an_order_ends_as_it_begins_until_another_one_was_shown(
+    places: tuple[str, ...], before: dict[str, object] | None, *, outdated: bool
+) -> None:
+    nodes, vda_order, state = LastNodes(), make_vda_order("m", *places), at_last_node(0.0, 1.57)
+    if before is not None:
+        nodes.outdated(ROBOT, state.model_copy(update=before), vda_order)
+
+    assert nodes.outdated(ROBOT, state, vda_order) is outdated
+    assert not nodes.outdated(ROBOT, state, None)
+
+
+class Handlers(MqttLink):
+    """A link without a broker, whose messages a test delivers."""
+
+    def __init__(self) -> None:
+        super().__init__(MqttSettings(), client_id="c")
+        self.by_filter: dict[str, Handler] = {}
+
+    def subscribe(self, topic_filter: str, handler: Handler, *, qos: int = 1, needed: bool = True) -> None:
+        assert qos in (0, 1), needed
+        self.by_filter[topic_filter] = handler
+
+
+@pytest.mark.parametrize("start", ["A", "B"])
+def test_an_order_is_finished_where_its_robot_keeps_the_last_node_and_stands_a_bit_off_its_heading(
+    start: str,
+) -> None:
+    """An order from B to B is not: the robot may not have turned yet."""
+    mqtt, codec, news = Handlers(), codec_for("2.1.0"), list[object]()
+    link = FleetLink(
+        mqtt,
+        addresses=addresses(keepsLastNodeStates="true", version="2.1.0"),
+        settings=FleetSettings(),
+        clock=ManualClock(),
+        on_events=lambda *outputs: news.extend(outputs),
+    )
+    link.adopt_vda_order(ROBOT, make_vda_order("m", start, "B"), accepted=True)
+    payload = codec.encode(at_last_node(0.5, 1.57, allowed=0.1))
+    mqtt.by_filter[V2.for_all(Topic.STATE)](Inbound(V2.of(ROBOT, Topic.STATE), payload, retained=False))
+
+    finished = any(isinstance(each, VdaOrderFinished) for each in news)
+    assert finished is (start == "A")

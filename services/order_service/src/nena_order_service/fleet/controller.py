@@ -196,6 +196,11 @@ class RobotControl:
         return run.phase is VdaOrderPhase.RUNNING and away is not None
 
     @property
+    def vda_order(self) -> VdaOrder | None:
+        """Return the VDA order that the robot has or is to have."""
+        return self._run.vda_order if self._run else None
+
+    @property
     def quiet(self) -> bool:
         """Whether there is nothing to do until the robot reports something new."""
         return (self._run is None or self._run.quiet) and not self._instant_actions.busy
@@ -513,6 +518,11 @@ class FleetController:
         """Return the known state of a robot; LinkStatus.UNKNOWN if it never reported."""
         known = self._robots.get(robot)
         return (known or self._new_control(robot)).view(now)
+
+    def vda_order(self, robot: RobotKey) -> VdaOrder | None:
+        """Return the VDA order that a robot has or is to have; None: it has none of ours."""
+        known = self._robots.get(robot)
+        return known.vda_order if known else None
 
     def connected_for(self, now: float) -> float:
         """Return for how many seconds the link to the broker has been up; 0 while it is down."""

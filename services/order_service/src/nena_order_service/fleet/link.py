@@ -105,14 +105,17 @@ class Dialect:
         content[self.instant_actions_key] = content.pop("actions")
         return to_json(content)
 
-    def understood(self, state: State) -> State:
-        """Return a state as another robot would send it: without nodes to go at the last node."""
+    def understood(self, state: State, *, outdated: bool = False) -> State:
+        """Return a state as another robot would send it: without nodes to go at the last node.
+
+        ``outdated``: its last node may be that of the order before, and the robot has yet to turn there.
+        """
         if not self.keeps_last_node_states or not state.node_states or state.driving:
             return state
         last = state.node_states[-1]
         if (last.node_id, last.sequence_id) != (state.last_node_id, state.last_node_sequence_id):
             return state
-        if _has_to_turn(state, last):
+        if outdated and _has_to_turn(state, last):
             return state
         return changed(state, node_states=(), edge_states=())
 
@@ -128,6 +131,26 @@ def _has_to_turn(state: State, node: NodeState) -> bool:
         return False
     allowed = place.allowed_deviation_theta or TURNED_WITHIN
     return abs(remainder(robot.theta - place.theta, tau)) > allowed
+
+
+class LastNodes:
+    """Detects last nodes that may be those of the order before: not every robot resets them at once."""
+
+    def __init__(self) -> None:
+        self._current: dict[RobotKey, str] = {}
+        """Orders in which the robot has reported another last node than the order's."""
+
+    def outdated(self, robot: RobotKey, state: State, vda_order: VdaOrder | None) -> bool:
+        """Return whether a robot may report the end of an order that it has not begun.
+
+        That needs an order that ends where it begins.
+        """
+        if vda_order is None or state.order_id != vda_order.order_id:
+            return False
+        first, last = vda_order.nodes[0], vda_order.nodes[-1]
+        if (state.last_node_id, state.last_node_sequence_id) != (last.node_id, last.sequence_id):
+            self._current[robot] = state.order_id
+        return first.node_id == last.node_id and self._current.get(robot) != state.order_id
 
 
 def _as_text(actions: tuple[Action, ...]) -> tuple[Action, ...]:
@@ -332,6 +355,7 @@ class FleetLink:
         self._on_events = on_events
         self._controller = FleetController(settings, utc_now=clock.now)
         self._outgoing = Outgoing(clock, epoch)
+        self._last_nodes = LastNodes()
         self._connected = False
         self._term = 0
         self._undated: dict[RobotKey, MessageOrder] = {}
@@ -476,7 +500,8 @@ class FleetLink:
         codec = nearest_codec(message.version)
         assert codec, "the reader took one of its major version"  # noqa: S101 - for the type
         if kind is State:
-            message = self._addresses.dialect(robot).understood(message)
+            outdated = self._last_nodes.outdated(robot, message, self._controller.vda_order(robot))
+            message = self._addresses.dialect(robot).understood(message, outdated=outdated)
         now = self._addresses.learn(robot, codec, scheme, message, retained=inbound.retained)
         return (robot, message) if now and self._is_new(kind, robot, message.header_id) else None
 

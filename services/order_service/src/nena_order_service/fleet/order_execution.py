@@ -338,7 +338,8 @@ class OrderExecution:
         listed = ", ".join(f"'{each}'" for each in names[:STATES_NAMED])
         return (
             f"stands at the last node of its order, '{last.node_id}', but still lists {listed} in its "
-            f"{field}: it has to empty them (or set {keys.VDA5050_KEEPS_LAST_NODE_STATES})"
+            f"{field}: it has to empty them (with {keys.VDA5050_KEEPS_LAST_NODE_STATES}: to turn to the "
+            "node's heading)"
             if names
             else ""
         )
