@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from structlog.testing import capture_logs
 
 from support.broker import Broker
 from support.nav2_agent import Bench
@@ -36,6 +37,14 @@ def bench(
     made = Bench(broker, interface_name, ros=peer, domain_id=domain_id, folder=tmp_path, version=version)
     with made.mqtt:
         yield made
+
+
+@pytest.fixture
+def unstopped() -> Iterator[None]:
+    """Check that the agent does not stop a robot that drives well."""
+    with capture_logs() as logs:
+        yield
+    assert [each["event"] for each in logs if "cancelled the goals of controller" in each["event"]] == []
 
 
 @pytest.fixture(autouse=True)

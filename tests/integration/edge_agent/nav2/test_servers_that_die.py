@@ -21,6 +21,10 @@ BY_BOTH = pytest.mark.parametrize("navigation", ["topics", pytest.param("action"
 SOON = {"goals": {**ROS["goals"], "standstill_timeout": 1.0}, "call_timeout": 0.5}
 NAVIGATOR_FAULTS = pytest.mark.parametrize("fault", ["server_died", "server_hung"])
 LONG_WAY = order("n0", "n3")
+HANGING = 0.7
+"""Seconds for which a navigator is only busy."""
+PERIOD = 0.05
+"""Seconds between two messages of the odometry."""
 
 
 def stands(bench: Bench) -> bool:
@@ -54,6 +58,20 @@ async def test_a_robot_whose_navigator_sends_no_feedback_is_stopped(bench: Bench
         bench.fault("server_hung", server="bt_navigator")
         await fleet.state(lambda state: failure_of(state) == "NAVIGATION_GONE")
         await the_robot_stands(bench)
+
+
+@needs_action_types
+async def test_a_navigator_that_hangs_for_less_than_a_second_fails_no_drive(bench: Bench) -> None:
+    async with bench.robot(time_factor=1.0, ros={"navigation": "action"}) as fleet:
+        fleet.send(order("n0", "n1"))
+        await bench.moves()
+        bench.fault("server_hung", server="bt_navigator")
+        seen = len(bench.odometry)
+        await until(lambda: len(bench.odometry) >= seen + HANGING / PERIOD, what="the end of the hanging")
+        bench.fault("server_hung", server="bt_navigator", active=False)
+        done = await fleet.state(ended("o1"))
+        assert (done["lastNodeId"], error_types(done)) == ("n1", [])
+    assert all(failure_of(state) is None for state in fleet.states)
 
 
 @BY_BOTH

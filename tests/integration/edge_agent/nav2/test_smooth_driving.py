@@ -17,7 +17,7 @@ from support.ros import BEST_EFFORT, LATCHED
 from support.simulator import trace
 from support.smooth_drive import LIKE_NAV2, NODES, REGULATED, WAYS, drive, settings
 
-pytestmark = [pytest.mark.ros, pytest.mark.broker]
+pytestmark = [pytest.mark.ros, pytest.mark.broker, pytest.mark.usefixtures("unstopped")]
 
 ACTIONS = (Navigation.ACTION, Navigation.THROUGH_POSES)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from datetime import datetime
 from itertools import product
+from math import hypot
 from typing import Any
 
 import pytest
@@ -64,6 +65,8 @@ NOT_NEEDED = frozenset({"behavior_server", "lifecycle_manager_navigation"})
 """Processes without which a drive goes on, until the bond breaks at the latest."""
 
 DRIVE = {"speed": 0.5, "acceleration": 2.5, "approach": 0.6}
+BRAKING = DRIVE["speed"] ** 2 / (2 * DRIVE["acceleration"])
+"""Metres in which the robot stops."""
 LIKE_NAV2 = ("--replan_period", "1.0", "--recovery_time", "18")
 WAY = {f"n{index}": position(2.0 * index, radius=1.1) for index in range(12)}
 
@@ -108,22 +111,30 @@ async def test_a_death_leaves_no_robot_driving_in_secret(bench: Bench, process: 
                 [each.value for each in Server] if process == ALL else [process.split(maxsplit=1)[0]]
             ):
                 bench.fault(kind, server=server)
-            died_at = stamp(bench.odometry[-1])
+            died = bench.odometry[-1]
+            died_at = stamp(died)
             if work in ("cancel", "pause"):
                 fleet.instant(action("a", "NONE", f"{work}Order" if work == "cancel" else "startPause"))
                 await fleet.state(lambda state: status_of(state, "a") in ("FINISHED", "FAILED"))
-            stood_at = await the_end(bench, died_at, process, work)
+            stood = await the_end(bench, died_at, process, work)
             states = [each for each in fleet.states if told_at(each) >= died_at]
     check(bench, states, work=work)
     at_once = work in ("cancel", "pause") or process in ("bt_navigator", ALL, HANGS)
     if at_once and work != "dock":
-        assert stood_at is not None
-        rolled = [each for each in bench.odometry if died_at < stamp(each) < stood_at]
+        assert stood is not None
+        rolled = [each for each in bench.odometry if died_at < stamp(each) < stamp(stood)]
         assert len(rolled) * PERIOD <= GRACE, "noticed and stopped"
+        assert rolled_out(died, stood) <= DRIVE["speed"] * GRACE + BRAKING, "and also if messages were lost"
 
 
-async def the_end(bench: Bench, died_at: float, process: str, work: str) -> float | None:
-    """Wait until the robot is at standstill.
+def rolled_out(died: Any, stood: Any) -> float:
+    """Return the distance between two messages of the odometry, metres."""
+    before, after = died.pose.pose.position, stood.pose.pose.position
+    return hypot(after.x - before.x, after.y - before.y)
+
+
+async def the_end(bench: Bench, died_at: float, process: str, work: str) -> Any | None:
+    """Wait until the robot is at standstill, and return its odometry then.
 
     None: it drives on under control, because it needs nothing that is missing.
     """
@@ -140,7 +151,7 @@ async def the_end(bench: Bench, died_at: float, process: str, work: str) -> floa
         if not stands():
             return None
     await until(stands, what="the robot at rest")
-    return next(stamp(each) for each in bench.odometry if stamp(each) > died_at and _still(each))
+    return next(each for each in bench.odometry if stamp(each) > died_at and _still(each))
 
 
 def _still(message: Any) -> bool:

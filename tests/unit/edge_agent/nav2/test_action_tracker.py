@@ -479,12 +479,12 @@ class Silence:
     def __init__(self) -> None:
         self.watch, self.now = SilenceWatch(), 10.0
         self.reported: list[float] = []
-        self.watch.heard(self.now)
+        self.watch.heard("a", self.now)
 
-    def passes(self, seconds: float, *, driving: bool = True, period: float = 0.05) -> None:
+    def passes(self, seconds: float, live: tuple[str, ...] = ("a",), *, period: float = 0.05) -> None:
         for _ in range(round(seconds / period)):
             self.now += period
-            if silent := self.watch.on_velocity(self.now, driving=driving):
+            if silent := self.watch.on_velocity(self.now, live):
                 self.reported.append(silent)
 
 
@@ -494,7 +494,7 @@ def test_a_silence_is_reported_as_it_grows_and_each_time_once() -> None:
     assert silence.reported == []
     silence.passes(3.0)
     assert silence.reported == pytest.approx([0.5, 1.0, 2.0], abs=0.06)
-    silence.watch.heard(silence.now)
+    silence.watch.heard("a", silence.now)
     silence.passes(0.4)
     assert len(silence.reported) == 3
     silence.passes(0.2)
@@ -512,12 +512,25 @@ def test_a_gap_in_which_nothing_comes_is_not_the_navigators() -> None:
 
 def test_a_robot_without_a_goal_expects_no_feedback() -> None:
     silence = Silence()
-    silence.passes(5.0, driving=False)
+    silence.passes(5.0, ())
     silence.passes(5.0)
     assert silence.reported == [], "the next goal has had none yet"
-    silence.watch.heard(silence.now)
+    silence.watch.heard("a", silence.now)
     silence.passes(0.6)
     assert len(silence.reported) == 1
+
+
+def test_the_silence_of_a_goal_that_has_ended_is_not_the_next_ones() -> None:
+    """A path may be followed by a goal sent by topic, which never has feedback."""
+    silence = Silence()
+    silence.passes(0.3)
+    silence.passes(5.0, ("b",))
+    assert silence.reported == []
+    silence.watch.heard("b", silence.now)
+    assert silence.watch.silent_for(silence.now + 1.0, ("b",)) == 1.0
+    assert silence.watch.silent_for(silence.now + 1.0, ("c",)) == 0.0
+    silence.passes(0.6, ("c", "b"))
+    assert len(silence.reported) == 1, "the goal before has not ended"
 
 
 pytestmark = pytest.mark.ros

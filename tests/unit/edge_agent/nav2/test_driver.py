@@ -4,19 +4,27 @@ import asyncio
 import sys
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import pytest
 
 from nena_edge_agent.driver.map_port import MapDriverEvent, MapGoal, MapPose, MapPoseReport
-from nena_edge_agent.driver.port import DriveFailed, DriveFailure, NavigationReport
+from nena_edge_agent.driver.port import (
+    DriveFailed,
+    DriveFailure,
+    DriveLimits,
+    DriveProgress,
+    NavigationReport,
+)
 from nena_edge_agent.nav2 import driver as driver_module
 from nena_edge_agent.nav2 import goal_tracker, presence
 from nena_edge_agent.nav2.action_tracker import FeedbackReading
 from nena_edge_agent.nav2.driver import Nav2Driver, Nav2Options
 from nena_edge_agent.nav2.goals import GoalEntry
 from nena_edge_agent.nav2.map_server import MapServer
+from nena_edge_agent.nav2.parameters import Nav2Parameters
 from nena_edge_agent.nav2.poses import PoseReading
 from nena_edge_agent.nav2.presence import Lifecycle, Presence
 from nena_edge_agent.nav2.settings import RosSettings
@@ -279,6 +287,103 @@ async def test_a_navigator_that_hangs_is_stopped_by_the_odometry_before_the_driv
         monkeypatch.setattr(driver, "_node", None)
     (failed,) = (each for each in told if isinstance(each, DriveFailed))
     assert failed.failure is DriveFailure.NAVIGATION_GONE
+
+
+@asynccontextmanager
+async def on_the_way(
+    monkeypatch: pytest.MonkeyPatch, told: list[MapDriverEvent]
+) -> AsyncIterator[tuple[Nav2Driver, Station, ManualClock]]:
+    """Yield a driver whose robot drives to goal a, of which feedback has arrived."""
+    station, clock = Station(monkeypatch), ManualClock()
+    async with started(monkeypatch, told, Nav2Options()) as driver:
+        monkeypatch.setattr(driver, "_node", station)
+        monkeypatch.setattr(driver, "_clock", clock)
+        driver._on_statuses([])
+        available(driver)
+        driver.go_to(MapGoal(1, MapPose(1.0, 0.0, 0.0, "hall"), 0.3, None))
+        driver._on_statuses([GoalEntry("a" * 32, GoalStatus.EXECUTING)])
+        driver._on_feedback(FEEDBACK)
+        yield driver, station, clock
+        monkeypatch.setattr(driver, "_node", None)
+
+
+FEEDBACK = FeedbackReading("a" * 32, 0.0, 0.0, 0.0, "map", 1.0, 0)
+
+
+async def test_a_goal_without_feedback_after_one_with_it_is_not_stopped(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    told = list[MapDriverEvent]()
+    async with on_the_way(monkeypatch, told) as (driver, station, clock):
+        driver._on_velocity((0.5, 0.0))
+        ended = GoalEntry("a" * 32, GoalStatus.SUCCEEDED)
+        driver._on_statuses([ended])
+        driver.go_to(MapGoal(2, MapPose(2.0, 0.0, 0.0, "hall"), 0.3, None))
+        driver._on_statuses([ended, GoalEntry("b" * 32, GoalStatus.EXECUTING)])
+        for _ in range(60):
+            clock.advance(0.05)
+            driver._on_velocity((0.5, 0.0))
+            await turn_passes()
+        assert station.stopped == 0
+    assert not any(isinstance(each, DriveFailed) for each in told)
+
+
+async def test_feedback_of_the_goal_before_is_a_sign_of_life_until_the_next_is_accepted(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    told = list[MapDriverEvent]()
+    async with on_the_way(monkeypatch, told) as (driver, station, clock):
+        driver.go_to(MapGoal(2, MapPose(2.0, 0.0, 0.0, "hall"), 0.3, None))
+        await turn_passes()
+        told.clear()
+        for _ in range(20):
+            clock.advance(0.05)
+            driver._on_velocity((0.5, 0.0))
+            driver._on_feedback(replace(FEEDBACK, left=0.5))
+            await turn_passes()
+        assert station.stopped == 0
+        assert not any(isinstance(each, DriveProgress) for each in told), "it is not of the current goal"
+        for _ in range(12):
+            clock.advance(0.05)
+            driver._on_velocity((0.5, 0.0))
+            await turn_passes()
+        assert station.stopped == 1, "the navigator that drives is silent"
+
+
+async def test_a_pause_of_the_network_fails_no_drive_of_a_robot_with_odometry(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(driver_module, "FEEDBACK_TIMEOUT", 0.05)
+    told = list[MapDriverEvent]()
+    async with on_the_way(monkeypatch, told) as (driver, station, clock):
+        driver._on_velocity((0.5, 0.0))
+        clock.advance(2.1)
+        await until(lambda: driver._listening is None, what="the end of the wait for feedback")
+        assert station.stopped == 0
+        driver._on_velocity((0.5, 0.0))
+        driver._on_feedback(FEEDBACK)
+        await turn_passes()
+        assert station.stopped == 0
+    assert not any(isinstance(each, DriveFailed) for each in told)
+
+
+async def test_parameters_are_read_again_until_all_servers_have_answered(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    contour = ((0.5, 0.3), (-0.5, 0.3), (0.0, -0.3))
+    found = [Nav2Parameters(speed=0.5, complete=False), Nav2Parameters(speed=0.5, contour=contour)]
+    told, read = list[MapDriverEvent](), iter(found)
+
+    async def answer() -> Nav2Parameters:
+        return next(read)
+
+    async with started(monkeypatch, told, Nav2Options()) as driver:
+        monkeypatch.setattr(driver, "_parameters", SimpleNamespace(read=answer))
+        for _ in range(4):
+            await driver._read_limits(NavigationReport(available=True, reason=""))
+            available(driver)
+        await turn_passes()
+    assert [each.contour for each in told if isinstance(each, DriveLimits)] == [(), contour]
 
 
 async def test_a_navigator_that_leaves_the_graph_is_noticed_between_two_looks(

@@ -836,6 +836,28 @@ class TestNavigationGone:
         talk.said += talk.tracker.on_silence(1.0, talk.now)
         assert talk.failure().failure is DriveFailure.NAVIGATION_GONE
 
+    def test_feedback_that_returns_ends_the_stops_of_a_silence(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.rolls(0.5)
+        talk.said += talk.tracker.on_silence(0.5, talk.now)
+        talk.tracker.on_feedback()
+        talk.rolls(0.5)
+        talk.later(10.0)
+        assert (talk.motion_stopped, talk.events) == (1, [])
+
+    def test_feedback_does_not_end_the_stops_after_a_crash(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.rolls(0.5)
+        talk.said += talk.tracker.on_servers(frozenset(), talk.now)
+        talk.said += talk.tracker.on_silence(0.5, talk.now)
+        talk.tracker.on_feedback()
+        stopped = talk.motion_stopped
+        talk.rolls(0.5)
+        talk.later(10.0)
+        assert talk.motion_stopped > stopped
+
     def test_a_goal_that_is_not_accepted_yet_leaves_the_one_before_active(self, talk: Conversation) -> None:
         talk.go_to(goal(1))
         talk.array("A:2")

@@ -91,7 +91,12 @@ class Talk:
         self.said += self.trackers.on_statuses([GoalEntry(self.sent[-1].goal_id, status)], self.now)
 
     def path_array(self, status: GoalStatus) -> None:
-        self.said += self.trackers.on_path_statuses([GoalEntry(self.paths[-1].goal_id, status)], self.now)
+        self.path_statuses(self.paths[-1].goal_id, status)
+
+    def path_statuses(self, goal_id: str, status: GoalStatus) -> None:
+        """Let the controller list one path."""
+        found = self.trackers.controller.on_statuses([GoalEntry(goal_id, status)], self.now)
+        self.said += self.trackers.of_controller(found)
 
     @property
     def paths(self) -> list[SendGoal]:
@@ -158,6 +163,7 @@ def test_a_goal_waits_for_the_end_of_a_path_and_a_path_for_that_of_a_goal(drivin
     assert driving.path_cancels == [driving.paths[0].goal_id]
     assert (driving.sent, driving.trackers.busy) == ([], True)
     driving.path_array(GoalStatus.CANCELED)
+    driving.later(0.1)
     assert [each.goal.generation for each in driving.sent] == [2]
     assert driving.failures == []
     driving.accept_goal()
@@ -259,12 +265,12 @@ def test_a_path_that_another_client_replaces_is_taken_over(driving: Talk) -> Non
 
 def test_a_path_of_an_earlier_run_is_cancelled_before_the_next_one(talk: Talk) -> None:
     left = MARK.new()
-    talk.said += talk.trackers.on_path_statuses([GoalEntry(left, GoalStatus.EXECUTING)], talk.now)
+    talk.path_statuses(left, GoalStatus.EXECUTING)
     talk.later(0.1)
     assert talk.path_cancels == [left]
     talk.go_to(goal(1, path=True))
     assert talk.paths == []
-    talk.said += talk.trackers.on_path_statuses([GoalEntry(left, GoalStatus.CANCELED)], talk.now)
+    talk.path_statuses(left, GoalStatus.CANCELED)
     assert len(talk.paths) == 1
 
 
@@ -284,22 +290,22 @@ def test_a_halt_after_a_restart_waits_for_the_end_of_a_path() -> None:
     talk.said += talk.trackers.halt(talk.now)
     talk.later(1.0)
     assert Halted() not in talk.events
-    talk.said += talk.trackers.on_path_statuses([GoalEntry(left, GoalStatus.EXECUTING)], talk.now)
+    talk.path_statuses(left, GoalStatus.EXECUTING)
     talk.later(0.1)
     assert talk.path_cancels == [left]
     assert Halted() not in talk.events
-    talk.said += talk.trackers.on_path_statuses([GoalEntry(left, GoalStatus.CANCELED)], talk.now)
+    talk.path_statuses(left, GoalStatus.CANCELED)
     talk.later(5.0)
     assert talk.events.count(Halted()) == 1
 
 
 def test_a_halt_while_a_path_of_an_earlier_run_is_cancelled_waits_for_its_end() -> None:
     talk, left = after_restart(), MARK.new()
-    talk.said += talk.trackers.on_path_statuses([GoalEntry(left, GoalStatus.EXECUTING)], talk.now)
+    talk.path_statuses(left, GoalStatus.EXECUTING)
     talk.said += talk.trackers.halt(talk.now)
     talk.later(1.0)
     assert Halted() not in talk.events
-    talk.said += talk.trackers.on_path_statuses([GoalEntry(left, GoalStatus.CANCELED)], talk.now)
+    talk.path_statuses(left, GoalStatus.CANCELED)
     talk.later(5.0)
     assert talk.events.count(Halted()) == 1
 

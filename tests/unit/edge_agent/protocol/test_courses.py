@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from math import dist, hypot
+from math import asin, cos, dist, hypot, pi, sin
 
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from nena_edge_agent.driver.port import Pose
@@ -153,6 +153,56 @@ def test_a_corridor_without_trajectory_needs_the_place_of_its_start() -> None:
     assert found is not None
     assert found.kind is ErrorType.VALIDATION_FAILURE
     assert courses.course(edge(corridor=narrow(1, 1)), None, at(1, 0)) == ()
+
+
+def roundabout(radius: float, angle: float) -> Trajectory:
+    """Return a drive around a circle, over ``angle`` rad of it."""
+    count = max(2, round(radius * angle / 0.1))
+    return Trajectory(
+        degree=1,
+        control_points=tuple(
+            ControlPoint(x=radius * cos(angle * i / count), y=radius * sin(angle * i / count))
+            for i in range(count + 1)
+        ),
+    )
+
+
+def returns(drawn: Trajectory, tolerance: float | None) -> bool:
+    """Return whether a trajectory is refused because it passes its own end."""
+    first, last = drawn.control_points[0], drawn.control_points[-1]
+    found = courses.fault(edge(drawn), at(first.x, first.y), at(last.x, last.y), ROBOT, tolerance)
+    assert found is None or found.kind is ErrorType.UNSUPPORTED_PARAMETER
+    return found is not None
+
+
+@given(st.floats(1.5, 8.0), st.floats(0.1, 4.0), st.sampled_from([0.1, 0.25, 0.5]))
+def test_a_path_that_passes_its_end_is_refused(radius: float, laps: float, tolerance: float) -> None:
+    """A controller counts it as driven where it first is within its tolerance of the end."""
+    passes = 2 * pi - 2 * asin(tolerance / (2 * radius))
+    angle = laps * pi
+    assume(abs(angle - passes) * radius > 2 * courses.STEP)
+    assert returns(roundabout(radius, angle), tolerance) is (angle > passes)
+
+
+@pytest.mark.parametrize(("tolerance", "refused"), [(0.25, False), (0.4, True), (None, True)])
+def test_the_tolerance_decides_whether_a_path_returns_to_its_end(
+    tolerance: float | None, *, refused: bool
+) -> None:
+    almost = roundabout(5.0, 2 * pi - 2 * asin(0.3 / 10))
+    assert returns(almost, tolerance) is refused
+
+
+@given(rising())
+def test_the_near_end_of_a_path_is_no_return(drawn: Trajectory) -> None:
+    first, last = drawn.control_points[0], drawn.control_points[-1]
+    path = courses.course(edge(drawn), at(first.x, first.y), at(last.x, last.y))
+    found = courses.fault(edge(drawn), at(first.x, first.y), at(last.x, last.y), ROBOT, 0.25)
+    around = [dist(each, path[-1]) for each in path]
+    lengths = [sum(dist(a, b) for a, b in pairwise(path[index:])) for index in range(len(path))]
+    early = any(
+        away <= 0.25 and left > 0.25 + courses.DETOUR for away, left in zip(around, lengths, strict=True)
+    )
+    assert (found is not None) is early
 
 
 CONTOUR = CorridorReferencePoint.CONTOUR

@@ -120,26 +120,35 @@ COUNTED = 0.2
 class SilenceWatch:
     """Detects that the server that drives sends no feedback any more; times are monotonic seconds.
 
-    Only the time in which odometry arrives is counted: then network, computer and this program work, and the
-    silence is the server's own.
+    Once odometry has arrived, only the time in which it arrives is counted: then network, computer and this
+    program work, and the silence is the server's own. A goal of which no feedback has arrived yet is not
+    watched, and goals sent by topic may never have any.
     """
 
     def __init__(self) -> None:
         self._heard_at: float | None = None
+        self._goal_id = ""
         self._odometry_at = -math.inf
         self._alone = 0.0
         self._reported = 0
 
-    def heard(self, now: float) -> None:
-        """Note feedback of a goal of ours."""
-        self._heard_at, self._alone, self._reported = now, 0.0, 0
+    @property
+    def by_odometry(self) -> bool:
+        """Whether odometry has arrived, so that :meth:`on_velocity` alone decides."""
+        return self._odometry_at != -math.inf
 
-    def on_velocity(self, now: float, *, driving: bool) -> float:
-        """Note that odometry has come; return the seconds of a silence that is to be handled now, or 0."""
+    def heard(self, goal_id: str, now: float) -> None:
+        """Note feedback of a goal of ours that has not ended."""
+        self._heard_at, self._goal_id, self._alone, self._reported = now, goal_id, 0.0, 0
+
+    def on_velocity(self, now: float, live: Sequence[str]) -> float:
+        """Note that odometry has come; return the seconds of a silence that is to be handled now, or 0.
+
+        ``live`` are our goals that have not ended.
+        """
         before, self._odometry_at = self._odometry_at, now
-        if not driving:
+        if self._heard_at is None or self._goal_id not in live:
             self._heard_at = None
-        if self._heard_at is None:
             return 0.0
         self._alone += min(now - max(before, self._heard_at), COUNTED)
         passed = sum(self._alone >= each for each in SILENCES)
@@ -148,16 +157,15 @@ class SilenceWatch:
         self._reported = passed
         return self._alone
 
-    def silent_for(self, now: float) -> float:
-        """Return the seconds since the last feedback; 0 before the first of a drive."""
-        return 0.0 if self._heard_at is None else now - self._heard_at
+    def silent_for(self, now: float, live: Sequence[str]) -> float:
+        """Return the seconds since the last feedback; 0 before the first of a goal."""
+        return 0.0 if self._heard_at is None or self._goal_id not in live else now - self._heard_at
 
 
 class FeedbackFilter:
     """Passes on relevant changes of feedback; times are monotonic seconds."""
 
-    def __init__(self, silence: SilenceWatch | None = None) -> None:
-        self._silence = silence or SilenceWatch()
+    def __init__(self) -> None:
         self._received_at = -math.inf
         self._place = (math.inf, math.inf)
         self._yaw = 0.0
@@ -171,7 +179,6 @@ class FeedbackFilter:
     def received(self, now: float) -> None:
         """Note that feedback has arrived."""
         self._received_at = now
-        self._silence.heard(now)
 
     def moved(self, reading: FeedbackReading, now: float) -> bool:
         """Return whether the position is to be reported."""

@@ -96,7 +96,7 @@ HELD_UP = 0.3
 GLANCE = 0.2
 """Seconds between two checks of whether the server that drives is still in the ROS graph."""
 READINGS = 5
-"""Times that Nav2's parameters are read at most while none of them is the controller's speed."""
+"""Times that Nav2's parameters are read at most while one of them is unknown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,7 +150,7 @@ class Nav2Driver:
         paths = PathSide(self._tracker, apply=self._apply, on_feedback=self._on_path_feedback, clock=clock)
         self._paths = paths if nav2_offers(settings).follows_paths else None
         self._silence = SilenceWatch()
-        self._feedback, self._path_feedback = FeedbackFilter(self._silence), FeedbackFilter(self._silence)
+        self._feedback, self._path_feedback = FeedbackFilter(), FeedbackFilter()
         self._initial_position = InitialPosition(settings.localisation)
         self._battery = Battery(settings.battery_scale)
         self._looking_since = -inf
@@ -329,6 +329,7 @@ class Nav2Driver:
             extensions = (*extensions, self._paths.new_path_client(self._settings))
         node = Nav2Node(self._settings, listeners, extensions)
         await node.start(self._on_failure)
+        self._silence = SilenceWatch()  # this one's robot may have no odometry
         self._node, self._looking_since = node, self._clock.monotonic()
 
     async def _close_node(self) -> None:
@@ -446,7 +447,7 @@ class Nav2Driver:
     async def _read_limits(self, report: NavigationReport) -> None:
         """Read Nav2's goal tolerance and limits each time that it becomes available.
 
-        A controller that is still starting may not report its speed yet; it is read again later.
+        A server that is starting or busy may not report all of them yet; they are read again later.
         """
         was_available = self._navigation is not None and self._navigation.available
         if not was_available:
@@ -454,7 +455,8 @@ class Nav2Driver:
         if not report.available or self._readings == 0 or self._parameters is None:
             return
         parameters = await self._parameters.read()
-        self._readings = self._readings - 1 if parameters.speed is None else 0
+        known = parameters.complete and parameters.speed is not None
+        self._readings = 0 if known else self._readings - 1
         tolerance = self._settings.goals.goal_tolerance or parameters.xy_tolerance or GOAL_TOLERANCE
         # by topics, and on a path of our own, the robot's position is rarely known
         known_each = 0.0 if self._action.look() and self._paths is None else STALE_XY
@@ -565,13 +567,16 @@ class Nav2Driver:
                 self._report(progress)
 
     def _is_of_goal(self, reading: FeedbackReading, now: float) -> bool:
-        """Return whether feedback belongs to the current goal; if so, note that the robot drives."""
+        """Return whether feedback is of the current goal; that of the one before is a sign of life, too."""
+        if reading.goal_id in self._tracker.live:
+            self._silence.heard(reading.goal_id, now)
+            self._tracker.on_feedback()
+            if self._listening is None and not self._silence.by_odometry:
+                self._listen(FEEDBACK_TIMEOUT)
         if reading.goal_id != self._tracker.goal_id:
             return False
         if self._limiter is not None:
             self._limiter.drives(now)
-        if self._listening is None:
-            self._listen(FEEDBACK_TIMEOUT)
         return True
 
     def _listen(self, seconds: float) -> None:
@@ -580,12 +585,12 @@ class Nav2Driver:
         self._listening = self._loop.call_at(due, self._check_feedback, due)
 
     def _check_feedback(self, due: float) -> None:
-        """Stop the robot if the navigator has become silent; after a delay of the loop itself, wait again."""
+        """Stop a robot without odometry if the navigator is silent; after a delay of the loop, wait again."""
         self._listening = None
         now = self._clock.monotonic()
-        if not self._tracker.active or self._stopped:
+        if self._silence.by_odometry or self._stopped:
             return
-        silent = self._silence.silent_for(now)
+        silent = self._silence.silent_for(now, self._tracker.live)
         if self._loop.time() - due > HELD_UP:
             self._listen(HELD_UP)
         elif silent >= FEEDBACK_TIMEOUT:
@@ -598,7 +603,7 @@ class Nav2Driver:
         velocity = without_noise(measured, self._settings.goals.standstill_noise)
         for watcher in (self._tracker, self._movement, self._pose_watch):
             watcher.on_velocity(*velocity, now)
-        if silent := self._silence.on_velocity(now, driving=self._tracker.active):
+        if silent := self._silence.on_velocity(now, self._tracker.live):
             self._apply(self._tracker.on_silence(silent, now))
         if self._localisation.on_velocity(velocity, now):
             self._report(self._localisation.velocity)

@@ -151,6 +151,8 @@ class GoalTracker:
         self._cancels: dict[str, float] = {}
         self._runaway = False
         """Whether the robot may drive without the navigator that was to stop it."""
+        self._silent = False
+        """Whether only the navigator's silence shows that."""
         self._stop_again_at = -float("inf")
         self._stop_answered = False
         self._no_server_since: float | None = None
@@ -181,6 +183,11 @@ class GoalTracker:
     def active(self) -> bool:
         """Whether a goal of ours has not ended: the one that is wanted, or one before it."""
         return self.driving or bool(self._registry.live)
+
+    @property
+    def live(self) -> tuple[str, ...]:
+        """The IDs of our goals that have not ended."""
+        return self._registry.live
 
     @property
     def wanted(self) -> MapGoal | None:
@@ -275,7 +282,7 @@ class GoalTracker:
         At first the goal stays: a server that was only busy takes the stop for success, and is given the goal
         again.
         """
-        self._run_away(now)
+        self._run_away(now, silent=self._silent or not self._runaway)
         drive, standstill = self._drive, self._standstill
         if drive is None:
             return self._advance(now)
@@ -285,6 +292,11 @@ class GoalTracker:
             text = f"{self.server} has sent no feedback for {seconds:.1f} s; stopping its controller"
             self._fail(drive, DriveFailure.NAVIGATION_GONE, text)
         return self._advance(now)
+
+    def on_feedback(self) -> None:
+        """Note feedback of a goal of ours: a navigator that was only silent for a while drives on."""
+        if self._silent:
+            self._runaway = self._silent = False
 
     def on_pose(self, pose: MapPose, now: float) -> list[Command]:
         """Handle a pose of the localisation."""
@@ -430,9 +442,10 @@ class GoalTracker:
         answer = "has" if self._stop_answered else "has not"
         return f"{asked}; its controller {answer} answered, and there is no odometry"
 
-    def _run_away(self, now: float) -> None:
+    def _run_away(self, now: float, *, silent: bool = False) -> None:
         """Assume that the controller may keep driving without its navigator."""
         self._runaway, self._stop_answered, self._stop_again_at = True, False, now
+        self._silent = silent
 
     def _stop_motion(self, now: float) -> None:
         """Stop the controller directly if the navigator is gone or does not stop the robot."""

@@ -27,7 +27,8 @@ class Nav2Parameters:
     """Metres, radians and milliseconds; None if Nav2 has no such parameter, or does not answer.
 
     ``approach`` is the distance from a goal in which Regulated Pure Pursuit slows down, ``speed`` the
-    controller's own in m/s, ``contour`` the robot's outline around its base frame.
+    controller's own in m/s, ``contour`` the robot's outline around its base frame. ``complete``: all servers
+    have answered.
     """
 
     xy_tolerance: float | None = None
@@ -35,6 +36,7 @@ class Nav2Parameters:
     server_timeout: float | None = None
     speed: float | None = None
     contour: Contour = ()
+    complete: bool = True
 
 
 def contour_of(footprint: str, radius: float | None) -> Contour:
@@ -56,6 +58,7 @@ class ParameterReader:
 
     def __init__(self, settings: RosSettings) -> None:
         self._settings = settings
+        self._answered = True
 
     def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401 - rclpy carries no types
         """Build the clients."""
@@ -67,7 +70,10 @@ class ParameterReader:
         self._costmap = session.late_client(node, GetParameters, f"{names.costmap}/get_parameters")
 
     async def read(self) -> Nav2Parameters:
-        """Read all of them; takes at most two timeouts of a call."""
+        """Read all of them; takes at most five timeouts of a call."""
+        self._answered = True
+        for client in (self._controller, self._navigator, self._costmap):
+            client.prepare()  # they search for their servers at the same time
         checker, follower = await asyncio.gather(
             self._first(self._controller, "goal_checker_plugins", "general_goal_checker"),
             self._first(self._controller, "controller_plugins", "FollowPath"),
@@ -81,7 +87,8 @@ class ParameterReader:
             *(self._number(self._controller, f"{follower}.{each}") for each in SPEEDS)
         )
         speed = next((each for each in speeds if each is not None and each > 0), None)
-        return Nav2Parameters(*numbers, speed=speed, contour=await self._contour())
+        contour = await self._contour()
+        return Nav2Parameters(*numbers, speed=speed, contour=contour, complete=self._answered)
 
     async def _contour(self) -> Contour:
         text, radius = await asyncio.gather(
@@ -102,6 +109,7 @@ class ParameterReader:
         """Read one parameter; with several names, a server that lacks one of them returns none."""
         request = GetParameters.Request(names=[name])
         answer = await client.call(request, seconds=self._settings.call_timeout)
+        self._answered = self._answered and answer is not None
         found = None if answer is None or not answer.values else answer.values[0]
         if found is None:
             return None

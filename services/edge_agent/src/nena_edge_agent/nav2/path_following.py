@@ -82,6 +82,11 @@ class Trackers:
         return self._current.active
 
     @property
+    def live(self) -> tuple[str, ...]:
+        """The goals of ours that have not ended at the server that drives."""
+        return self._current.live
+
+    @property
     def goal_id(self) -> str | None:
         """The goal that Nav2 drives to for us, once it has accepted it."""
         return self._current.goal_id
@@ -140,11 +145,6 @@ class Trackers:
         """Handle the navigator's status array."""
         return [*self.navigator.on_statuses(entries, now), *self._begin_next(now)]
 
-    def on_path_statuses(self, entries: Sequence[GoalEntry], now: float) -> list[Command]:
-        """Handle the controller's status array, which also has the navigator's paths."""
-        commands = self._of(self.controller, self.controller.on_statuses(entries, now))
-        return [*commands, *self._begin_next(now)]
-
     def on_servers(
         self, navigators: frozenset[str], controllers: frozenset[str], now: float
     ) -> list[Command]:
@@ -177,6 +177,10 @@ class Trackers:
     def on_silence(self, seconds: float, now: float) -> list[Command]:
         """Note that the server which drives for us has sent no feedback for ``seconds``."""
         return self._of(self._current, self._current.on_silence(seconds, now))
+
+    def on_feedback(self) -> None:
+        """Note that the server which drives for us works."""
+        self._current.on_feedback()
 
     def on_pose(self, pose: MapPose, now: float) -> list[Command]:
         """Handle a pose of the localisation."""

@@ -231,10 +231,8 @@ class RosSession:
             self._on_failure(reason)
 
 
-LOOKS = 30
-"""Looks of a new client for its server before its first call."""
 LOOK_PERIOD = 0.01
-"""Seconds between two of them."""
+"""Seconds between two looks of a new client for its server."""
 
 
 class LateClient:
@@ -244,23 +242,27 @@ class LateClient:
         self._session = session
         self._create = create
         self._client: Any = None
-        self._looks = LOOKS
+        self._created_at = 0.0
 
     def prepare(self) -> None:
         """Create the client, so that it has found its server by its first call."""
         if self._client is None and self._session.state is SessionState.ACTIVE:
             self._client = self._create()
+            self._created_at = asyncio.get_running_loop().time()
 
     async def call(self, request: Any, *, seconds: float) -> Any:  # noqa: ANN401 - rclpy carries no types
-        """Call the service and return its answer; None if it is missing or silent for ``seconds``."""
+        """Call the service and return its answer; None if it is missing or silent for ``seconds``.
+
+        A new client searches for its server for ``seconds``, whichever number of calls it has meanwhile.
+        """
         self.prepare()
         if self._client is None:
             return None
-        for _ in range(self._looks):
-            if self._found():
+        loop = asyncio.get_running_loop()
+        while not self._found():
+            if loop.time() - self._created_at >= seconds:
                 break
             await asyncio.sleep(LOOK_PERIOD)
-        self._looks = 0
         return await self._session.call(self._client, request, seconds=seconds)
 
     def _found(self) -> bool:

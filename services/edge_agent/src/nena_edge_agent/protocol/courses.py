@@ -31,7 +31,9 @@ LONGEST = 1000.0
 MOST_POINTS = 10_000
 """Maximum control points of a trajectory, times its degree squared: the cost of computing it."""
 DETOUR = 0.5
-"""Metres by which a path that returns to its start is longer than the way between its ends."""
+"""Metres by which the rest of a path that returns to its end is longer than navigation's goal tolerance."""
+DEFAULT_TOLERANCE = 0.5
+"""Metres from a goal in which navigation may count it as reached, if it has not reported its tolerance."""
 CORNER = 0.02
 """Metres by which a path may be off the straight lines that stand for it."""
 OFF_TRAJECTORY = 0.5
@@ -56,15 +58,24 @@ def follows(edge: Edge, capabilities: Capabilities) -> bool:
 
 
 def fault(
-    edge: Edge, start: NodePosition | None, end: NodePosition | None, footprint: Footprint
+    edge: Edge,
+    start: NodePosition | None,
+    end: NodePosition | None,
+    footprint: Footprint,
+    tolerance: float | None = None,
 ) -> Fault | None:
-    """Return why a robot cannot follow ``edge``, which leads from one node to another; None: it can."""
+    """Return why a robot cannot follow ``edge``, which leads from one node to another; None: it can.
+
+    ``tolerance`` is that of navigation at a goal, m; None: unknown.
+    """
     if end is None:
         return None  # refused anyway
     found = (
         _straight_fault(start, end) if edge.trajectory is None else _curve_fault(edge.trajectory, start, end)
     )
     corridor = edge.corridor
+    if found is None and edge.trajectory is not None:
+        found = _return_fault(course(edge, start, end), tolerance or DEFAULT_TOLERANCE)
     if found or corridor is None or corridor.release_required:
         return found
     if _stays_inside(course(edge, start, end), corridor, footprint):
@@ -106,13 +117,18 @@ def _curve_fault(trajectory: Trajectory, start: NodePosition | None, end: NodePo
             hint = f"make the trajectory {which} within {ENDS_WITHIN:g} m of the node"
             return Fault(ErrorType.VALIDATION_FAILURE, text, hint)
     # a curve is never longer than the straight lines between its control points
-    if too_long := _length_fault(sum(hypot(b.x - a.x, b.y - a.y) for a, b in pairwise(points))):
-        return too_long
-    away = dist(first, last)
-    if away <= DETOUR and _length(curve.steps(drawn, STEP)) > away + DETOUR:
-        # a controller counts a path as driven as soon as the robot is near its end
-        text = f"its trajectory ends {away:.2f} m from its start"
-        return Fault(ErrorType.UNSUPPORTED_PARAMETER, text, "divide the edge by a node halfway")
+    return _length_fault(sum(hypot(b.x - a.x, b.y - a.y) for a, b in pairwise(points)))
+
+
+def _return_fault(path: Sequence[Point], tolerance: float) -> Fault | None:
+    """Refuse a path that passes its end: a controller counts it as driven as soon as the robot is near it."""
+    left = 0.0
+    for after, before in pairwise(reversed(path)):
+        left += dist(before, after)
+        away = dist(before, path[-1])
+        if away <= tolerance and left > tolerance + DETOUR:
+            text = f"its trajectory passes {away:.2f} m from its end, {left:.1f} m before it ends"
+            return Fault(ErrorType.UNSUPPORTED_PARAMETER, text, "divide the edge by a node halfway")
     return None
 
 
@@ -197,10 +213,6 @@ def beginning(path: Sequence[Point], length: float) -> tuple[Point, ...]:
         if length <= 0:
             break
     return tuple(kept)
-
-
-def _length(path: Sequence[Point]) -> float:
-    return sum(dist(a, b) for a, b in pairwise(path))
 
 
 def poses(path: Sequence[Point], map_id: str, theta: float | None = None) -> tuple[Pose, ...]:

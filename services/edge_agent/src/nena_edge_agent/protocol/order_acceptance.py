@@ -38,7 +38,7 @@ class Situation:
     the robot has a map of, ``closed`` the zones that it must not drive in. ``stands_on`` is the node that the
     robot has reached and not left, or empty. ``loaded``: whether it will carry something at the end of its
     base. ``history`` has the orders that have ended. ``dated``: the timestamp of the order at hand could be
-    read.
+    read. ``tolerance`` is that of navigation at a goal, m; None: unknown.
     """
 
     operating_mode: OperatingMode
@@ -61,6 +61,7 @@ class Situation:
     loaded: bool = False
     history: OrderHistory = field(default_factory=OrderHistory)
     dated: bool = True
+    tolerance: float | None = None
 
 
 EPOCH_HINT = "stop the order service that was replaced; if none was, compare the clocks of their machines"
@@ -74,7 +75,7 @@ def general_fault(order: Order, situation: Situation, capabilities: Capabilities
         _mode_fault(order, situation)
         or _size_fault(order, capabilities)
         or _parameter_fault(order, capabilities)
-        or _path_fault(order, capabilities)
+        or _path_fault(order, situation, capabilities)
         or _action_fault(order, capabilities)
     )
 
@@ -144,12 +145,13 @@ def _parameter_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | N
     )
 
 
-def _path_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | None:
+def _path_fault(order: Order, situation: Situation, capabilities: Capabilities) -> ErrorEntry | None:
     """Check that each path to be followed is valid, and leads from node to node."""
     for edge, (before, node) in zip(order.edges, pairwise(order.nodes), strict=False):
         if not courses.follows(edge, capabilities):
             continue
-        fault = courses.fault(edge, before.node_position, node.node_position, capabilities.footprint)
+        ends = before.node_position, node.node_position
+        fault = courses.fault(edge, *ends, capabilities.footprint, situation.tolerance)
         if fault is not None:
             text = f"edge '{edge.edge_id}': {fault.text}"
             return refusal(fault.kind, order, text, hint=fault.hint, edge_id=edge.edge_id)

@@ -87,6 +87,7 @@ def _situation(robot: RobotState, *, dated: bool) -> Situation:
         loaded=_loaded_at_the_end(robot),
         history=robot.history,
         dated=dated,
+        tolerance=robot.reports.limits.tolerance if robot.reports.limits else None,
     )
 
 
