@@ -17,7 +17,7 @@ from nena_shared.vda5050.topics import Topic
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker, pytest.mark.timeout(1800)]
 
-HTTP_SHARE = 10
+HTTP_SHARE = 5
 """One request for so many messages."""
 STRICT_SERVICES = {"NENA_FLEET__STRICT": "true"}
 STRICT_ROBOTS = {"NENA_STRICT": "true"}

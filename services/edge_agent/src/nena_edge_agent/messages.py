@@ -154,9 +154,13 @@ class RobotMessages:
         return self.headers.make(topic)
 
     def connection(self, state: ConnectionState) -> Outbound:
-        """Make the connection message (section 6.5), retained."""
+        """Make the connection message (section 6.5), retained.
+
+        It waits for a link that is being connected: an agent may be stopped between its ONLINE and the end
+        of the connect, and must not stay ONLINE then.
+        """
         message = Connection(**self.header(Topic.CONNECTION), connection_state=state)
-        return self._outbound(Topic.CONNECTION, message, qos=1, retain=True)
+        return self._outbound(Topic.CONNECTION, message, qos=1, retain=True, keep=True)
 
     def factsheet(self, limits: DriveLimits | None = None) -> Outbound:
         """Make the factsheet message (section 6.10), retained; ``limits`` are those of navigation."""
