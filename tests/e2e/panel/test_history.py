@@ -8,7 +8,7 @@ from pathlib import Path
 
 import httpx
 import pytest
-from playwright.async_api import Browser, Route, expect
+from playwright.async_api import Browser, Page, Route, expect
 
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.vda5050.topics import RobotKey, Topic
@@ -79,29 +79,32 @@ async def test_the_slider_shows_where_a_robot_was(hall: Hall, browser: Browser, 
             await page.get_by_role("link", name="All robots and orders").click()
             await expect(page.get_by_text("Replay:")).to_be_hidden()
             assert await page.evaluate(SHOWN) is None
-
-            answers: list[asyncio.Event] = []
-
-            async def late(route: Route) -> None:
-                answers.append(asyncio.Event())
-                await answers[-1].wait()
-                await route.continue_()
-
-            async def pending() -> int:
-                return len(answers)
-
-            await page.route("**/api/v1/history?*", late)
-            await page.get_by_role("link", name="History").click()
-            await awaited(pending, bool, seconds=PATIENCE, what="the history loads")
-            await page.get_by_role("link", name="All robots and orders").click()
-            async with page.expect_response("**/api/v1/history?*"):
-                answers[0].set()
-            await page.unroute("**/api/v1/history?*")
-            await page.evaluate("fetch('api/v1/history?limit=1').then((answer) => answer.text())")
-            assert await page.evaluate(SHOWN) is None  # the map stays live
+            await leaving_ends_the_load(page)
             for broken in ("from=x", "from=2026-01-01T00:00:00Z", "from=x&to=y"):
                 await page.goto(f"{hall.url}#/history?{broken}")
                 await expect(page.get_by_label("Time range")).to_have_value("minutes10")
+
+
+async def leaving_ends_the_load(page: Page) -> None:
+    answers: list[asyncio.Event] = []
+
+    async def late(route: Route) -> None:
+        answers.append(asyncio.Event())
+        await answers[-1].wait()
+        await route.continue_()
+
+    async def pending() -> int:
+        return len(answers)
+
+    await page.route("**/api/v1/history?*", late)
+    await page.get_by_role("link", name="History").click()
+    await awaited(pending, bool, seconds=PATIENCE, what="the history loads")
+    await page.get_by_role("link", name="All robots and orders").click()
+    async with page.expect_response("**/api/v1/history?*"):
+        answers[0].set()
+    await page.unroute("**/api/v1/history?*")
+    await page.evaluate("fetch('api/v1/history?limit=1').then((answer) => answer.text())")
+    assert await page.evaluate(SHOWN) is None  # the map stays live
 
 
 async def test_without_a_history_the_page_says_so(hall: Hall, browser: Browser) -> None:
@@ -112,11 +115,12 @@ async def test_without_a_history_the_page_says_so(hall: Hall, browser: Browser) 
             await expect(page.get_by_role("button", name="Play")).to_be_disabled()
 
 
-async def test_events_are_filtered_grouped_and_linked(hall: Hall, browser: Browser, tmp_path: Path) -> None:
-    async def recorded(code: str) -> int:
-        async with httpx.AsyncClient(base_url=hall.url, timeout=PATIENCE) as client:
-            return len((await client.get(f"/api/v1/history?code={code}")).json()["entries"])
+async def recorded(hall: Hall, code: str) -> int:
+    async with httpx.AsyncClient(base_url=hall.url, timeout=PATIENCE) as client:
+        return len((await client.get(f"/api/v1/history?code={code}")).json()["entries"])
 
+
+async def test_events_are_filtered_grouped_and_linked(hall: Hall, browser: Browser, tmp_path: Path) -> None:
     with hall.aggregator("--history.url", f"sqlite:///{tmp_path}/history.db") as aggregator:
         await aggregator.logged("broker connected")
         hall.publish_plant()
@@ -129,7 +133,7 @@ async def test_events_are_filtered_grouped_and_linked(hall: Hall, browser: Brows
         hall.publish_order(1, TransportOrderState.BEING_PROCESSED, "WMS-2")
         for code, count in (("errorRaised", 1), ("transportOrder", 3)):
             await awaited(
-                lambda code=code: recorded(code),  # type: ignore[misc]
+                lambda code=code: recorded(hall, code),  # type: ignore[misc]
                 lambda found, count=count: found >= count,  # type: ignore[misc]
                 seconds=PATIENCE,
                 what=f"{code} is in the history",
@@ -162,19 +166,24 @@ async def test_events_are_filtered_grouped_and_linked(hall: Hall, browser: Brows
             await expect(group.get_by_text("Transport order").first).to_be_visible()
             assert await findings(page) == []
             await picture(page, "history-by-order")
-            for number in range(LISTED + 1):
-                hall.publish_order(1, TransportOrderState.BEING_PROCESSED, f"L-{number}")
-            await awaited(
-                lambda: recorded("transportOrder"),
-                lambda found: found == LISTED + 4,
-                seconds=PATIENCE,
-                what="all orders are in the history",
-            )
-            await page.goto("about:blank")
-            await page.goto(f"{hall.url}#/history?kind=transportOrder")
-            await expect(page.get_by_text(f"the latest {LISTED} of {LISTED + 4}.")).to_be_visible()
-            await expect(events).to_have_count(LISTED)
-            await page.get_by_label("Group by order").check()
-            await expect(page.get_by_text(f"the latest {LISTED} of {LISTED + 3}.")).to_be_visible()
-            file = page.get_by_role("link", name="Download CSV")
-            await expect(file).to_have_attribute("href", re.compile("code=transportOrder$"))
+            await the_list_says_what_it_leaves_out(page, hall)
+
+
+async def the_list_says_what_it_leaves_out(page: Page, hall: Hall) -> None:
+    events = page.locator("nena-history-page section > .history > li")
+    for number in range(LISTED + 1):
+        hall.publish_order(1, TransportOrderState.BEING_PROCESSED, f"L-{number}")
+    await awaited(
+        lambda: recorded(hall, "transportOrder"),
+        lambda found: found == LISTED + 4,
+        seconds=PATIENCE,
+        what="all orders are in the history",
+    )
+    await page.goto("about:blank")
+    await page.goto(f"{hall.url}#/history?kind=transportOrder")
+    await expect(page.get_by_text(f"the latest {LISTED} of {LISTED + 4}.")).to_be_visible()
+    await expect(events).to_have_count(LISTED)
+    await page.get_by_label("Group by order").check()
+    await expect(page.get_by_text(f"the latest {LISTED} of {LISTED + 3}.")).to_be_visible()
+    file = page.get_by_role("link", name="Download CSV")
+    await expect(file).to_have_attribute("href", re.compile("code=transportOrder$"))

@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
+import httpx
 import pytest
 from playwright.async_api import Browser, Page, expect
 
@@ -103,13 +104,7 @@ async def test_a_shift(
                     await the_stopped_robot_is_seen(page)
                     await the_head_of_the_jam_is_two_clicks_away(page)
                     await the_order_is_found(page)
-                    path = await a_path_is_locked(page)
-
-                    async def locked() -> bool:
-                        paths = (await orders.get("/v1/paths")).json()["paths"]
-                        return any(each["locked"] for each in paths if each["name"] == path)
-
-                    await awaited(locked, bool, seconds=PATIENCE, what=f"{path} is locked")
+                    await is_locked(orders, await a_path_is_locked(page))
                     await page.get_by_role("link", name="All robots and orders").click()
                     if not dark:
                         await picture(page, "shift")
@@ -117,6 +112,14 @@ async def test_a_shift(
                     killed = time.time()
                     service.kill()
                     await the_order_service_is_said_to_be_down(page, killed)
+
+
+async def is_locked(orders: httpx.AsyncClient, path: str) -> None:
+    async def locked() -> bool:
+        paths = (await orders.get("/v1/paths")).json()["paths"]
+        return any(each["locked"] for each in paths if each["name"] == path)
+
+    await awaited(locked, bool, seconds=PATIENCE, what=f"{path} is locked")
 
 
 async def the_order_service_is_said_to_be_down(page: Page, killed: float) -> None:

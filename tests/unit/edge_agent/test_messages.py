@@ -117,6 +117,7 @@ def test_whether_it_is_there_is_kept_by_the_broker_and_sent_with_care(version: s
     found = messages(version).connection(ConnectionState.ONLINE)
 
     assert (found.retain, found.qos) == (True, 1)
+    assert found.keep, "an OFFLINE waits for a link that is being connected"
     assert found.topic.endswith("/NeNa/robot1/connection")
     said = codec_for(version).decode(Connection, found.payload)
     assert (said.connection_state, said.version) == (ConnectionState.ONLINE, version)
