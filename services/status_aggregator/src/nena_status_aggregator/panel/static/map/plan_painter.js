@@ -130,7 +130,7 @@ export function middle(line, curved) {
   return [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2, Math.atan2(b[1] - a[1], b[0] - a[0])];
 }
 
-const NEAR_PLACE = 12; // px
+const NEAR_PLACE = 10; // px
 const NEAR_PATH = 7; // px
 const STEPS = 12;
 

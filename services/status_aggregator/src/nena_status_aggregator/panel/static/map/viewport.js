@@ -3,7 +3,7 @@
 const LEAST = 0.5;
 const MOST = 400;
 const MARGIN = 48;
-const RIGHT = 96; // below the map's buttons, with the labels beside them
+const RIGHT = 80; // below the map's buttons, with the labels beside them
 
 /** Maps plant coordinates (m, y up) to the screen (CSS pixels, y down): scale in pixels per metre, and the origin. */
 export class Viewport {
