@@ -15,13 +15,13 @@ from playwright.async_api import Browser, Page, expect
 from nena_shared.vda5050.topics import Topic
 from nena_shared.web.access import COOKIE
 from support.broker import free_port
-from support.fleet_examples import connection, position, state
+from support.fleet_examples import connection, position, state, vehicle_status
 from support.oidc_issuer import DISCOVERY, OidcIssuer
 from support.panel import Hall, findings, opened, picture, seconds_now
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 
-UNKNOWN = ("401",)
+UNKNOWN = ("401", "502")
 BUTTON = "Sign in with your organisation's account"
 
 
@@ -42,6 +42,8 @@ async def aggregator(hall: Hall, issuer: OidcIssuer) -> AsyncIterator[None]:
         hall.send(Topic.CONNECTION, connection(), retain=True)
         here = state(at=seconds_now(), last_node_id="South 1", mobile_robot_position=position(5, 2))
         hall.send(Topic.STATE, here, retain=True)
+        vehicle = vehicle_status().model_dump_json(by_alias=True)
+        hall.peer.publish(hall.fleet.vehicle_status("r1"), vehicle, retain=True)
         yield
 
 
