@@ -289,6 +289,14 @@ async def test_a_navigator_that_hangs_is_stopped_by_the_odometry_before_the_driv
     assert failed.failure is DriveFailure.NAVIGATION_GONE
 
 
+async def odometry_comes(driver: Nav2Driver, clock: ManualClock, messages: int) -> None:
+    """Report the robot's motion so many times, every 0.05 s, without feedback."""
+    for _ in range(messages):
+        clock.advance(0.05)
+        driver._on_velocity((0.5, 0.0))
+        await turn_passes()
+
+
 @asynccontextmanager
 async def on_the_way(
     monkeypatch: pytest.MonkeyPatch, told: list[MapDriverEvent]
@@ -320,10 +328,7 @@ async def test_a_goal_without_feedback_after_one_with_it_is_not_stopped(
         driver._on_statuses([ended])
         driver.go_to(MapGoal(2, MapPose(2.0, 0.0, 0.0, "hall"), 0.3, None))
         driver._on_statuses([ended, GoalEntry("b" * 32, GoalStatus.EXECUTING)])
-        for _ in range(60):
-            clock.advance(0.05)
-            driver._on_velocity((0.5, 0.0))
-            await turn_passes()
+        await odometry_comes(driver, clock, 60)
         assert station.stopped == 0
     assert not any(isinstance(each, DriveFailed) for each in told)
 
@@ -343,10 +348,7 @@ async def test_feedback_of_the_goal_before_is_a_sign_of_life_until_the_next_is_a
             await turn_passes()
         assert station.stopped == 0
         assert not any(isinstance(each, DriveProgress) for each in told), "it is not of the current goal"
-        for _ in range(12):
-            clock.advance(0.05)
-            driver._on_velocity((0.5, 0.0))
-            await turn_passes()
+        await odometry_comes(driver, clock, 12)
         assert station.stopped == 1, "the navigator that drives is silent"
 
 
