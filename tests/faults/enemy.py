@@ -29,6 +29,8 @@ BEYOND = (
     *(("TRACE", "/"), ("POST", "/v1/events"), ("DELETE", "/api/v1/events")),
 )
 """What no description has."""
+STREAMS = ("/events", "/v1/sse")
+"""Ends of paths whose answers have no end."""
 CONTENT_TYPES = (
     "application/json",
     "application/json",
@@ -71,7 +73,7 @@ class Enemy:
         )
 
     async def look_around(self, aggregator: httpx.AsyncClient) -> None:
-        """Read which routes there are, but for streams, which have no end."""
+        """Read which routes there are, except streams."""
         for client, prefix, description in (
             (self._site.orders, "", "/openapi.json"),
             (self._site.orders, "/opentcs", "/openapi.json"),
@@ -82,7 +84,7 @@ class Enemy:
                 (client, method.upper(), prefix + path)
                 for path, operations in paths.items()
                 for method in operations
-                if not path.endswith("/events")
+                if not path.endswith(STREAMS)
             ]
             self.routes += [(client, *each) for each in BEYOND]
 

@@ -1,7 +1,8 @@
 """A lift in a separate process: a small ROS node that tests of actions use over DDS.
 
 It obeys ``raise ... for <actionId>`` and ``lower ... for <actionId>`` on ``lift/command`` and answers on
-``lift/result``; ``stop`` makes it forget its task. ``jam ...`` is answered by ``failed``, ``dream ...`` by
+``lift/result``, once discovery found a subscriber: an answer before that would be lost. ``stop`` makes it
+forget its task. ``jam ...`` is answered by ``failed``, ``dream ...`` by
 nothing. The service ``clamp`` closes and does not open; ``sleep`` never answers. ``lift/loaded`` has the
 state of a sensor, ``lift/heard`` each received command.
 """
@@ -15,6 +16,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+DISCOVERY_CHECKS = 200
+CHECK_EVERY = 0.05
+"""In seconds."""
 
 
 @contextmanager
@@ -48,6 +53,10 @@ def _main(domain_id: int, namespace: str) -> None:
         verb, _, rest = message.data.partition(" ")
         action_id = rest.rpartition(" ")[2]
         if verb in ("raise", "lower"):
+            for _ in range(DISCOVERY_CHECKS):
+                if results.get_subscription_count() > 0:
+                    break
+                threading.Event().wait(CHECK_EVERY)
             results.publish(String(data=f"at 50 % for {action_id}"))
             loaded.publish(Bool(data=verb == "raise"))
             results.publish(String(data=f"done {action_id}"))
