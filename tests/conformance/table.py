@@ -61,7 +61,7 @@ def _summary(catalogue: Iterable[Chapter]) -> str:
     lines = [f"{len(clauses)} clauses: {said}.", ""]
     open_ones = [clause for clause in clauses if clause.standing is not Standing.DONE]
     if open_ones:
-        lines += ["What is not done, or only in part:", ""]
+        lines += ["Not done, or only partly:", ""]
         lines += [
             f"- **{each.id}** {each.title} ({each.side}, {each.standing}): {each.reason}"
             for each in open_ones
