@@ -48,7 +48,7 @@ DESCRIPTION = (
 NAV2_STORE = "nav2"
 """Value of ``maps.store``."""
 METRICS_PAUSE = 10.0
-"""Seconds after which a failed port for the metrics is retried."""
+"""Seconds after which a failed metrics port is retried."""
 
 log = get_logger(__name__)
 
@@ -82,7 +82,7 @@ async def _serve_alone(settings: EdgeAgentSettings, stop: asyncio.Event) -> None
 
 
 def _noted(make: Callable[[], RobotAgent], agents: dict[RobotKey, RobotAgent]) -> Callable[[], RobotAgent]:
-    """Return a maker that also stores the newest agent of each robot in ``agents``."""
+    """Return a factory that also stores the newest agent of each robot in ``agents``."""
 
     def noted() -> RobotAgent:
         agent = make()
@@ -149,7 +149,7 @@ def _agent_maker(
 
 
 def watch_of_map(settings: EdgeAgentSettings, server: MapServer | None) -> MapWatch:
-    """Return the watch of a robot's map; ``server`` has its map ID."""
+    """Return the watch of a robot's map; ``server`` provides its map ID."""
 
     def map_id() -> str:
         return server.map_id if server is not None else settings.map_id
@@ -158,10 +158,10 @@ def watch_of_map(settings: EdgeAgentSettings, server: MapServer | None) -> MapWa
 
 
 def _map_server(settings: EdgeAgentSettings) -> MapServer | None:
-    """Return Nav2's map_server where the robot's maps go to it.
+    """Return Nav2's map_server if the robot's maps are stored there.
 
     Raises:
-        ConfigurationError: the robot has no Nav2, or this machine no types to speak to map_server.
+        ConfigurationError: the robot has no Nav2, or this machine lacks the types of map_server.
 
     """
     if settings.maps.store != NAV2_STORE:
@@ -173,7 +173,7 @@ def _map_server(settings: EdgeAgentSettings) -> MapServer | None:
 
 
 def operations_beside(found: Installed, settings: EdgeAgentSettings) -> tuple[AnyOperation, ...]:
-    """Return the operations of the settings; installed plug-ins replace default ones of their action type."""
+    """Return the configured operations; installed plug-ins replace default ones of the same action type."""
     if "operations" in settings.model_fields_set:
         return settings.operations
     return tuple(each for each in settings.operations if each.action_type not in found.action_types)
@@ -186,7 +186,7 @@ def make_registry(
     switch: SessionSwitch | None = None,
     context: PluginContext | None = None,
 ) -> ActionRegistry:
-    """Return the actions of one robot; a loopback robot also gets simulated ones, if it is set up to."""
+    """Return the actions of one robot; a loopback robot also gets simulated ones, if enabled."""
     context = context or PluginContext(
         RobotKey(settings.manufacturer, settings.serial_number), RobotPorts(None, settings.actions).drive
     )
@@ -220,7 +220,7 @@ def make_registry(
 async def _run_all(
     settings: EdgeAgentSettings, makers: Mapping[str, Callable[[], RobotAgent]], stop: asyncio.Event
 ) -> None:
-    """Run one robot, whose failure ends the program, or a fleet, of which each fails alone."""
+    """Run one robot, whose failure ends the program, or a fleet, whose robots fail independently."""
     first = next(iter(makers))
     start = log.bind(robots=len(makers), driver=settings.driver, first=first)
     if len(makers) == 1:
@@ -234,7 +234,7 @@ async def _run_all(
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the program; the exit status is 0 after a signal, 1 after a failure, 2 for bad settings.
+    """Run the program; return exit status 0 after a signal, 1 after a failure, 2 for invalid settings.
 
     Parts that the settings do not need are never imported, to save the robot's memory.
     """

@@ -1,4 +1,4 @@
-"""One robot's agent: joins MQTT link, protocol core, driver, actions and journal in one task."""
+"""One robot's agent: connects MQTT link, protocol core, driver, actions and journal in one task."""
 
 from __future__ import annotations
 
@@ -80,15 +80,15 @@ class AgentStatistics:
     def __init__(self) -> None:
         self.arrived = 0
         self.failed = dict.fromkeys(DriveFailure, 0)
-        """Drives that failed, by how."""
+        """Failed drives by kind of failure."""
         self.recoveries = 0
         self.session: SessionState | None = None
         self.localized: bool | None = None
-        """Whether the robot is localised; None: it never was."""
+        """Whether the robot is localised; None: not known yet."""
         self.posed_at: float | None = None
         """Time of the last valid pose, in monotonic seconds."""
         self.fleet_clock = ClockSkew()
-        """Of the order service, by the timestamps of its orders."""
+        """Clock skew of the order service, by the timestamps of its orders."""
         self._recoveries_of_drive = 0
 
     def note(self, event: Event, now: float) -> None:
@@ -119,21 +119,21 @@ log = get_logger(__name__)
 P = ParamSpec("P")
 
 DISCONNECT_TIMEOUT = 2.0
-"""Seconds for the last messages to reach the broker."""
+"""Timeout for the last messages to reach the broker, seconds."""
 TIMEOUT_INTERVAL = 1.0
-"""Seconds between two checks of timeouts, while one runs."""
+"""Seconds between two checks of running timeouts."""
 LONGEST_COLLECTING = 0.2
-"""Seconds that a state waits for further events that are queued already."""
+"""Seconds that a state waits for further events that are already queued."""
 TO_DRIVER = (Drive, Halt, LimitSpeed, KeepOut, SetPosition)
-"""Effects that end with the robot's power at the latest: they need not wait for the disk."""
+"""Effects that a power failure would end as well, so they need not wait for the disk."""
 
 DriverMaker = Callable[[Callable[[Event], None], Pose | None], Driver]
-"""Makes a driver that sends its events to the first; the second is the last known position."""
+"""Creates a driver from the receiver of its events and the last known position."""
 
 
 @dataclass(frozen=True, slots=True)
 class Equipment:
-    """What a robot works with: its driver, its actions, the maps on it, and what Nav2 offers it."""
+    """Equipment of a robot: its driver, its actions, its maps, and what Nav2 offers."""
 
     make_driver: DriverMaker
     registry: ActionRegistry
@@ -143,7 +143,7 @@ class Equipment:
 
 @dataclass(frozen=True, slots=True)
 class Vitals:
-    """What metrics show of a robot's agent."""
+    """Values that metrics show for a robot's agent."""
 
     link: LinkState
     inbox: InboxCounts
@@ -164,7 +164,7 @@ class RobotAgent:
     """
 
     _logged_ends: frozenset[str] = frozenset()
-    """Actions of the present order whose end was logged."""
+    """Actions of the current order whose end has been logged."""
 
     def __init__(
         self,
@@ -216,14 +216,14 @@ class RobotAgent:
         self._link = self._connect(make_link)
 
     async def run(self, stop: asyncio.Event) -> None:
-        """Serve until ``stop`` is set, then leave in order.
+        """Run until ``stop`` is set, then disconnect in order.
 
         Raises:
             StartError: the driver cannot work here.
-            TaskFailedError: a task of the robot has failed.
+            TaskFailedError: a task of the robot failed.
 
         """
-        bind_contextvars(robot=str(self.robot))  # also in the logs of all that it calls
+        bind_contextvars(robot=str(self.robot))  # also in the logs of everything that it calls
         if self._maps:
             self._mailbox.put(MapsReport(self._maps))
         if self._journal_loss:
@@ -232,7 +232,7 @@ class RobotAgent:
         if self._registry.problems:
             self._mailbox.put(PluginsReport(self._registry.problems))
         self._mailbox.put(Started(self._clock.now()))  # before the driver's events
-        await self._write_record()  # the ids of the first messages
+        await self._write_record()  # the headerIds of the first messages
         await self._recorder.sync()
         await self._driver.start()
         spare_what_is_loaded()
@@ -251,7 +251,7 @@ class RobotAgent:
             await self._driver.stop()
 
     def vitals(self) -> Vitals:
-        """Return what metrics show now."""
+        """Return the current values for metrics."""
         return Vitals(
             self._link.state,
             self._inbox.counts,
@@ -263,7 +263,7 @@ class RobotAgent:
         )
 
     def publish_map(self, found: MapImage) -> None:
-        """Publish the robot's map retained, now and after each connect."""
+        """Publish the robot's map, retained, now and after each connect."""
         self._map = self._messages.map(found)
         self._link.publish(self._map)
 
@@ -299,7 +299,7 @@ class RobotAgent:
         return effects
 
     def _log_new_errors(self) -> None:
-        """Log each error that is new in the state; one whose text alone changes is logged once."""
+        """Log each new error in the state; an error of which only the text changes is logged once."""
         shown = self._core.robot.errors.entries
         if shown is self._logged_errors:
             return

@@ -1,4 +1,4 @@
-"""The journal: what a robot must still know after the end of its agent, in one file per robot."""
+"""The journal: the state that survives a restart of the agent, in one file per robot."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from nena_shared.program import StartError
 from nena_shared.vda5050.topics import RobotKey
 
 LEAST_ROOM = 16 * 1024
-"""Bytes for one record, at least."""
+"""Minimum space for one record, bytes."""
 BLOCK = 512
-"""Bytes that a disk writes whole or not at all."""
+"""Bytes that a disk writes entirely or not at all."""
 LABEL = 23
-"""Bytes in front of each block: checksum (8 digits) and number of the record (13), a space after each."""
+"""Bytes at the start of each block: checksum (8 digits) and record number (13), each followed by a space."""
 CHECKSUM = 9
-"""Bytes of the one checksum of a record as earlier releases wrote it: eight digits and a space."""
+"""Bytes of the single checksum in records of earlier releases: eight digits and a space."""
 
 
 @contextmanager
@@ -55,25 +55,25 @@ def sole_user(folder: Path, robot: RobotKey) -> Iterator[None]:
 
 
 class UnreadableJournalError(Exception):
-    """The journal cannot be read; the text contains the reason and what to do."""
+    """The journal cannot be read; the message contains the reason and what to do."""
 
 
 class Journal:
     """Keeps the newest record and the one before it, each in its half of one file.
 
-    A record overwrites the older one. The file keeps its size, so that a write needs no new blocks on the
-    disk; where a record needs more room, a new file replaces the old one. Each block of the disk has its own
-    checksum and the number of its record: a write that was interrupted leaves whole blocks of two records, a
-    disk that damages data a block that does not fit its checksum.
+    A record overwrites the older one. The file keeps its size, so a write needs no new disk blocks; if a
+    record needs more space, a new file replaces the old one. Each disk block has its own checksum and record
+    number. So an interrupted write (whole blocks of two records) differs from damaged data (a block that does
+    not match its checksum).
     """
 
     def __init__(self, folder: Path, robot: RobotKey) -> None:
         self._folder = _at_home(folder)
         self._file = self._folder / f"{_file_name(robot)}.journal"
         self._number = 0
-        """Of the newest record that is on the disk."""
+        """Number of the newest record on the disk."""
         self._begun = 0
-        """The highest number that blocks in the file may have, also of a record that failed."""
+        """The highest number that blocks in the file may have, including those of a failed record."""
         self._made = False
 
     def read(self) -> Memory | None:
@@ -81,7 +81,7 @@ class Journal:
 
         Raises:
             StartError: the folder cannot be used, with what to do.
-            UnreadableJournalError: the file cannot be read, or is damaged, or of another version.
+            UnreadableJournalError: the file cannot be read, is damaged, or comes from another version.
 
         """
         try:
@@ -113,10 +113,10 @@ class Journal:
     def write(self, memory: Memory) -> None:
         """Replace the record; on return it survives the process, and after :meth:`sync` a power failure.
 
-        Both block for the time of the disk: call them outside of the event loop's thread.
+        Both block until the disk answers: call them outside the event loop's thread.
 
         Raises:
-            OSError: it could not be written; the old record is kept.
+            OSError: the record could not be written; the old one is kept.
         """
         record = memory.model_dump_json(exclude_defaults=True).encode()
         self._begun = number = self._next()
@@ -128,7 +128,7 @@ class Journal:
         """Wait until the disk has the last record.
 
         Raises:
-            OSError: the disk has failed; whether it has the record is unknown.
+            OSError: the disk failed; whether it has the record is unknown.
         """
         with self._file.open("rb") as file:
             os.fdatasync(file.fileno())
@@ -138,15 +138,15 @@ class Journal:
         self._number = self._begun
 
     def _next(self) -> int:
-        """Return a number that no block has, and whose half is not that of the newest record.
+        """Return a number that no block has and whose half does not hold the newest record.
 
-        After a record that failed, blocks of it and of the next one would else look like one record.
+        Otherwise, blocks of a failed record and of the next one would look like one record.
         """
         free = self._begun + 1
         return free if (free - self._number) % 2 else free + 1
 
     def _overwrite(self, number: int, record: bytes) -> bool:
-        """Write over the older record; return whether there is a file with room for it."""
+        """Overwrite the older record; return False if there is no file with enough space."""
         with suppress(FileNotFoundError), self._file.open("r+b") as file:
             half = os.fstat(file.fileno()).st_size // 2
             if len(record) <= half // BLOCK * (BLOCK - LABEL):
@@ -168,10 +168,10 @@ class Journal:
 
 
 def read_journal(journal: Journal | None) -> tuple[Memory | None, str]:
-    """Return the memory in ``journal``, if there is any, and why it cannot be read, if so.
+    """Return the memory in ``journal``, if any, and the reason why it cannot be read, or "".
 
     Raises:
-        StartError: its folder cannot be used, with what to do.
+        StartError: the folder cannot be used; the message says what to do.
 
     """
     try:
@@ -189,7 +189,7 @@ def _framed(number: int, record: bytes, size: int) -> bytes:
 
 
 def _newest(content: bytes) -> tuple[int, bytes]:
-    """Return the newest record of a journal and its number; one whose writing was interrupted does not count.
+    """Return the newest complete record of a journal, and its number; an interrupted write does not count.
 
     Raises:
         ValueError: there is none, or the newest one is damaged.
@@ -206,10 +206,10 @@ def _newest(content: bytes) -> tuple[int, bytes]:
 
 
 def _check_interrupted(half: bytes, newest: int) -> None:
-    """Check that the unreadable ``half`` is older than record ``newest``, or its writing was interrupted.
+    """Check that the unreadable ``half`` is older than record ``newest`` or was interrupted.
 
     Raises:
-        ValueError: it is a newer record that was whole, and is damaged.
+        ValueError: it was a complete, newer record, which is now damaged.
 
     """
     numbers = _numbers(half)
@@ -223,7 +223,7 @@ def _blocks(half: bytes) -> list[bytes]:
 
 
 def _numbers(half: bytes) -> list[int | None]:
-    """Return the number of each block's record, 0 if it was never written, None if it is damaged.
+    """Return the record number of each block; 0 if the block was never written, None if it is damaged.
 
     A checksum also covers the count of blocks, so a truncated file counts as damaged.
     """
@@ -240,14 +240,14 @@ def _number(block: bytes, count: int) -> int | None:
 
 
 def _highest(content: bytes) -> int:
-    """Return the highest number of a block that is whole, be it of an interrupted record."""
+    """Return the highest number of an undamaged block, even of an interrupted record."""
     half = len(content) // 2
     numbers = (*_numbers(content[:half]), *_numbers(content[half:]))
     return max((number for number in numbers if number), default=0)
 
 
 def _read(half: bytes) -> tuple[int, bytes] | None:
-    """Return the number and the record of a half that is whole."""
+    """Return the number and the record in a half; None if it is not one complete record."""
     if _is_of_an_earlier_release(half):
         first, _, record = half[CHECKSUM:].partition(b"\n")
         return int(first), record
@@ -257,7 +257,7 @@ def _read(half: bytes) -> tuple[int, bytes] | None:
 
 
 def _is_of_an_earlier_release(half: bytes) -> bool:
-    """Return whether it is a record with one checksum for all of it."""
+    """Return whether ``half`` is a record with a single checksum."""
     return half[:CHECKSUM] == b"%08x " % crc32(half[CHECKSUM:])
 
 
@@ -271,7 +271,7 @@ def _file_name(robot: RobotKey) -> str:
 
 
 def _at_home(folder: Path) -> Path:
-    """Put the home directory in place of ``~``.
+    """Replace ``~`` by the home directory.
 
     Raises:
         StartError: there is none.
@@ -303,20 +303,20 @@ def check_frame(memory: Memory | None, frame: str) -> None:
 
 
 AT_ONCE = 0.01
-"""Seconds for which the event loop itself waits: the kernel usually accepts a record in 0.1 ms, less than
+"""Seconds that the event loop itself waits: the kernel usually accepts a record in 0.1 ms, less time than
 switching to another task and back."""
 WRITE_TIMEOUT = 2.0
-"""Seconds that the disk has to write a record; a robot that must stop cannot wait for longer."""
+"""Timeout for writing a record, seconds; a robot that must stop cannot wait longer."""
 
 Version = tuple[object, ...]
 """A value that differs when the memory differs."""
 
 
 class Recorder:
-    """Writes records in a thread; a disk that fails or hangs is reported, and the robot continues.
+    """Writes records in a thread. A disk that fails or hangs is reported, and the robot continues.
 
-    To be used in turn: :meth:`write`, then what may be done once the record outlives the process, then
-    :meth:`sync`, then what may be done once it outlives a power failure.
+    Call :meth:`write`, then do what only needs a record that survives the process; then call :meth:`sync`,
+    and do what needs a record that survives a power failure.
     """
 
     def __init__(
@@ -330,10 +330,10 @@ class Recorder:
         """Prepare to record what differs from ``version``.
 
         Args:
-            journal: the journal; None: nothing is recorded.
-            version: of the journal's content.
-            on_record: called after each record with the problem of the disk, "" for none.
-            wake: called when a disk that hung has answered: the newest record can be written then.
+            journal: the journal; None records nothing.
+            version: version of the journal's content.
+            on_record: called after each record with the disk's problem, "" for none.
+            wake: called when a disk that hung answers: the newest record can then be written.
         """
         self._journal = journal
         self._durable: Version | None = version
@@ -344,10 +344,10 @@ class Recorder:
         self._record: asyncio.Future[None] | None = None
         self._deadline = 0.0
         self.seconds = Histogram(SHORT)
-        """From the begin of a record to the moment at which it survives a power failure."""
+        """Seconds from the start of a record until it survives a power failure."""
 
     async def write(self, version: Version, memory: Callable[[], Memory]) -> None:
-        """Begin to write a changed memory; return when it survives the process, or the disk has failed."""
+        """Start writing a changed memory; return when it survives the process or the disk has failed."""
         if self._journal is None or version == self._durable or self._hangs:
             return  # a newer record must not overtake an older one on a disk that hangs
         loop = asyncio.get_running_loop()
@@ -380,11 +380,11 @@ class Recorder:
             self._on_record("")
 
     def has_written(self, version: Version) -> bool:
-        """Return whether what differs in ``version`` survives the process; always without a journal."""
+        """Return whether the changes in ``version`` survive the process; True without a journal."""
         return self._journal is None or version in (self._written, self._durable)
 
     def has_synced(self, version: Version) -> bool:
-        """Return whether what differs in ``version`` survives a power failure; always without a journal."""
+        """Return whether the changes in ``version`` survive a power failure; True without a journal."""
         return self._journal is None or version == self._durable
 
     @property
@@ -393,7 +393,7 @@ class Recorder:
 
 
 def _work(journal: Journal, memory: Memory, written: SimpleQueue[bool]) -> None:
-    """Write in a thread: report when the kernel has the record, and wait for the disk."""
+    """Write in a thread: report when the kernel has the record, then wait for the disk."""
     taken = False
     try:
         journal.write(memory)
@@ -404,7 +404,7 @@ def _work(journal: Journal, memory: Memory, written: SimpleQueue[bool]) -> None:
 
 
 def _await(written: SimpleQueue[bool], seconds: float) -> bool:
-    """Wait in another thread for the result of a write, at most ``seconds``."""
+    """Wait for the result of a write, at most ``seconds``; blocks its thread."""
     try:
         return written.get(timeout=seconds)
     except Empty:
@@ -412,6 +412,6 @@ def _await(written: SimpleQueue[bool], seconds: float) -> bool:
 
 
 def _consume(record: asyncio.Future[None]) -> None:
-    """Consume the result of a record that is no longer waited for."""
+    """Consume the result of a record that nothing waits for any more."""
     if not record.cancelled():
         record.exception()

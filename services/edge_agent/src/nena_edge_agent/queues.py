@@ -1,4 +1,4 @@
-"""What the agent's task waits for: events, effects that need the disk, and messages that are due."""
+"""Queues and schedules of the agent's task: events, effects that wait for the disk, and due messages."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from nena_edge_agent.protocol.events import (
 from nena_shared.tasks import set_within
 
 MESSAGE_LIMIT = 100
-"""Messages of fleet control that may wait."""
+"""Maximum number of waiting messages of fleet control."""
 
 _MESSAGES = (OrderReceived, InstantActionsReceived, ZoneSetReceived, ResponsesReceived, MessageRefused)
 _SUPERSEDED = (PoseReport, BatteryReport, GoalTable, PlanReport, DriveProgress)
@@ -34,9 +34,9 @@ _SUPERSEDED = (PoseReport, BatteryReport, GoalTable, PlanReport, DriveProgress)
 class Mailbox:
     """Collects events for one task.
 
-    Of poses, battery reports, plans, progress and tables of goals only the newest waits. Messages beyond the
-    limit are dropped and counted: fleet control sends them again until a state confirms them. All else is an
-    answer to a request of the core, a handful per goal and action, and is never dropped.
+    Of poses, battery reports, plans, progress and goal tables, only the newest waits. Messages beyond the
+    limit are dropped and counted: fleet control resends them until a state confirms them. All other events
+    answer requests of the core, a handful per goal and action, and are never dropped.
     """
 
     def __init__(self) -> None:
@@ -47,7 +47,7 @@ class Mailbox:
         self.dropped = 0
 
     def put(self, event: Event) -> None:
-        """Add an event; to be called in the event loop's thread."""
+        """Add an event; call this in the event loop's thread."""
         if isinstance(event, _SUPERSEDED):
             self._newest[type(event)] = event
         elif not isinstance(event, _MESSAGES):
@@ -70,7 +70,7 @@ class Mailbox:
 
     @property
     def empty(self) -> bool:
-        """Whether nothing waits."""
+        """Whether no event waits."""
         return not self._filled.is_set()
 
     def wake(self) -> None:
@@ -85,7 +85,7 @@ class Mailbox:
         await set_within(self._filled, seconds)
 
     def _keep_order(self, event: Event) -> None:
-        """Put ``event`` after the pose that arrived before it: an arrival is judged by its own pose."""
+        """Queue ``event`` behind the pose that arrived before it: an arrival is judged by that pose."""
         self._flush_newest()
         self._events.append(event)
 
@@ -105,9 +105,9 @@ class Postponed:
         self._waiting: list[Effect] = []
 
     def sift(self, effects: Iterable[Effect], *, recorded: bool) -> list[Effect]:
-        """Return what may be done now, in its order; ``recorded``: the disk has a record of all ``effects``.
+        """Return the effects that may be performed now, in order; ``recorded``: all are on the disk.
 
-        What is ended while it waits is not started any more.
+        A waiting start that is ended meanwhile is dropped.
         """
         if recorded:
             waiting, self._waiting = self._waiting, []
@@ -134,7 +134,7 @@ def _ends(effect: Effect, waiting: Effect) -> bool:
 
 
 class StateSchedule:
-    """Times in s of a monotonic clock; requests in quick succession are answered by one state."""
+    """Due times of states, in monotonic seconds; requests in quick succession cause one state."""
 
     def __init__(self, *, minimum: float, maximum: float) -> None:
         self._minimum = minimum
@@ -157,7 +157,7 @@ class StateSchedule:
 
 
 class VisualizationSchedule:
-    """An even rate; an interval of 0 means never."""
+    """Due times of visualization messages, in monotonic seconds; an interval of 0 means never."""
 
     def __init__(self, *, interval: float, now: float) -> None:
         self._interval = interval
@@ -169,5 +169,5 @@ class VisualizationSchedule:
         return self._next
 
     def sent(self, now: float) -> None:
-        """Note that one was sent; what was missed is not made up for."""
+        """Note that a message was sent; missed ones are not made up for."""
         self._next = max(self._next + self._interval, now)

@@ -1,1 +1,1 @@
-"""NeNa robot simulator: a ROS 2 node that behaves as Nav2 does on its topics."""
+"""NeNa robot simulator: a ROS 2 node that behaves like Nav2 on its topics."""

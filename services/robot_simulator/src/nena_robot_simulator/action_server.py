@@ -53,7 +53,7 @@ class ActionServer(Protocol):
 
     @property
     def hangs(self) -> bool:
-        """Whether the server answers nothing."""
+        """Whether the server answers nothing, as if it hung."""
         ...
 
     def on_goal(self, action: Action, goal: Goal) -> int | None:
@@ -177,7 +177,7 @@ class NavigatorEndpoints:
         self._goal_pose: Any = None
 
     def show(self, *, there: bool) -> None:
-        """Join or leave the ROS graph; each time it joins as a new server with an empty list."""
+        """Join or leave the ROS graph; each time, join as a new server with an empty list."""
         if there and self._goal_pose is None:
             self._open()
         elif not there and self._goal_pose is not None:

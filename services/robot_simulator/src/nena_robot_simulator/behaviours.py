@@ -1,4 +1,4 @@
-"""Nav2's behaviours and its docking server: one goal at a time, which moves the robot with a velocity."""
+"""Nav2's behaviour and docking servers: one goal at a time, which moves the robot at a velocity."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ log = get_logger(__name__)
 
 DOCKING = {"dock_robot": "DockRobot", "undock_robot": "UndockRobot"}
 RECOVERIES = {"spin": "Spin", "backup": "BackUp"}
-"""Those that the navigator uses too; their cancelling is served with it."""
+"""Behaviours that the navigator also uses; the node serves their cancel services."""
 BEHAVIOURS = {**RECOVERIES, "drive_on_heading": "DriveOnHeading"}
 """Names and types of the actions."""
 PERIOD = 0.02
 """Seconds between two checks of the goal."""
 NOT_IN_DATABASE = 901
 DOCK_DISTANCE, DOCK_SPEED = 0.4, 0.2
-"""Metres from the place before the dock into it, and m/s."""
+"""Distance from the staging pose into the dock, m, and speed, m/s."""
 YAW_RATE = 1.0
-"""rad/s."""
+"""Yaw rate of behaviours, rad/s."""
 Answer = Callable[[Any], None]
 
 
 @dataclass(slots=True)
 class Work:
-    """The goal at hand: what is left of it in m or rad, and the velocity."""
+    """The current goal: the remaining distance (m) or angle (rad), and the velocity."""
 
     name: str
     goal_id: UUID
@@ -68,7 +68,7 @@ class Behaviours:
         session.every(PERIOD, self._advance)
 
     def open(self, actions: Mapping[str, str]) -> list[Any]:
-        """Join the ROS graph with actions of these names and types, as far as they are installed."""
+        """Join the ROS graph with the actions (names and types) whose types are installed."""
         found: list[Any] = []
         for name, type_name in actions.items():
             kind = interface(f"nav2_msgs/action/{type_name}")
@@ -78,7 +78,7 @@ class Behaviours:
         return found
 
     def cancel(self, *names: str) -> bool:
-        """Cancel the goal at hand if it is of one of these actions; return whether it was."""
+        """Cancel the current goal if it belongs to one of these actions; return whether it did."""
         if self._work is None or self._work.name not in names:
             return False
         self._end(Status.CANCELED)
@@ -109,7 +109,7 @@ class Behaviours:
             serve(services.GetResultService, f"{hidden}/get_result", on_result),
             *own_cancel,
             status,
-            # clients of rclpy wait for it, though a behaviour's feedback is of no use to them
+            # rclpy's clients wait for this topic, although they do not use the feedback of behaviours
             self._session.publisher(services.FeedbackMessage, f"{hidden}/feedback", FEEDBACK),
         ]
 
@@ -168,7 +168,7 @@ class Behaviours:
             self._answer(work.name)
 
     def _answer(self, name: str) -> None:
-        """Answer the clients that wait for a goal that has ended."""
+        """Answer the clients that wait for the result of an ended goal."""
         for goal_id in [each for each in self._waiting if each in self._ended]:
             status, code = self._ended[goal_id]
             response = self._types[name].Impl.GetResultService.Response(status=int(status))

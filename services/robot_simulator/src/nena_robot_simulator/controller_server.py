@@ -1,4 +1,4 @@
-"""The server of the controller's action in the ROS graph: the navigator's goal there, and other paths."""
+"""The controller's action server in the ROS graph: the navigator's goal there, and other paths."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ log = get_logger(__name__)
 
 
 class ControllerServer:
-    """One robot's; closed initially. Without ``types`` its goals can only be cancelled.
+    """The server of one robot, closed initially. Without ``types``, its goals can only be cancelled.
 
-    ``take`` accepts a goal and returns the time of acceptance (UTC, ns), None: it is rejected.
+    ``take`` accepts a goal and returns the time of acceptance (UTC, ns), or None if it is rejected.
     """
 
     def __init__(
@@ -42,11 +42,11 @@ class ControllerServer:
 
     @property
     def hangs(self) -> bool:
-        """Whether the server answers nothing."""
+        """Whether the server answers nothing, as if it hung."""
         return not self._robot.servers.runs(Server.CONTROLLER)
 
     def show(self) -> None:
-        """Join or leave the ROS graph, as the process runs or has died."""
+        """Join or leave the ROS graph, depending on whether the process runs."""
         there = self._robot.servers.there(Server.CONTROLLER)
         if there and not self._there:
             self._endpoints.open()
@@ -65,7 +65,7 @@ class ControllerServer:
             self._endpoints.answer()
 
     def publish_progress(self, frame_id: str, nanoseconds: int) -> None:
-        """Publish the feedback of a path that is followed, if it has a subscriber."""
+        """Publish the feedback of the followed path, if it has a subscriber."""
         progress = self._robot.feedback(Action.FOLLOW_PATH, self._clock.monotonic())
         if progress is not None and self._endpoints.wants_feedback:
             self._endpoints.publish_feedback(progress, frame_id, nanoseconds)
@@ -79,7 +79,7 @@ class ControllerServer:
         return self._robot.goals(action).find(goal_id, self._clock.monotonic())
 
     def on_cancel(self, action: Action, request: Any, response: Any) -> None:  # noqa: ANN401
-        """Cancel paths; without one that matches the navigator's goal, whichever is named."""
+        """Cancel matching paths; if none matches, cancel the navigator's goal, whichever goal is named."""
         goal_id = messages.goal_id_of(request.goal_info)
         stamp = messages.nanoseconds_of(request.goal_info.stamp)
         answer = self._robot.cancel(goal_id, stamp, self._clock.monotonic(), action)

@@ -59,7 +59,7 @@ class Circle(_Message):
 
 
 class Unreachable(PerGoal):
-    """No path is found: the goal is ABORTED, for code 208 after the recoveries."""
+    """No path is found: the goal is ABORTED, with code 208 only after the recoveries."""
 
     kind: Literal["unreachable"] = "unreachable"
     circles: tuple[Circle, ...] = Field(
@@ -130,7 +130,7 @@ class LocalisationLost(Lasting):
 
 
 class PoseJump(Lasting):
-    """AMCL has confused two aisles: its estimates have a constant offset."""
+    """AMCL has mistaken one aisle for another: its estimates have a constant offset."""
 
     kind: Literal["pose_jump"] = "pose_jump"
     x: Metres = Field(3.0, description="Offset, m.")
@@ -167,14 +167,14 @@ class ServerDied(Lasting):
 
 
 class ServerHung(Lasting):
-    """One process of Nav2 hangs: it is in the ROS graph and answers nothing."""
+    """One process of Nav2 hangs: it stays in the ROS graph but answers nothing."""
 
     kind: Literal["server_hung"] = "server_hung"
     server: Server = Field(description="Name of its node.")
 
 
 class ControllerDeaf(Lasting):
-    """The controller answers that its goal is cancelled, and drives on."""
+    """The controller reports its goal as cancelled but keeps driving."""
 
     kind: Literal["controller_deaf"] = "controller_deaf"
 

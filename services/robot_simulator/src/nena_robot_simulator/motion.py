@@ -10,22 +10,22 @@ from nena_shared.ros import wrap
 
 
 class Pose(NamedTuple):
-    """A place and a heading; ``yaw`` in (-pi, pi]."""
+    """A position (m) and a heading ``yaw`` (rad) in (-pi, pi]."""
 
     x: float
     y: float
     yaw: float
 
     def distance(self, other: Pose) -> float:
-        """Metres between the two places."""
+        """Return the distance between the two positions, m."""
         return math.hypot(other.x - self.x, other.y - self.y)
 
     def bearing(self, other: Pose) -> float:
-        """Direction, in radians, in which the other place lies."""
+        """Return the direction to the other position, rad."""
         return math.atan2(other.y - self.y, other.x - self.x)
 
     def then(self, other: Pose) -> Pose:
-        """Transform ``other`` from the frame of this pose into the frame that this pose is given in."""
+        """Transform ``other`` from the frame of this pose into the parent frame."""
         cos, sin = math.cos(self.yaw), math.sin(self.yaw)
         return Pose(
             self.x + cos * other.x - sin * other.y,
@@ -118,15 +118,15 @@ HEADING_GAIN = 3.0
 
 
 LEAST_APPROACH = 0.05
-"""Speed at which a goal is approached at least, m/s (``min_approach_linear_velocity``)."""
+"""Minimum speed when approaching a goal, m/s (``min_approach_linear_velocity``)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
     """Limits of the drive: m/s, m/s², rad/s, rad/s².
 
-    ``approach``: metres from the end of the path from which on the speed falls with the distance, as
-    Regulated Pure Pursuit has it.
+    ``approach``: distance (m) to the end of the path below which the speed falls with the distance, as with
+    Regulated Pure Pursuit.
     """
 
     speed: float
@@ -177,7 +177,7 @@ def obey(motion: Motion, command: tuple[float, float], limits: Limits, dt: float
 
 
 def _wanted(pose: Pose, target: Pose, limits: Limits, behind: float) -> tuple[float, float]:
-    """Forward speed and yaw rate that lead to the target."""
+    """Return the forward speed and yaw rate that lead to the target."""
     distance = pose.distance(target)
     if distance <= AT_PLACE and not behind:
         return 0.0, _turn(wrap(target.yaw - pose.yaw), limits)
@@ -194,7 +194,7 @@ def _wanted(pose: Pose, target: Pose, limits: Limits, behind: float) -> tuple[fl
 
 
 def _turn(error: float, limits: Limits) -> float:
-    """Return a yaw rate that removes the error and can be braked in time."""
+    """Return a yaw rate that removes the error and still allows braking in time."""
     braking = math.sqrt(2.0 * limits.yaw_acceleration * abs(error))
     return math.copysign(min(limits.yaw_rate, HEADING_GAIN * abs(error), braking), error)
 

@@ -158,7 +158,7 @@ class Navigator:
         return not self._active or self.goals[asked.goal_id] is GoalStatus.CANCELING
 
     def _preempted(self, current: Goal, now: float) -> Goal:
-        """Replace the current goal by the pending one; with an invalid pose the robot keeps its old path."""
+        """Replace the current goal by the pending one; with an invalid pose, the robot keeps its old path."""
         if self._pending is None:
             return current
         if self._pending.tree != current.tree:  # the running tree is not replaced
@@ -205,18 +205,18 @@ class Navigator:
 XY_TOLERANCE = 0.25
 """Distance from the end of the path within which a goal counts as reached (``xy_goal_tolerance``), m."""
 YAW_TOLERANCE = 0.25
-"""Radians from the goal's heading within which a goal counts as reached (``yaw_goal_tolerance``)."""
+"""Deviation from the goal's heading within which it counts as reached, rad (``yaw_goal_tolerance``)."""
 PASSED_WITHIN = 0.7
-"""Distance from a place on the path at which the tree counts it as passed (``RemovePassedGoals``), m."""
+"""Distance from a pose at which the tree counts it as passed, m (``RemovePassedGoals``)."""
 FOLLOWED_WITHIN = 0.2
-"""Distance from a place of a path at which a controller that follows it heads for the next one, m."""
+"""Distance from a pose of a path at which the controller heads for the next one, m."""
 PLAN_SPACING = 0.25
-"""Metres between the poses of the published plan, as long as it has no more than ``PLAN_PARTS``."""
+"""Distance between the poses of the published plan, m, unless it would exceed ``PLAN_PARTS``."""
 PLAN_PARTS = 10_000
 
 
 RECOVERY = ((1.6, 0.0, 1.0), (5.0, 0.0, 0.0), (2.0, -0.15, 0.0))
-"""What a robot without a path does in turn: seconds, m/s, rad/s (spin, wait, back up)."""
+"""Recoveries of a robot without a path, in turn: seconds, m/s, rad/s (spin, wait, back up)."""
 RECOVERY_PERIOD = 1.35
 """Seconds between two counts of ``number_of_recoveries``."""
 
@@ -234,14 +234,14 @@ class Recovery:
         return self._spent(now) >= self.seconds
 
     def count(self, now: float) -> int:
-        """Return how many there have been."""
+        """Return the number of recoveries so far."""
         return int(min(self._spent(now), self.seconds) / RECOVERY_PERIOD)
 
     def _spent(self, now: float) -> float:
         return (now - self.began_at) * self.pace
 
     def command(self, now: float) -> tuple[float, float]:
-        """Return the velocity of the one at hand, m/s and rad/s."""
+        """Return the velocity of the current recovery, m/s and rad/s."""
         rest = self._spent(now) % sum(seconds for seconds, _, _ in RECOVERY)
         for seconds, speed, yaw_rate in RECOVERY:
             if rest < seconds:
@@ -252,20 +252,20 @@ class Recovery:
 
 @dataclass(frozen=True, slots=True)
 class DriveFailure:
-    """How a drive fails, where it does."""
+    """How a drive fails."""
 
     error_code: int = ErrorCode.NONE
     abort_after: float | None = None
-    """The part of the path, 0 to 1, after which the controller gives up."""
+    """Fraction of the path, 0 to 1, after which the controller gives up."""
     recovery: Recovery | None = None
-    """What is tried before the drive fails, if there is no path."""
+    """Recoveries before the drive fails, if there is no path."""
 
 
 NO_FAILURE = DriveFailure()
 
 
 class Drive:
-    """The way to one target; ``end`` is None if the planner found none."""
+    """The drive to one target; ``end`` is None if the planner found no path."""
 
     def __init__(
         self,

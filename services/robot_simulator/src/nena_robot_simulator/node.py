@@ -1,6 +1,6 @@
 """The robot as a ROS node: the topics and services of Nav2, AMCL, the map server and the robot's base.
 
-All names are relative, so that the namespace counts. Everything here runs in the session's thread.
+All names are relative, so the namespace applies. Everything here runs in the session's thread.
 """
 
 from __future__ import annotations
@@ -144,7 +144,7 @@ class RobotNode:
 
     def _cancelled_by(self, server: Server, actions: Iterable[str]) -> list[Any]:
         def on_cancel(_request: CancelGoal.Request, response: CancelGoal.Response) -> None:
-            """Cancel the server's goal, whichever is named: it has one at most."""
+            """Cancel the server's goal, whichever is named: it has at most one."""
             had_one = self._cancel_behaviour()
             response.goals_canceling = [GoalInfo()] if had_one else []
             self._log.info("goal cancelled", server=server.value, had_one=had_one)
@@ -181,14 +181,14 @@ class RobotNode:
 
     def _open_maps(self) -> list[Any]:
         self._map = self._session.publisher(OccupancyGrid, "map", LATCHED)
-        self._hall = self._first_hall  # a map_server that starts has the map of its settings
+        self._hall = self._first_hall  # a starting map_server has the map of its settings
         self._robot.use_map(self._hall)
         self._publish_map()
         served = self._servers.serve(Server.MAPS, GetMap, "map_server/map", self._on_get_map)
         return [self._map, served, *(map_services(self._servers, self._use_map) if self._offers else ())]
 
     def _use_map(self, found: GridMap) -> OccupancyGrid:
-        """Use another map, as map_server does when it loads one; the robot's pose on it is unknown."""
+        """Use another map, like map_server after loading one; the robot's pose on it is unknown."""
         self._hall = found
         self._robot.use_map(found)
         self._publish_map()
@@ -204,7 +204,7 @@ class RobotNode:
         self._session.every(BATTERY_PERIOD, self._publish_battery)
 
     def _stamp(self) -> int:
-        """UTC in nanoseconds."""
+        """Return the current time, UTC nanoseconds."""
         return int(self._clock.now().timestamp() * 1_000_000) * 1000
 
     def _on_goal_pose(self, message: PoseStamped) -> None:
@@ -287,7 +287,7 @@ class RobotNode:
     def _apply(self, fault: faults.AnyFault) -> None:
         if isinstance(fault, faults.Freeze):
             self._log.info("fault", **fault.model_dump())
-            threading.Event().wait(fault.seconds)  # blocks the robot's thread, so that all of it hangs
+            threading.Event().wait(fault.seconds)  # blocks the robot's thread, so everything hangs
             return
         was_silent = self._silent
         now = self._clock.monotonic()
@@ -371,7 +371,7 @@ class RobotNode:
             self._publish_statuses_of(action)
 
     def _publish_statuses_of(self, action: Action) -> None:
-        """Publish each new array; of those that a silence held back only the last one, after it."""
+        """Publish each new array; after a silence, only the last one of those held back."""
         snapshots = self._robot.take_unpublished(action)
         if snapshots:
             self._navigator.answer(action)
@@ -392,6 +392,6 @@ class RobotNode:
             self._last_array[action] = snapshot
 
     def _publish(self, publisher: Publisher | None, message: object) -> None:
-        """Publish a message, unless the server that would is gone or all is silent."""
+        """Publish a message, unless its server is gone or everything is silent."""
         if not self._silent and publisher is not None:
             publisher.publish(message)

@@ -1,4 +1,4 @@
-"""What Nav2's servers offer beside driving, in the ROS graph: each part only if its types are installed."""
+"""Further services of Nav2's servers in the ROS graph, each only if its types are installed."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ NO_FILE, BAD_IMAGE, BAD_DESCRIPTION = 1, 2, 3
 _ENTRY = re.compile(r"^(?P<key>[a-z_]+)\s*:\s*(?P<value>.*?)\s*(#.*)?$", re.MULTILINE)
 _PGM = re.compile(rb"P5\s+(?:#.*\n)*(\d+)\s+(\d+)\s+(\d+)\s")
 DARK = 127
-"""Grey values below are walls."""
+"""Grey values below this are walls."""
 
 
 class BadMapError(Exception):
-    """The map cannot be used; ``result`` is that of nav2_msgs/srv/LoadMap."""
+    """The map cannot be used; ``result`` is a result code of nav2_msgs/srv/LoadMap."""
 
     def __init__(self, result: int) -> None:
         super().__init__(f"result {result}")
@@ -42,10 +42,10 @@ class BadMapError(Exception):
 
 
 def read_map(path: str) -> GridMap:
-    """Read a map as map_server does: a YAML file and a greyscale image (PGM) beside it.
+    """Read a map like map_server: a YAML file, and a greyscale image (PGM) beside it.
 
     Raises:
-        BadMapError: it is not there, or no map.
+        BadMapError: the file does not exist or is not a map.
 
     """
     try:
@@ -82,7 +82,7 @@ RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 
 
 def map_services(servers: ServerEndpoints, use: Callable[[GridMap], Any]) -> list[Any]:
-    """Serve map_server's services beside its map; ``use`` switches to a map and returns its message."""
+    """Serve map_server's services; ``use`` switches to a map and returns its message."""
     kind = interface("nav2_msgs/srv/LoadMap")
     if kind is None:
         return []
@@ -99,7 +99,7 @@ def map_services(servers: ServerEndpoints, use: Callable[[GridMap], Any]) -> lis
 
 
 def costmap_services(session: RosSession, cleared: Callable[[str], None]) -> None:
-    """Serve the clearing of both costmaps."""
+    """Serve the services that clear the two costmaps."""
     kind = interface("nav2_msgs/srv/ClearEntireCostmap")
 
     def clear(name: str, _request: object, _response: object) -> None:
@@ -111,7 +111,7 @@ def costmap_services(session: RosSession, cleared: Callable[[str], None]) -> Non
 
 
 def costmap_parameters(session: RosSession, footprint: str) -> None:
-    """Serve the parameters of the local costmap: none, unless all requested ones exist."""
+    """Serve the parameters of the local costmap; the response is empty unless all requested ones exist."""
 
     def answer(request: GetParameters.Request, response: GetParameters.Response) -> None:
         if footprint and set(request.names) == {"footprint"}:
@@ -142,7 +142,7 @@ class Offers:
             session.subscribe(kind, "speed_limit", self._on_speed_limit, RELIABLE)
 
     def _on_filter_info(self, message: Any) -> None:  # noqa: ANN401
-        """Listen to the mask of a keep-out filter, as the costmaps do."""
+        """Subscribe to the mask of a keep-out filter, like the costmaps."""
         if self._mask is None and message.type == 0:
             self._mask = self._session.subscribe(
                 OccupancyGrid, message.filter_mask_topic, self._on_mask, LATCHED
@@ -155,7 +155,7 @@ class Offers:
         self._robot.keep_out(GridMap(**size, origin_x=origin.x, origin_y=origin.y, cells=cells))
 
     def publish_transforms(self, settings: RobotSettings, nanoseconds: int) -> None:
-        """Publish where the odometry frame is on the map, and the robot in the odometry frame."""
+        """Publish the transforms from map to odometry and from odometry to the robot."""
         if self._transforms is None or not self._transforms.get_subscription_count():
             return
         found = [(self._robot.odometry, settings.odom_frame, settings.base_frame)]
@@ -165,7 +165,7 @@ class Offers:
         self._transforms.publish(self._transforms_kind(transforms=transforms))
 
     def show_collision(self) -> None:
-        """Publish what the collision monitor does."""
+        """Publish the state of the collision monitor."""
         stop = self._robot.faults.get(faults.CollisionStop)
         if self._collision_kind:
             polygon = stop.polygon if stop else ""

@@ -102,7 +102,7 @@ class Robot:
         self._followed: UUID | None = None
         self._target_seen: tuple[UUID | None, float] = (None, now)
         self.behaviour: tuple[float, float] | None = None
-        """Velocity that a behaviour or the docking server commands, m/s and rad/s; None: neither does."""
+        """Velocity commanded by a behaviour or the docking server, m/s and rad/s; None: no command."""
         self.docked = False
         self._stuck_for = self._unlocalised_for = 0.0
         self._poses_left = 1
@@ -123,13 +123,13 @@ class Robot:
 
     @property
     def map_to_odometry(self) -> Pose | None:
-        """The odometry frame in the map frame, as the localisation publishes it; None while it does not."""
+        """The odometry frame in the map frame, as published by the localisation; None if it is not."""
         works = self._localisation.known and self.servers.works(Server.LOCALISATION)
         return self._odom_origin if works and not self.faults.on(faults.AmclSilent) else None
 
     @property
     def velocity(self) -> tuple[float, float]:
-        """Forward m/s and counter-clockwise rad/s, as an observer with a wall clock sees them."""
+        """Forward m/s and counter-clockwise rad/s, as measured with a wall clock."""
         return self._motion.speed * self._time_factor, self._motion.yaw_rate * self._time_factor
 
     @property
@@ -141,7 +141,7 @@ class Robot:
 
     @property
     def drive(self) -> Drive | None:
-        """The drive under way."""
+        """The current drive."""
         return self._drive
 
     def goals(self, action: Action) -> StatusArray:
@@ -171,7 +171,7 @@ class Robot:
         return answer
 
     def cancel_controller(self) -> bool:
-        """Cancel the goal of the controller, which the navigator did not do; return whether it had one."""
+        """Cancel the controller's goal, without the navigator; return whether it had one."""
         of_path = self._driven_for is Action.FOLLOW_PATH
         if self._drive is None or self._drive.recovery is not None or of_path:
             return False
@@ -210,17 +210,17 @@ class Robot:
         self._hall = hall
 
     def keep_out(self, mask: GridMap) -> None:
-        """Plan no path to a place that is closed in a mask of the costmaps."""
+        """Plan no path to a position that is closed in the costmaps' mask."""
         self._mask = mask
 
     def limit_speed(self, limit: float, *, percentage: bool) -> None:
-        """Drive with ``limit`` in m/s or percent of the own speed; 0: with the own speed again."""
+        """Limit the speed to ``limit``, m/s or percent of the robot's own speed; 0 removes the limit."""
         own = self._own_limits.speed
         speed = own * limit / 100.0 if percentage else limit
         self._limits = replace(self._own_limits, speed=speed or own)
 
     def take_initial_pose(self, pose: Pose) -> None:
-        """Move the robot to ``pose``, in truth and in its estimate."""
+        """Move the robot to ``pose``, both its true and its estimated pose."""
         odometry = self.odometry
         self._motion = Motion(pose, self._motion.speed, self._motion.yaw_rate)
         self._odom_origin = pose.then(odometry.inverse())
@@ -278,13 +278,13 @@ class Robot:
         self.set_navigators()
 
     def _set_dead(self, server: Server, *, dead: bool) -> None:
-        """Make a server die or start again; its state is lost."""
+        """Make a server die, or restart it without its state."""
         self.servers.set_dead(server, dead=dead)
         if server is Server.LOCALISATION and dead:
             self._localisation.forget()
 
     def set_navigators(self) -> None:
-        """Make the action servers accept goals according to the lifecycle of their process."""
+        """Let the action servers accept goals according to the lifecycle of their processes."""
         for action, navigator in self._navigators.items():
             server = _server_of(action)
             unconfigured = server is Server.NAVIGATOR and self.faults.on(faults.Unconfigured)
@@ -295,7 +295,7 @@ class Robot:
             navigator.set_active(active=active and not gone)
 
     def advance(self, now: float) -> None:
-        """Move on to ``now`` and go once round the navigator's loop."""
+        """Advance to ``now`` and run one cycle of the navigator's loop."""
         seconds = min(now - self._advanced_at, LONGEST_PAUSE)
         self._advanced_at = now
         if self.servers.advance(now):
@@ -344,7 +344,7 @@ class Robot:
         return pose if frame_id == self._settings.map_frame else None
 
     def _look_for_transform(self, seconds: float) -> None:
-        """Make the controller give up when the robot has had no position for a while."""
+        """Make the controller give up if the robot has had no position for a while."""
         lost = not self._localisation.known or not self.servers.works(Server.LOCALISATION)
         self._unlocalised_for = self._unlocalised_for + seconds if lost else 0.0
         if self._drive is not None and self._unlocalised_for >= TRANSFORM_TIMEOUT:
@@ -357,7 +357,7 @@ class Robot:
             self._drive = None
 
     def _follow(self, now: float) -> None:
-        """Plan a new drive where the target has changed, at the next turn of the tree's replanning clock."""
+        """Plan a new drive if the target has changed, at the next tick of the tree's replanning clock."""
         path = self._navigators[Action.FOLLOW_PATH].target
         if path is not None:
             self._see(path, now)
@@ -390,12 +390,12 @@ class Robot:
         self._poses_left = drive.places_left
 
     def _see(self, target: Target, now: float) -> None:
-        """Note when the navigator's loop first had a goal: on a busy computer long after its acceptance."""
+        """Note when the navigator's loop first had a goal: on a busy computer, long after its acceptance."""
         if self._target_seen[0] != target.goal_id:
             self._target_seen = (target.goal_id, now)
 
     def _follow_path(self, target: Target) -> None:
-        """Drive along a path that the controller was given, from its nearest place on; it needs no plan."""
+        """Drive along a path sent to the controller, from the path's nearest position; no plan is needed."""
         if self._driven_for is Action.FOLLOW_PATH and self._followed == target.goal_id:
             return
         self._followed = target.goal_id
@@ -465,7 +465,7 @@ class Robot:
             self.battery.drain(before.distance(self.pose), seconds)
 
     def _moved(self, seconds: float, now: float) -> Motion:
-        """Return the motion after a step, as the controller, a recovery or nothing commands it."""
+        """Return the motion after a step commanded by the controller, by a recovery, or by nothing."""
         motion, limits, drive = self._motion, self._limits, self._drive
         recovery = drive.recovery if drive is not None else None
         stuck = self.faults.on(faults.Stuck) or self.faults.on(faults.CollisionStop)

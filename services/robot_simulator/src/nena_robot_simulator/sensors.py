@@ -1,4 +1,4 @@
-"""Battery, and localisation as AMCL reports it."""
+"""Battery, and localisation like AMCL's."""
 
 from __future__ import annotations
 
@@ -32,17 +32,17 @@ class Battery:
         self.charge = max(0.0, self.charge - metres * self.per_metre - seconds * self.per_second)
 
     def percentage(self, scale: Scale) -> float:
-        """Charge as sensor_msgs/BatteryState defines it (0 to 1), or 0 to 100 as many drivers send it."""
+        """Return the charge, 0 to 1 as in sensor_msgs/BatteryState, or 0 to 100 as many drivers send it."""
         return self.charge if scale == "fraction" else self.charge * 100.0
 
     @property
     def voltage(self) -> float:
-        """Volts."""
+        """Voltage, V."""
         return EMPTY_VOLTAGE + (FULL_VOLTAGE - EMPTY_VOLTAGE) * self.charge
 
     @property
     def current(self) -> float:
-        """Amperes, negative as the battery discharges."""
+        """Current, A; negative because the battery discharges."""
         return -(DRIVING_CURRENT if self.driving else IDLE_CURRENT)
 
 
@@ -54,7 +54,7 @@ UPDATE_ANGLE = 0.2
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """A pose in the map frame with the variances of place (m²) and heading (rad²)."""
+    """A pose in the map frame with the variances of position (m²) and heading (rad²)."""
 
     pose: Pose
     xy_variance: float
@@ -87,7 +87,7 @@ class Localisation:
         self._known, self._last = True, None
 
     def forget(self) -> None:
-        """Forget where the robot is, as a process that starts again."""
+        """Forget the robot's pose, like a restarted process."""
         self._known = False
 
     def force(self) -> None:
@@ -110,5 +110,5 @@ class Localisation:
 
 
 def _moved(last: Pose, true: Pose) -> bool:
-    """Whether the robot has moved far enough for the filter to run."""
+    """Return whether the robot has moved far enough for the filter to run."""
     return last.distance(true) > UPDATE_DISTANCE or abs(wrap(true.yaw - last.yaw)) > UPDATE_ANGLE

@@ -1,6 +1,6 @@
-"""The endpoints that each process of Nav2 has beside its own work: lifecycle and parameters.
+"""The endpoints that every process of Nav2 has: lifecycle and parameters.
 
-A process that dies takes all of its endpoints along; one that hangs keeps them and answers nothing.
+The endpoints of a process that dies disappear; those of a process that hangs stay and answer nothing.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ EVENTS = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 
 Answer = Callable[[Any], None]
 Open = Callable[[], Iterable[Any]]
-"""Makes the endpoints of a server's own work."""
+"""Creates the endpoints for a server's own work."""
 
 
 class ServerEndpoints:
     """The endpoints of all servers but the navigator's actions; closed initially.
 
-    ``work`` makes those of a server's own work, ``values`` are the parameters. ``on_change`` is called after
-    a transition of a server's lifecycle.
+    ``work`` creates those of each server's own work, ``values`` are the parameters. ``on_change`` is called
+    after a transition of a server's lifecycle.
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class ServerEndpoints:
         self._events: dict[Server, Any] = {}
 
     def show(self) -> None:
-        """Make each server join or leave the ROS graph, as it runs or has died."""
+        """Make each server join or leave the ROS graph, depending on whether it runs."""
         for server in Server:
             there = self._robot.servers.there(server)
             if there and server not in self._open:
@@ -65,7 +65,7 @@ class ServerEndpoints:
                     self._session.destroy(entity)
 
     def serve(self, server: Server, kind: Any, name: str, callback: Callable[[Any, Any], None]) -> Any:  # noqa: ANN401
-        """Serve a service of a server, which is silent while that hangs."""
+        """Serve a service of a server; it does not answer while the server hangs."""
 
         def answer_if_awake(request: Any, answer: Answer) -> None:  # noqa: ANN401
             if self._robot.servers.runs(server):
@@ -127,7 +127,7 @@ class ServerEndpoints:
 def _answer_parameters(
     values: Mapping[str, Value], request: GetParameters.Request, response: GetParameters.Response
 ) -> None:
-    """Return the requested parameters; as with rclcpp, none at all if one of them does not exist."""
+    """Return the requested parameters; like rclcpp, none at all if one of them does not exist."""
     if all(name in values for name in request.names):
         response.values = [_parameter(values[name]) for name in request.names]
 

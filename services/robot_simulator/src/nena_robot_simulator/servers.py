@@ -1,7 +1,7 @@
 """The processes of Nav2: which of them run, their lifecycle states, and their parameters.
 
-Each can die or hang alone, as where Nav2 is not composed. A lifecycle manager notices by its bond and
-deactivates all servers of its group; it brings them up again when the missing one is back.
+Each can die or hang alone, as in a Nav2 that is not composed. A lifecycle manager notices this by its bond
+and deactivates all servers of its group; it activates them again when the missing one is back.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ MANAGED: Mapping[Server, tuple[Server, ...]] = {
 
 
 class LifecycleState(IntEnum):
-    """lifecycle_msgs/State."""
+    """Values of lifecycle_msgs/State."""
 
     UNCONFIGURED = 1
     INACTIVE = 2
@@ -42,7 +42,7 @@ class LifecycleState(IntEnum):
 
 
 class Transition(IntEnum):
-    """lifecycle_msgs/Transition."""
+    """Values of lifecycle_msgs/Transition."""
 
     CONFIGURE = 1
     CLEANUP = 2
@@ -56,7 +56,7 @@ _STEPS: Mapping[Transition, tuple[LifecycleState, LifecycleState]] = {
     Transition.ACTIVATE: (LifecycleState.INACTIVE, LifecycleState.ACTIVE),
     Transition.DEACTIVATE: (LifecycleState.ACTIVE, LifecycleState.INACTIVE),
 }
-"""What each transition leads from and to."""
+"""State before and after each transition."""
 
 
 class Servers:
@@ -74,7 +74,7 @@ class Servers:
         return server not in self._dead
 
     def runs(self, server: Server) -> bool:
-        """Return whether the process does its work and answers."""
+        """Return whether the process works and answers."""
         return self.there(server) and server not in self._hung
 
     def state(self, server: Server) -> LifecycleState:
@@ -86,12 +86,12 @@ class Servers:
         return self.runs(server) and self._states[server] is LifecycleState.ACTIVE
 
     def group_active(self, manager: Server) -> bool:
-        """Return whether a lifecycle manager holds its group for active: its bonds miss a server later."""
+        """Return whether a lifecycle manager considers its group active; bonds notice a dead server later."""
         active = (self._states[server] is LifecycleState.ACTIVE for server in MANAGED[manager])
         return manager not in self._broken and all(active)
 
     def set_dead(self, server: Server, *, dead: bool) -> None:
-        """Make a process die, or start again."""
+        """Make a process die, or restart it."""
         (self._dead.add if dead else self._dead.discard)(server)
 
     def set_hung(self, server: Server, *, hung: bool) -> None:
@@ -108,7 +108,7 @@ class Servers:
             self._states[server] = state
 
     def change(self, server: Server, transition: int) -> bool:
-        """Carry out a transition; return False where the server's state does not allow it."""
+        """Execute a transition; return False if the server's state does not allow it."""
         steps = (step for each, step in _STEPS.items() if each == transition)
         before, after = next(steps, (None, None))
         if after is None or self._states[server] is not before:
@@ -117,7 +117,7 @@ class Servers:
         return True
 
     def advance(self, now: float) -> bool:
-        """Run the lifecycle managers' bond checks; return whether a state has changed."""
+        """Run the lifecycle managers' bond checks; return whether any state changed."""
         changed = False
         for manager, group in MANAGED.items():
             missing = self.runs(manager) and not all(map(self.runs, group))

@@ -26,7 +26,7 @@ log = get_logger(__name__)
 
 
 class RosSession:
-    """One node in one domain; ``name`` is for the log and the thread."""
+    """One node in one domain; ``name`` appears in the log and names the thread."""
 
     def __init__(self, name: str, *, node_name: str, namespace: str, domain_id: int) -> None:
         self._name = name

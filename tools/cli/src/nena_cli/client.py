@@ -1,4 +1,4 @@
-"""Client of the order service's REST API: of the active one of several, with its event stream."""
+"""Client of the order service's REST API and event stream; finds the active one of several."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ PAGE = 200
 
 CONNECT_SECONDS = 5.0
 ANSWER_SECONDS = 30.0
-"""Longer than the order service waits for its store and for robots."""
+"""Timeout of a request, seconds; longer than the order service waits for its store and for robots."""
 
 SILENCE_SECONDS = 20.0
-"""An event stream without data for this long is broken: it has a heartbeat every five seconds."""
+"""Seconds without data after which an event stream is broken; it has a heartbeat every five seconds."""
 
 
 class RefusedError(Exception):
@@ -40,11 +40,11 @@ class RefusedError(Exception):
 
 
 class UnreachableError(Exception):
-    """No order service answers, or none that answers is active."""
+    """No order service answers, or none of those that answer is active."""
 
 
 class Connection:
-    """Connection to the active one of several order services, found by asking each."""
+    """Connection to the active one of several order services, found by querying each."""
 
     def __init__(self, urls: Sequence[str], token: str | None) -> None:
         headers = {"Authorization": f"Bearer {token}"} if token else {}
@@ -107,7 +107,7 @@ class Connection:
             raise UnreachableError(message) from error
 
     def _active(self) -> str:
-        """Return the URL of the active one; a single one counts as active."""
+        """Return the URL of the active order service; a single one counts as active."""
         if len(self._urls) > 1:
             self.call(LIST_VEHICLES, query={"limit": 1})
         return self._urls[0]

@@ -58,7 +58,7 @@ class Target(StrEnum):
     """Formats to convert to."""
 
     LIF = "lif"
-    """1.0.0"""
+    """LIF 1.0.0."""
     LIF_2_0 = "lif-2.0"
     OPENTCS = "opentcs"
     NENA = "nena"

@@ -1,4 +1,4 @@
-"""The order service of a command: its options, and output of its answers."""
+"""The order service of a command: its options, and the output of its answers."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def of_service(command: Callable[Concatenate[Service, P], None]) -> Callable[...
         done(Service(url or [DEFAULT_URL], token, token_file, as_json), **given)
 
     own = [*signature(command, eval_str=True).parameters.values()][1:]
-    # What the command line is made of: typer reads it here.
+    # Typer builds the command line from this signature.
     run.__signature__ = Signature([*own, *_OPTIONS])  # type: ignore[attr-defined]
     run.__annotations__ = {each.name: each.annotation for each in (*own, *_OPTIONS)}
     return run

@@ -38,7 +38,7 @@ VEHICLE_STYLES = {
 
 
 STUCK = (VehicleState.ERROR, VehicleState.UNAVAILABLE, VehicleState.UNKNOWN)
-"""States in which a vehicle does not continue until a person has done something."""
+"""States in which a vehicle does not continue without help from a person."""
 
 
 def orders_table(orders: Iterable[TransportOrderStatus]) -> Table:
@@ -108,8 +108,7 @@ def history_table(status: TransportOrderStatus | OrderSequenceStatus) -> Table:
 def vehicles_table(vehicles: Iterable[VehicleStatus], fleet: Iterable[VehicleStatus] = ()) -> Table:
     """Return a table with a row for each vehicle; maps and waiting only if there are any.
 
-    Whom a vehicle waits for is followed to the head of the queue through ``fleet``, by default the shown
-    vehicles.
+    The queue in front of a vehicle is followed to its head through ``fleet``, by default the shown vehicles.
     """
     shown = tuple(vehicles)
     known = {vehicle.name: vehicle for vehicle in (*shown, *fleet)}
@@ -234,7 +233,7 @@ def _state(order: TransportOrderStatus) -> Text:
 
 
 def _vehicle(status: TransportOrderStatus | OrderSequenceStatus) -> str:
-    """Return the vehicle of an order or a sequence; in parentheses one that is only intended."""
+    """Return the vehicle of an order or a sequence; in parentheses if it is only intended."""
     return status.processing_vehicle or (f"({status.intended_vehicle})" if status.intended_vehicle else "")
 
 

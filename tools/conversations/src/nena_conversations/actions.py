@@ -111,7 +111,7 @@ ENDS_ORDER: Final = frozenset({CANCEL_ORDER, "startHibernation"})
 ENDINGS: Final = 50
 """Remembered actions that end an order."""
 HARMLESS: Final = frozenset({"stateRequest", "factsheetRequest"})
-"""Requests that move no robot; most fleet controls send them in any mode."""
+"""Requests without effect on the robot; most fleet controls send them in any mode."""
 
 
 @dataclass(slots=True)
@@ -119,12 +119,12 @@ class _Ending:
     """An instant action that ends an order."""
 
     order_ids: frozenset[str]
-    """Orders that may be meant: the robot may not have received the newest one yet."""
+    """Orders that the action may end: the robot may not have received the newest one yet."""
     status: ActionStatus | None = None
 
 
 class InstantConversation:
-    """Follow instant actions to their ends (6.2.1)."""
+    """Follow instant actions to their end (6.2.1)."""
 
     def __init__(self) -> None:
         self._waiting: Unanswered[str] = Unanswered()

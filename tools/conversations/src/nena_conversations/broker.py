@@ -24,9 +24,9 @@ from nena_shared.tasks import Supervisor, set_within
 from nena_shared.vda5050.topics import Topic
 
 CONNECT_WITHIN: Final = 10.0
-"""Seconds."""
+"""Timeout for connecting, seconds."""
 DRAIN_WITHIN: Final = 10.0
-"""Seconds."""
+"""Timeout for the broker to accept all messages, seconds."""
 ANY_QOS: Final = 2
 """Subscription QoS: each message arrives with the QoS its sender chose."""
 MAX_PAUSE: Final = 60.0
@@ -36,7 +36,7 @@ RETAINED: Final = (Topic.CONNECTION, Topic.FACTSHEET)
 
 
 class BrokerError(Exception):
-    """The broker is unreachable or rejects a request; the text says why."""
+    """The broker is unreachable or rejects a request, for the reason in the message."""
 
 
 @dataclass(frozen=True, slots=True)

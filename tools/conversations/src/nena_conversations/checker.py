@@ -236,7 +236,7 @@ class RobotConversation:
         """Order at the last state in a mode that clears orders; later states may still show parts of it."""
 
     def check(self, received: ReceivedMessage) -> Iterator[Problem]:
-        """Process the next message and yield its problems."""
+        """Check the next message and yield its problems."""
         yield from message_problems(received)
         if received.message is None:
             return

@@ -60,7 +60,7 @@ class ReceivedMessage:
 
     @property
     def sender(self) -> Sender:
-        """Side that published it."""
+        """Side that published the message."""
         return SENDERS[self.topic]
 
     @property
@@ -98,7 +98,7 @@ def parse(entry: Entry, number: int) -> ReceivedMessage | None:
 
 
 def _deviations(entry: Entry, topic: Topic, major: str, codec: Codec) -> tuple[str, ...]:
-    """Return how a message deviates that the services read nevertheless, in their words; empty otherwise."""
+    """Return the deviations that the services repair on reading, in their words."""
     found: list[Repair] = []
     try:
         if SENDERS[topic] is Sender.ROBOT:

@@ -13,7 +13,7 @@ K = TypeVar("K")
 V = TypeVar("V")
 
 DEFAULT_LIMIT: Final = 10_000
-"""Remembered ids of one kind; older ones are forgotten."""
+"""Maximum number of remembered IDs of one kind; older ones are forgotten."""
 
 
 class BoundedDict(dict[K, V]):
@@ -31,7 +31,7 @@ class BoundedDict(dict[K, V]):
 
 ANSWERED_WITHIN: Final = timedelta(seconds=10)
 SETTLED_AFTER: Final = timedelta(seconds=2)
-"""At the end of a conversation: the answer to a later message may follow the end."""
+"""Age from which a message needs an answer at the end of a conversation; later answers may follow the end."""
 MAX_PENDING: Final = 200
 """Pending messages of one kind to one robot; beyond, the oldest is dropped."""
 STATES_WITHOUT_ANSWER: Final = 3
@@ -42,7 +42,7 @@ STATES_WITHOUT_ANSWER: Final = 3
 class _Pending:
     received: ReceivedMessage
     states: int = 0
-    """States of the robot since then."""
+    """Number of the robot's states since the message."""
 
     def overdue(self, now: datetime, *, ended: bool) -> bool:
         waited = now - self.received.time

@@ -16,7 +16,7 @@ from nena_shared.findings import in_words
 
 
 class RecordingError(Exception):
-    """A file is not a valid recording; the text names the line and the reason."""
+    """A file is not a valid recording; the message names the line and the reason."""
 
 
 class _Line(BaseModel):

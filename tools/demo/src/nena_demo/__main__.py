@@ -20,7 +20,7 @@ from nena_shared.tasks import end, stop_on_signals
 
 EXIT_STOPPED = 130
 STOP_TIMEOUT = 20.0
-"""Time for an orderly end, seconds."""
+"""Timeout for an orderly stop, seconds."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -52,7 +52,7 @@ async def _until_stopped(arguments: argparse.Namespace, folder: Path, progress: 
         progress.line("stopping everything")
         await end(work, again_after=STOP_TIMEOUT)
         if not work.cancelled():
-            work.result()  # raises what has broken it meanwhile
+            work.result()  # raises an error that occurred meanwhile
         return EXIT_STOPPED
     return work.result()
 

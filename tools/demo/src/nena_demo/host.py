@@ -27,7 +27,7 @@ ANSWER_SECONDS = 10.0
 
 
 class RefusedError(Exception):
-    """The order service rejected a request; the text is its own."""
+    """The order service rejected a request; the message is its text."""
 
 
 class Host:
@@ -134,7 +134,7 @@ ORDERS_SECONDS = 300.0
 
 
 class JobFailedError(Exception):
-    """An order stalled or failed; the text says which and its last known state."""
+    """An order stalled or failed; the message names it and its last known state."""
 
 
 def transport(load_at: str, unload_at: str) -> TransportOrderRequest:
@@ -154,7 +154,7 @@ async def wait_for_robots(host: Host, count: int) -> None:
     """Wait until ``count`` vehicles are idle and localised.
 
     Raises:
-        JobFailedError: they are not, in time; with what each of them waits for.
+        JobFailedError: they are not in time; the message says what each of them waits for.
 
     """
     try:

@@ -1,4 +1,4 @@
-"""Child processes of the demo, each with a log file, ended in any case; and the MQTT broker."""
+"""Child processes of the demo, each with a log file and ended in any case, and the MQTT broker."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Child:
         """Raise ChildFailedError if it has ended.
 
         Raises:
-            ChildFailedError: it runs no more.
+            ChildFailedError: it has ended.
 
         """
         if self.process.returncode is not None:
@@ -88,7 +88,7 @@ class Processes:
                 stdout=output,
                 stderr=asyncio.subprocess.STDOUT,
                 env={**os.environ, **(environment or {})},
-                start_new_session=True,  # Ctrl-C reaches the demo alone, which then ends them in order
+                start_new_session=True,  # Ctrl-C reaches only the demo, which then ends its children in order
             )
         child = Child(name, process, log)
         self.children.append(child)
@@ -98,7 +98,7 @@ class Processes:
         """Raise ChildFailedError if any child has ended.
 
         Raises:
-            ChildFailedError: the first that runs no more.
+            ChildFailedError: the first child that has ended.
 
         """
         for child in self.children:

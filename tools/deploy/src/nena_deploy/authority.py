@@ -85,7 +85,7 @@ class Authority:
     def revocations(self, certificates: Iterable[int], now: datetime) -> bytes:
         """Return the revocation list (PEM) for certificates by their serial numbers.
 
-        The list is backdated: a broker whose clock is behind rejects all clients by a list of the future.
+        The list is backdated: a broker whose clock is behind rejects all clients by a list from the future.
         """
         issued = self._certificate.not_valid_after_utc
         builder = x509.CertificateRevocationListBuilder(self._certificate.subject, now - SKEW, issued)

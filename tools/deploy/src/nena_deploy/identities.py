@@ -12,8 +12,8 @@ from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 
 LEVEL = re.compile(r"(?! )[^\x00-\x1f\x7f/+#.$][^\x00-\x1f\x7f/+#]{0,63}(?<! )")
-"""Valid topic level and folder name. Brokers strip blanks at the ends of names in an access list, which would
-assign the rights to another name."""
+"""Valid topic level and folder name. Brokers strip leading and trailing blanks of names in an access list,
+which would assign the rights to another name."""
 
 
 COMMON_NAME = 64
@@ -21,7 +21,7 @@ COMMON_NAME = 64
 
 
 class IdentityError(Exception):
-    """An identity is invalid or unknown; the text says why."""
+    """An identity is invalid or unknown, for the reason in the message."""
 
 
 class Kind(StrEnum):
@@ -110,9 +110,9 @@ class SiteTopics(BaseModel):
 FROM_ROBOT = (Topic.STATE, Topic.VISUALIZATION, Topic.CONNECTION, Topic.FACTSHEET)
 TO_ROBOT = (Topic.ORDER, Topic.INSTANT_ACTIONS, Topic.ZONE_SET, Topic.RESPONSES)
 WATCHED = (Topic.ORDER, Topic.INSTANT_ACTIONS)
-"""What the order service reads of what is sent to robots: commands that are not its own."""
+"""Topics to robots that the order service also reads, to detect commands of other programs."""
 FROM_HOST = ("transportOrders/create", "commands/delivery")
-"""Requests that a host may send; other commands concern orders and robots of others."""
+"""Requests that a host may send; other commands could concern other hosts' orders, or robots."""
 ANY_ROBOT = RobotKey("+", "+")
 
 

@@ -38,7 +38,7 @@ LOCK_RETRY = 0.05
 
 
 class BusyError(Exception):
-    """Another run does not end; the text says what to do."""
+    """Another run does not end; the message says what to do."""
 
 
 @contextmanager
@@ -104,24 +104,24 @@ log_dest stdout
 
 
 LONGEST_MESSAGE = 16
-"""MiB. A plant model of 10,000 points has 15 MB."""
+"""Default maximum message size, MiB; a plant model of 10,000 points has 15 MB."""
 
 
 def broker_configuration(folder: PurePosixPath, data: PurePosixPath, port: int, longest: int) -> str:
-    """Return the configuration.
+    """Return the broker's configuration file.
 
     Args:
-        folder: of the broker's files.
-        data: folder of its data.
-        port: its TCP port.
-        longest: size of the longest message, MiB.
+        folder: folder of the broker's files.
+        data: folder of the broker's data.
+        port: TCP port of the broker.
+        longest: maximum message size, MiB.
 
     """
     return TEMPLATE.format(folder=folder, data=data, port=port, longest=longest * 1024 * 1024)
 
 
 BROKER_TIMEOUT = 5.0
-"""Seconds."""
+"""Timeout for the broker, seconds."""
 SERVICES = (Kind.ORDER_SERVICE, Kind.STATUS_AGGREGATOR)
 
 SETTINGS = """\
@@ -138,11 +138,11 @@ key = "{folder}/key.pem"
 
 
 class SiteError(Exception):
-    """A folder is not a site, or is already in use; the text says what to do."""
+    """A folder is not a site, or is already in use; the message says what to do."""
 
 
 class BrokerError(Exception):
-    """The broker cannot be reached; the text says why."""
+    """The broker cannot be reached, for the reason in the message."""
 
 
 class _Register(BaseModel):
@@ -181,14 +181,14 @@ class Site:
         """Create a site with its broker and its services.
 
         Args:
-            folder: is created; the CA key in it must be kept secret.
+            folder: folder to create; keep the CA key in it secret.
             hosts: host names and IP addresses of the broker.
             port: the broker's TCP port.
             topics: first levels of the topics.
             days: validity of certificates.
             broker_folder: folder of the files on the broker's machine; None: where they are created.
             data_folder: folder for the broker's data.
-            longest_message: that the broker accepts, MiB.
+            longest_message: maximum message size that the broker accepts, MiB.
 
         Raises:
             SiteError: the folder is not empty, or a host is neither a name nor an address.
@@ -259,7 +259,7 @@ class Site:
         return folder
 
     async def clear(self, robot: RobotKey) -> None:
-        """Clear what the broker retains of ``robot``, with a certificate of its name that is used only once.
+        """Clear the broker's retained messages of ``robot``, with a one-time certificate of the same name.
 
         Raises:
             BrokerError: the broker cannot be reached, or does not confirm.

@@ -1,1 +1,1 @@
-"""A site under accelerated time: the real order service and robots, one clock, no broker."""
+"""Simulation of a site in accelerated time: the real order service and edge agents, one clock, no broker."""

@@ -1,4 +1,4 @@
-"""``nena simulate``: what fleets of several sizes get done in a plant, before there are robots."""
+"""``nena simulate``: predict the throughput of fleets of several sizes in a plant."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ def _write(
 
 
 def main(argv: list[str] | None = None) -> None:
-    """Run the command; it ends the program."""
+    """Run the command and exit."""
     app(argv, prog_name="nena simulate")
 
 

@@ -1,4 +1,4 @@
-"""The orders of a simulation: recorded, drawn by lot at rates per relation, or a backlog without end."""
+"""The orders of a simulation: recorded, drawn at random by rates per relation, or an endless backlog."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ HOUR = 3600.0
 
 
 class DemandError(ValueError):
-    """A file of orders cannot be used; the text says why."""
+    """A file of orders cannot be used, for the reason in the message."""
 
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """An order, and when a host creates it: seconds from the beginning."""
+    """An order, and the time at which a host creates it, seconds from the start."""
 
     at: float
     request: TransportOrderRequest
@@ -35,7 +35,7 @@ class Order:
 
 @dataclass(frozen=True, slots=True)
 class Relation:
-    """Loads from one location to another one, so many an hour."""
+    """Loads per hour from one location to another."""
 
     source: str
     destination: str
@@ -44,22 +44,22 @@ class Relation:
 
 @dataclass(frozen=True, slots=True)
 class Demand:
-    """What hosts order: orders at their times, relations at their rates, or a backlog of such orders."""
+    """The demand of hosts: orders at fixed times, relations with rates, or a backlog of such orders."""
 
     orders: tuple[Order, ...] = ()
     relations: tuple[Relation, ...] = ()
     backlog: int = 0
-    """Number of orders that wait at all times, drawn by the rates of the relations, or between any two
-    stations; 0: orders arrive at those rates."""
+    """Number of orders that wait at any time, drawn by the relations' rates, or between any two stations;
+    0: orders arrive at those rates."""
 
     def timed(self, plant: PlantModel, random: Random) -> Iterator[Order]:
-        """Yield the orders that have their own time, the earliest first, without an end if drawn."""
+        """Yield the orders with a creation time, earliest first; endless if they are drawn at random."""
         make = Transport(plant)
         drawn = [] if self.backlog else [_drawn(each, make, random.random()) for each in self.relations]
         return merge(self.orders, *drawn, key=lambda order: order.at)
 
     def waiting(self, plant: PlantModel, random: Random) -> Iterator[TransportOrderRequest]:
-        """Yield what keeps the backlog up, drawn by the relations' rates."""
+        """Yield orders that refill the backlog, drawn by the relations' rates."""
         make = Transport(plant)
         relations = self.relations or every_relation(plant)
         rates = [each.per_hour for each in relations]
@@ -69,7 +69,7 @@ class Demand:
 
 
 def _drawn(relation: Relation, make: Transport, seed: float) -> Iterator[Order]:
-    """Yield orders with pauses that are independent of each other (a Poisson process)."""
+    """Yield orders at independent random intervals (a Poisson process)."""
     random, at = Random(seed), 0.0  # noqa: S311 - no key
     while relation.per_hour > 0:
         at += random.expovariate(relation.per_hour / HOUR)
@@ -77,7 +77,7 @@ def _drawn(relation: Relation, make: Transport, seed: float) -> Iterator[Order]:
 
 
 class Transport:
-    """Makes the request for a load that is picked at one location and dropped at another one."""
+    """Creates requests to pick a load at one location and drop it at another."""
 
     def __init__(self, plant: PlantModel) -> None:
         self._plant = plant
@@ -92,7 +92,7 @@ class Transport:
         )
 
     def _operation(self, location: str, action: str) -> str:
-        """Choose the operation that is this action for robots, else the first that there is."""
+        """Return the location's operation that maps to this action, otherwise its first operation."""
         if location in self._plant.points_by_name:
             return "MOVE"
         found = self._plant.location(location)
@@ -101,7 +101,7 @@ class Transport:
 
 
 def stations(plant: PlantModel) -> tuple[str, ...]:
-    """Name the locations at which robots pick and drop; if there are none, all that they can reach."""
+    """Return the locations at which robots pick and drop; if there are none, all reachable ones."""
     reachable = [each for each in plant.locations if each.links]
     both = [
         each.name
@@ -112,7 +112,7 @@ def stations(plant: PlantModel) -> tuple[str, ...]:
 
 
 def every_relation(plant: PlantModel) -> tuple[Relation, ...]:
-    """Return a relation of the same rate between each two stations."""
+    """Return relations of equal rate between all pairs of stations."""
     names = stations(plant)
     return tuple(Relation(one, other, 1.0) for one in names for other in names if one != other)
 
@@ -120,11 +120,11 @@ def every_relation(plant: PlantModel) -> tuple[Relation, ...]:
 def read_orders(file: Path, plant: PlantModel) -> Demand:
     """Read orders from CSV (``from,to,per_hour`` or ``at,from,to``) or JSON.
 
-    JSON is a list of requests for transport orders, each with ``at`` in seconds, or what the order service
-    answers to GET /v1/transportOrders.
+    JSON is a list of requests for transport orders, each with ``at`` in seconds, or the order service's
+    answer to GET /v1/transportOrders.
 
     Raises:
-        DemandError: the file is neither, or names locations that the plant does not have.
+        DemandError: the file has another form, or names locations that the plant does not have.
 
     """
     text = file.read_text(encoding="utf-8-sig")
@@ -175,7 +175,7 @@ def _timed_request(
 def _from_the_first(
     timed: Sequence[tuple[str | float, TransportOrderRequest]],
 ) -> tuple[Order, ...]:
-    """Sort orders; times of day count from the first of them."""
+    """Sort orders; times of day count from the first order."""
     read = sorted(((_seconds(at), number) for number, (at, _) in enumerate(timed)))
     dated = any(isinstance(at, str) and not _is_number(at) for at, _ in timed)
     first = read[0][0] if read and dated else 0.0

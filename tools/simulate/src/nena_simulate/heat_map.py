@@ -1,4 +1,4 @@
-"""A picture of where robots wait: the plant from above, the more waiting the redder and thicker."""
+"""Heat map of waiting: the plant from above; more waiting is drawn redder and thicker."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from nena_shared.plant import BACKWARD_SUFFIX, PlantModel
 WIDTH_PX = 1000
 MARGIN_PX = 30
 COOL, HOT = (252, 196, 25), (201, 42, 42)
-"""Colours of little and of most waiting: red, green, blue."""
+"""Colours (RGB) of the least and the most waiting."""
 
 
 def heat_map(plant: PlantModel, waiting: Mapping[str, float], title: str) -> str:
-    """Return an SVG; ``waiting`` has robot minutes an hour by names of paths and points."""
+    """Return an SVG; ``waiting`` has robot minutes per hour by names of paths and points."""
     view, places = _View(plant), dict.fromkeys((*plant.paths_by_name, *plant.points_by_name), 0.0)
     for name, value in waiting.items():
         places[name.removesuffix(BACKWARD_SUFFIX)] += value
@@ -32,7 +32,7 @@ def heat_map(plant: PlantModel, waiting: Mapping[str, float], title: str) -> str
 
 
 class _View:
-    """The plant's places in the picture."""
+    """Coordinates of the plant in the picture."""
 
     def __init__(self, plant: PlantModel) -> None:
         self._plant = plant
@@ -42,7 +42,7 @@ class _View:
         self.height = (max(ys) - min(ys)) * self._scale
 
     def paths(self, waiting: Mapping[str, float], most: float) -> Iterator[str]:
-        """Draw all paths, those that robots wait for last."""
+        """Draw all paths; those with waiting robots last, on top."""
         for drawn in sorted(self._plant.paths, key=lambda each: waiting[each.name]):
             name, value = drawn.name, waiting[drawn.name]
             (x1, y1), (x2, y2) = self._place(drawn.source), self._place(drawn.destination)
@@ -51,7 +51,7 @@ class _View:
             yield f"<line {ends} {_pen(value, most)}>{tooltip}</line>"
 
     def points(self, waiting: Mapping[str, float], most: float) -> Iterator[str]:
-        """Draw stations, and points at which robots wait."""
+        """Draw stations and points at which robots wait."""
         for location in self._plant.locations:
             for link in location.links:
                 x, y = self._place(link.point)

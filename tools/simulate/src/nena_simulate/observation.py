@@ -1,4 +1,4 @@
-"""What becomes of a simulated site: ends of orders, and what each robot does with its time."""
+"""Observe a simulated site: the ends of orders, and how robots spend their time."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ EACH = 0.5
 
 
 class Doing(StrEnum):
-    """What a robot does."""
+    """Activity of a robot."""
 
     DRIVES_LOADED = "drives with a load"
     DRIVES_EMPTY = "drives empty"
@@ -37,28 +37,28 @@ class Observer:
 
     def __init__(self, site: Site) -> None:
         self.leads: list[float] = []
-        """Seconds from the creation of each order to its end."""
+        """Lead time of each ended order, seconds from creation to end."""
         self.finishes: list[float] = []
-        """When each of them ended, seconds after the warm-up."""
+        """Time of each end, seconds after the warm-up."""
         self.failed = 0
         self.seconds: defaultdict[Doing, float] = defaultdict(float)
-        """Robot seconds, all robots together."""
+        """Robot seconds by activity, over all robots."""
         self.causes: defaultdict[str, float] = defaultdict(float)
-        """Robot seconds of waiting, by why."""
+        """Robot seconds of waiting by cause."""
         self.places: defaultdict[str, float] = defaultdict(float)
-        """Robot seconds of waiting, by the path before which, or the point at which."""
+        """Robot seconds of waiting by the path in front of the robot, or by its point."""
         self.moved: dict[str, dict[bool, float]] = {}
         self._site = site
         self._begun: datetime | None = None
         self._created: set[str] = set()
         self._orders: dict[str, TransportOrderStatus] = {}
-        """The unfinished ones by their vehicles."""
+        """Unfinished orders by vehicle."""
         self._words = _Words(each.vehicle.name for each in site.robots)
         site.engine.unit_of_work.listeners.append(self)
 
     @property
     def created(self) -> int:
-        """Return how many orders hosts have created."""
+        """Return the number of orders that hosts created."""
         return len(self._created)
 
     async def watch(self) -> None:
@@ -124,7 +124,7 @@ class Observer:
 
 
 class _Words:
-    """Makes one cause of reasons that differ by the names of robots, points and paths alone."""
+    """Merges reasons that differ only in names of robots, points and paths into one cause."""
 
     def __init__(self, vehicles: Iterable[str]) -> None:
         names = sorted(vehicles, key=len, reverse=True)

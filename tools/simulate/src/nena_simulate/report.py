@@ -1,4 +1,4 @@
-"""The result of a simulation: figures of each fleet size, as text, Markdown and JSON."""
+"""The result of a simulation: figures for each fleet size, as text, Markdown and JSON."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from typing import Any
 from nena_simulate.observation import Doing, Observer
 
 CAUSES, PLACES = 8, 12
-"""How many are named in the text; JSON has them all."""
+"""Maximum numbers of causes and places in the text; JSON contains all of them."""
 
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """What one fleet size gets done."""
+    """Performance of one fleet size."""
 
     robots: int
     hours: float
@@ -27,26 +27,26 @@ class Figures:
     finished_by_minute: tuple[int, ...]
     failed: int
     waiting: int
-    """Orders without a robot at the end."""
+    """Number of orders without a robot at the end."""
     orders_per_hour: float
     lead_p50: float | None
-    """Seconds from an order's creation to its end; None: none has ended."""
+    """Median lead time, seconds from an order's creation to its end; None: no order ended."""
     lead_p95: float | None
     utilisation: float
-    """Share of the robots' time in which they have an order."""
+    """Share of the robots' time with an order."""
     doing: Mapping[str, float]
-    """Share of the robots' time."""
+    """Share of the robots' time by activity."""
     driven_km: float
     empty_share: float
-    """Share of the way that robots drive without a load."""
+    """Share of the distance that robots drive without a load."""
     waiting_by_cause: Mapping[str, float]
-    """Robot minutes an hour."""
+    """Robot minutes per hour by cause."""
     waiting_by_place: Mapping[str, float]
-    """The same by the path before which, or the point at which, robots wait."""
+    """Robot minutes per hour by the path in front of the robot, or by its point."""
 
     @classmethod
     def of(cls, observer: Observer, *, robots: int, hours: float, waiting: int) -> Figures:
-        """Sum up what was seen."""
+        """Return the figures for what ``observer`` has seen."""
         total = sum(observer.seconds.values()) or 1.0
         doing = {each.value: round(observer.seconds[each] / total, 4) for each in Doing}
         empty, loaded = (sum(each[load] for each in observer.moved.values()) for load in (False, True))
@@ -73,31 +73,31 @@ class Figures:
 
 
 def _by_minute(moments: Sequence[float], hours: float) -> tuple[int, ...]:
-    """Count what happened in each minute; ``moments`` are in seconds."""
+    """Return the number of ``moments`` (seconds) in each minute."""
     minutes = Counter(int(each // 60) for each in moments)
     return tuple(minutes[each] for each in range(ceil(hours * 60)))
 
 
 def _per_hour(seconds: Mapping[str, float], hours: float) -> dict[str, float]:
-    """Return robot minutes an hour, the most first."""
+    """Return robot minutes per hour, highest first."""
     most_first = sorted(seconds.items(), key=lambda each: (-each[1], each[0]))
     return {name: round(value / 60 / hours, 2) for name, value in most_first}
 
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """The figures of all fleet sizes of a simulation, and what they depend on."""
+    """The figures for all fleet sizes of a simulation, and its parameters."""
 
     plant: str
     seed: int
     figures: tuple[Figures, ...]
 
     def to_json(self) -> str:
-        """Return all of it."""
+        """Return the whole report as JSON."""
         return json.dumps(asdict(self), indent=2, ensure_ascii=False) + "\n"
 
     def to_markdown(self) -> str:
-        """Return tables for a page."""
+        """Return tables in Markdown."""
         parts = [f"# {self.plant}, seed {self.seed}", _markdown(self._rows())]
         for each in self.figures:
             parts.append(f"## Waiting with {each.robots} robots, robot minutes an hour")

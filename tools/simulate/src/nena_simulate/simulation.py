@@ -1,4 +1,4 @@
-"""Runs cases: each in its own process, so that several fleet sizes use several cores."""
+"""Run cases, each in its own process, so that several fleet sizes use several cores."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ HASH_SEED = "PYTHONHASHSEED"
 
 
 def simulate(case: Case) -> Figures:
-    """Run a case here and now."""
+    """Run a case in this process."""
     observer, site = run(lambda clock: _observed(case, clock))
     waiting = len(site.engine.state.orders.dispatchable())
     return Figures.of(observer, robots=case.robots, hours=case.hours, waiting=waiting)
@@ -35,7 +35,7 @@ async def _observed(case: Case, clock: VirtualClock) -> tuple[Observer, Site]:
 
 
 def simulate_all(cases: Iterable[Case], *, jobs: int) -> list[Figures]:
-    """Run each case in a process of its own, ``jobs`` at a time."""
+    """Run each case in its own process, ``jobs`` at a time."""
     with (
         _sets_in_one_order(),
         ProcessPoolExecutor(

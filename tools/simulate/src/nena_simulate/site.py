@@ -1,4 +1,4 @@
-"""The simulated site: the real order service and edge agents with loopback robots, joined in one process."""
+"""The simulated site: the real order service, and edge agents with loopback robots, in one process."""
 
 from __future__ import annotations
 
@@ -51,21 +51,21 @@ LOOK = 0.25
 
 @dataclass(frozen=True, slots=True)
 class Disturbances:
-    """Faults that are simulated on purpose."""
+    """Deliberately simulated faults."""
 
     loss: float = 0.0
     """Share of the messages that get lost."""
     speed_spread: float = 0.0
-    """How far robots are slower or faster than their speed, as a share of it, by lot."""
+    """Maximum random deviation of a robot's speed, as a share of it."""
     dead: tuple[float, float] | None = None
-    """When a robot stops and falls silent, and for how long, in seconds."""
+    """Time at which a robot stops and falls silent, and for how long, seconds."""
     dead_at: tuple[str, ...] = ()
-    """Points one of which it has passed last; empty: any."""
+    """Points of which the robot must have passed one last; empty: any point."""
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """All that a result depends on."""
+    """Everything that a result depends on."""
 
     plant: PlantModel
     demand: Demand
@@ -73,20 +73,20 @@ class Case:
     hours: float
     seed: int = 1
     warm_up: float = 0.0
-    """Seconds before anything counts."""
+    """Warm-up that is excluded from the figures, seconds."""
     speed: float = 1.0
-    """m/s"""
+    """Speed of the robots, m/s."""
     work_seconds: float = 5.0
     """Duration of picking and dropping, seconds."""
     starts: tuple[str, ...] = ()
-    """Points at which robots start first; the others: parking positions, then random points."""
+    """Start points of the first robots; the others start at parking positions, then at random points."""
     settings: dict[str, Any] = field(default_factory=dict)
-    """Of the order service."""
+    """Settings of the order service."""
     disturbances: Disturbances = Disturbances()
 
 
 class VolatileStore(Store):
-    """Stores nothing: no simulated program is ever restarted. A commit takes as long as a fast disk."""
+    """Stores nothing: simulated programs are never restarted. A commit takes as long as on a fast disk."""
 
     def __init__(self, commit_seconds: float) -> None:
         self.problem = self.lead_problem = ""
@@ -96,11 +96,11 @@ class VolatileStore(Store):
 
     @property
     def why_not_ready(self) -> str:
-        """Return nothing: it is ready always."""
+        """Return "": the store is always ready."""
         return ""
 
     def commit(self, changes: Changes, then: Callable[[], None]) -> None:
-        """Call ``then`` a moment later, in the order of the commits."""
+        """Call ``then`` a moment later, in the order of commits."""
         if not changes and not self._then:
             then()
             return
@@ -122,14 +122,14 @@ COMMIT_SECONDS = 0.004
 
 
 class SimulatedRobot:
-    """A loopback robot with its agent, and how far it has driven."""
+    """A loopback robot with its agent, and the distance it has driven."""
 
     def __init__(self, vehicle: Vehicle, start: Point, case: Case, broker: Broker, random: Random) -> None:
         self.vehicle = vehicle
         self.loaded = False
         """Whether it carries something; set by the observer of its states."""
         self.driven = {False: 0.0, True: 0.0}
-        """Metres without and with a load."""
+        """Metres driven without and with a load."""
         self._last: Pose | None = None
         self.start = start
         self._pose = Pose(start.x_m, start.y_m, 0.0, vehicle.map_id or start.map_id or MAP_ID)
@@ -158,7 +158,7 @@ class SimulatedRobot:
 
     @property
     def key(self) -> RobotKey:
-        """The robot as VDA 5050 has it."""
+        """The robot's manufacturer and serial number."""
         return RobotKey(self._settings.manufacturer, self._settings.serial_number)
 
     async def run(self, clock: Clock) -> None:
@@ -242,7 +242,7 @@ class Site:
                 await asyncio.sleep(LOOK)
 
     async def _let_one_die(self) -> None:
-        """Break down the first robot that drives where one is to."""
+        """Break down the first robot that drives at one of the chosen points."""
         if self.case.disturbances.dead:
             at, seconds = self.case.disturbances.dead
             await asyncio.sleep(at)
@@ -255,7 +255,7 @@ class Site:
         return robot.driver.moving and state is not None and (not places or state.last_node_id in places)
 
     async def _give_orders(self) -> None:
-        """Do what hosts do."""
+        """Create orders like hosts."""
         draw, begin = _lot(self._random.random()), self._clock.monotonic()
         demand = self.case.demand
         if demand.backlog:
@@ -302,7 +302,7 @@ def staffed(case: Case, random: Random) -> tuple[PlantModel, list[Point]]:
 
 
 def _own(vehicle: Vehicle, speed: float) -> Vehicle:
-    """Set the robot's speed, and the simulation's map unless the model names one."""
+    """Return the vehicle with the robot's speed, and with the simulation's map unless the model names one."""
     more = {keys.VDA5050_MAP_ID: vehicle.map_id or MAP_ID, keys.VDA5050_VERSION: "2.1.0"}
     speed_mm_s = round(speed * MM_PER_M)
     return vehicle.model_copy(

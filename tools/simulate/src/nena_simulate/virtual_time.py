@@ -13,17 +13,17 @@ T = TypeVar("T")
 Ts = TypeVarTuple("Ts")
 
 BEGINNING = datetime(2026, 1, 5, 6, 0, tzinfo=UTC)
-"""The time of day at which every simulation begins: a Monday, early."""
+"""Date and time at which every simulation begins: a Monday morning."""
 
 TURN_SECONDS = 1e-6
 
 
 class TimeStoodStillError(Exception):
-    """Nothing is left that could ever happen."""
+    """The simulation waits for an event that cannot happen."""
 
 
 class _Selector(selectors.SelectSelector):
-    """Advances the time instead of waiting."""
+    """Selector that advances the time instead of waiting."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -32,8 +32,8 @@ class _Selector(selectors.SelectSelector):
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
         """Advance the time by ``timeout`` seconds; no event arrives from outside.
 
-        Each turn of the loop takes some time, as on a real machine: code that sets a timer shorter than the
-        clock's resolution would otherwise repeat it forever.
+        Each turn of the loop takes some time, as on a real machine. Otherwise, code that sets a timer shorter
+        than the clock's resolution would repeat it forever.
         """
         if timeout is None:
             message = "the simulation waits for an event that cannot happen"
@@ -43,10 +43,10 @@ class _Selector(selectors.SelectSelector):
 
 
 class VirtualLoop(asyncio.SelectorEventLoop):
-    """Runs unmodified asyncio code; timers fire in their order, at their exact time, and at once.
+    """Runs unmodified asyncio code; timers fire in order, at their exact time, without waiting.
 
-    There are no threads: work for an executor is done immediately. So the same code with the same seed always
-    runs in the same order.
+    There are no threads: executor jobs run immediately. So the same code with the same seed always runs in
+    the same order.
     """
 
     def __init__(self) -> None:
@@ -54,13 +54,13 @@ class VirtualLoop(asyncio.SelectorEventLoop):
         super().__init__(self._passing)
 
     def time(self) -> float:
-        """Return the seconds since the beginning."""
+        """Return the seconds since the start of the simulation."""
         return self._passing.now
 
     def run_in_executor(
         self, executor: Executor | None, func: Callable[[*Ts], T], *args: *Ts
     ) -> asyncio.Future[T]:
-        """Call ``func`` here and now."""
+        """Call ``func`` at once, in this thread."""
         del executor
         future: asyncio.Future[T] = self.create_future()
         try:
@@ -77,7 +77,7 @@ class VirtualClock:
         self._loop = loop
 
     def monotonic(self) -> float:
-        """Return the seconds since the beginning."""
+        """Return the seconds since the start of the simulation."""
         return self._loop.time()
 
     def now(self) -> datetime:
@@ -86,10 +86,10 @@ class VirtualClock:
 
 
 def run(work: Callable[[VirtualClock], Coroutine[Any, Any, T]]) -> T:
-    """Run ``work`` to its end, however long it takes by its own clock.
+    """Run ``work`` to its end, however long that takes in simulated time.
 
     Raises:
-        TimeStoodStillError: it waits for something that cannot happen.
+        TimeStoodStillError: ``work`` waits for an event that cannot happen.
     """
     loop = VirtualLoop()
     asyncio.set_event_loop(loop)

@@ -1,4 +1,4 @@
-"""A broker within the process: topics, retained messages, a delay, and messages that are lost."""
+"""An in-process broker: topics, retained messages, a delay, and message loss."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ SUBSCRIBING_SECONDS = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Conditions:
-    """How good the network is."""
+    """Quality of the network."""
 
     delay: float = 0.003
     """Delay from publisher to subscriber, seconds."""
     loss: float = 0.0
-    """Share of the messages that get lost; retained ones never do."""
+    """Share of messages that are lost; retained ones never are."""
 
 
 class Broker:
-    """Delivers each message to the subscribers of its topic, in the order of publication."""
+    """Delivers each message to the subscribers of its topic in the order of publication."""
 
     def __init__(self, conditions: Conditions, random: Random) -> None:
         self._conditions = conditions
@@ -73,7 +73,7 @@ class Broker:
         self._under_way.append((loop.time() + self._conditions.delay, lambda: link.receive(inbound)))
 
     def _deliver(self) -> None:
-        """Deliver what has arrived; all are under way equally long, so the oldest arrives first."""
+        """Deliver the messages that have arrived; all have the same delay, so the oldest arrives first."""
         loop = asyncio.get_running_loop()
         while self._under_way and self._under_way[0][0] <= loop.time() + 1e-9:
             self._under_way.popleft()[1]()
@@ -95,7 +95,7 @@ class Link(MqttLink):
 
     @classmethod
     def maker(cls, broker: Broker) -> Callable[..., MqttLink]:
-        """Return what makes a link as :class:`MqttLink` is made."""
+        """Return a factory with the parameters of :class:`MqttLink`."""
 
         def make(_settings: object, *, client_id: str, hooks: LinkHooks) -> MqttLink:
             del client_id
@@ -129,7 +129,7 @@ class Link(MqttLink):
             handler(message)
 
     async def run(self) -> None:
-        """Keep the link up until cancelled, but for the times in which it is cut."""
+        """Keep the link up until cancelled, except while it is cut."""
         while True:
             await asyncio.sleep(SUBSCRIBING_SECONDS)
             self.state.connected = True
@@ -148,12 +148,12 @@ class Link(MqttLink):
             await asyncio.sleep(self._away_for)
 
     def cut(self, seconds: float) -> None:
-        """Break the link for ``seconds``."""
+        """Cut the link for ``seconds``."""
         self._away_for = seconds
         self._away.set()
 
     async def drain(self, seconds: float) -> bool:
-        """Return at once: nothing waits here."""
+        """Return at once, because no messages are queued here."""
         del seconds
         return self.state.connected
 

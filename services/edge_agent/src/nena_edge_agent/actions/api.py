@@ -1,4 +1,4 @@
-"""All that an author of action plug-ins needs, in one import; it changes by announcement only."""
+"""The public API for authors of action plug-ins, in one import; changes are announced."""
 
 from nena_edge_agent.actions.plugin import (
     ActionFailedError,

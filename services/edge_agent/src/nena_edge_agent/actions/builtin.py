@@ -40,7 +40,7 @@ LONGEST = 86_400.0
 
 
 class Wait:
-    """Ends after the ``duration`` of its action, in s."""
+    """Finishes after the action's ``duration``, in seconds."""
 
     declaration = ActionDeclaration(
         "wait",
@@ -53,7 +53,7 @@ class Wait:
     )
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
-        """Begin to wait."""
+        """Start the countdown."""
         value = action.parameter("duration")
         seconds = float(value) if isinstance(value, int | float) else 0.0
 
@@ -66,7 +66,7 @@ class Wait:
 
 
 class TimedOperation:
-    """Waits for the set time, then picks up or drops the load."""
+    """Takes the configured time, then picks up or drops the load."""
 
     def __init__(self, settings: OperationSettings) -> None:
         self._settings = settings
@@ -83,7 +83,7 @@ class TimedOperation:
         )
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
-        """Begin."""
+        """Start the countdown."""
 
         def done() -> None:
             report(ActionReport(action.action_id, ActionStatus.FINISHED, charging=self._settings.charging))
@@ -94,7 +94,7 @@ class TimedOperation:
 
 
 class LogReportSettings(SettingsGroup):
-    """Log reports on request of fleet control."""
+    """Log reports requested by fleet control."""
 
     folder: Path = Field(Path("~/.local/state/nena/log_reports"), description="Folder of the reports.")
     keep: int = Field(
@@ -120,7 +120,7 @@ class LogReport:
         self._settings = settings
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
-        """Begin to write."""
+        """Write the file in the background."""
         return BackgroundAction(action.action_id, partial(self._work, action), report)
 
     async def _work(self, action: Action) -> ActionReport:
@@ -142,7 +142,7 @@ class LogReport:
 
 
 class MapTransforms:
-    """Returns the transforms of the settings as they are configured."""
+    """Returns the configured map transforms as the action's result."""
 
     declaration = ActionDeclaration(
         SHOW_MAP_TRANSFORMS,
@@ -156,7 +156,7 @@ class MapTransforms:
         self._result = "; ".join(f"{map_id}: {text}" for map_id, text in sorted(texts.items()))
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
-        """Report at once."""
+        """Report the result at once."""
         report(ActionReport(action.action_id, ActionStatus.FINISHED, self._result))
         return ENDED
 
@@ -208,11 +208,11 @@ class ZoneSetDownload:
         return ActionReport(action.action_id, ActionStatus.FINISHED, zone_set=zone_set)
 
     def _read(self, content: bytes) -> ZoneSet:
-        """Read it as a message, regardless of its header.
+        """Read ``content`` as a zone set message; a header is ignored.
 
         Raises:
-            ValueError: it is not JSON.
-            MalformedMessageError: it is not a zone set.
+            ValueError: ``content`` is not JSON.
+            MalformedMessageError: ``content`` is not a zone set.
         """
         found = _parsed(content)
         inner = found.get(ENVELOPE, found) if isinstance(found, dict) else found
@@ -227,11 +227,11 @@ class ZoneSetDownload:
         return self._codec.decode(ZoneSetTransfer, message).zone_set
 
 
-def _parsed(content: bytes) -> Any:  # noqa: ANN401 - anything that JSON holds
+def _parsed(content: bytes) -> Any:  # noqa: ANN401 - any JSON value
     """Read JSON in any of its encodings.
 
     Raises:
-        ValueError: it is none.
+        ValueError: ``content`` is not JSON.
 
     """
     try:
@@ -245,7 +245,7 @@ NO_ROS = 'it needs ROS, which this robot does not have; actions.without_ros = "r
 
 
 class UseBehaviorTree:
-    """Names the behaviour tree of its edge; the goal carries the name, and the action ends with the edge."""
+    """Selects the behaviour tree for an edge; the goal contains its name. The action ends with the edge."""
 
     def __init__(self, names: tuple[str, ...]) -> None:
         which = Parameter(BEHAVIOR_TREE, ValueDataType.STRING, choices=names)
@@ -261,7 +261,7 @@ class UseBehaviorTree:
         )
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
-        """Last until the edge ends."""
+        """Run until the edge ends."""
         lasting = Countdown(action.action_id, LONGEST, report, lambda: None)
         lasting.start()
         return lasting
@@ -274,13 +274,13 @@ class Unavailable:
         self.declaration = replace(declaration, unavailable=reason)
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
-        """Fail: one of before a change of the settings."""
+        """Fail; only an action accepted before the settings changed gets here."""
         report(ActionReport(action.action_id, ActionStatus.FAILED, self.declaration.unavailable))
         return ENDED
 
 
 class Rehearsed:
-    """Only takes ``seconds``, instead of the action's effect."""
+    """Simulates an action: takes ``seconds`` and has no other effect."""
 
     def __init__(self, declaration: ActionDeclaration, seconds: float, *, charging: bool | None) -> None:
         self.declaration = replace(
@@ -290,7 +290,7 @@ class Rehearsed:
         self._charging = charging
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
-        """Start; an open-ended one runs until it is cancelled."""
+        """Start the countdown; an open-ended action runs until it is cancelled."""
 
         def done() -> None:
             report(

@@ -1,4 +1,4 @@
-"""Docking by an offset: a short drive from the robot's pose to a place beside it."""
+"""Docking by an offset: a short drive from the robot's pose to a nearby pose."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ FORWARD = "forward"
 
 
 class Docking:
-    """Drives by the offset of the settings, or as far ahead as the order's parameter says."""
+    """Drives by the configured offset, or as far ahead as the order's parameter specifies."""
 
     def __init__(self, settings: DockOperationSettings, drive: DrivePort) -> None:
         self._settings = settings
@@ -55,7 +55,7 @@ class Docking:
         )
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
-        """Begin to drive."""
+        """Start the drive."""
         asked = action.parameter(FORWARD) if self._settings.adjustable else None
         ahead = float(asked) if isinstance(asked, int | float) else self._settings.forward
         return _Drive(action.action_id, self._settings, self._drive, ahead, report)
@@ -99,7 +99,7 @@ class _Drive(BackgroundAction):
         return ActionReport(self._action_id, ActionStatus.FINISHED, charging=self._settings.charging)
 
     async def _driven(self, goal: Pose) -> bool:
-        """Drive; return whether it got there, or was held on the way."""
+        """Drive to ``goal``; return False if the action was paused on the way."""
         if not self._free.is_set():
             return False
         settings, task = self._settings, asyncio.current_task()
@@ -126,7 +126,7 @@ class _Drive(BackgroundAction):
 
 
 def beside(pose: Pose, ahead: float, left: float, turn: float) -> Pose:
-    """Return the place ``ahead`` and to the ``left`` (m) of ``pose``, turned by ``turn`` (rad)."""
+    """Return the pose ``ahead`` and to the ``left`` (m) of ``pose``, turned by ``turn`` (rad)."""
     x = pose.x + ahead * cos(pose.theta) - left * sin(pose.theta)
     y = pose.y + ahead * sin(pose.theta) + left * cos(pose.theta)
     return Pose(x, y, pose.theta + turn, pose.map_id)

@@ -1,4 +1,4 @@
-"""downloadMap, enableMap and deleteMap (section 6.2.3)."""
+"""The actions downloadMap, enableMap and deleteMap (VDA 5050 3.0 section 6.2.3)."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _PLACE = tuple(
 )
 
 Change = Callable[[str, str, Action], Awaitable[None]]
-"""Changes the store by an action, for a mapId and mapVersion."""
+"""Applies an action to the store, for a mapId and mapVersion."""
 
 
 def map_actions(
@@ -49,9 +49,9 @@ def map_actions(
 ) -> Iterable[ActionPlugin]:
     """Return the three actions on one robot's ``store`` (VDA 5050 3.0 section 6.2.3).
 
-    They change it one after the other.
+    They change the store one after the other.
 
-    With ``places`` enabling a map can set the robot's position on it.
+    With ``places``, enabling a map can set the robot's position on it.
     """
     turn = asyncio.Lock()
 
@@ -113,7 +113,7 @@ def _declared(
 
 
 class _MapAction:
-    """One of the three."""
+    """One of the three map actions."""
 
     def __init__(self, store: MapStore, change: Change, declaration: ActionDeclaration) -> None:
         self._store = store

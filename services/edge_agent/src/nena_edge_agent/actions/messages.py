@@ -21,13 +21,13 @@ _WHOLE: Final = re.compile(r"\{([A-Za-z_][A-Za-z0-9_]*)\}")
 
 
 def whole(text: str) -> str | None:
-    """Return the name that the text is nothing but, None if there is more to it."""
+    """Return the parameter's name if ``text`` is one placeholder and nothing else, otherwise None."""
     found = _WHOLE.fullmatch(text)
     return found.group(1) if found else None
 
 
 def template_problems(template: JsonValue, names: Collection[str], path: str) -> Iterator[str]:
-    """Return the problems of a template whose values have ``names``, each with its place under ``path``."""
+    """Yield each problem of a template with its path; ``names`` are the known values."""
     match template:
         case str():
             yield from (f"{path}: {each}" for each in _text_problems(template, names))
@@ -40,7 +40,7 @@ def template_problems(template: JsonValue, names: Collection[str], path: str) ->
 
 
 def filled(template: JsonValue, values: Mapping[str, JsonValue]) -> JsonValue:
-    """Insert ``values``; one that is None removes its field, and is empty within a longer text."""
+    """Insert ``values``; None removes a field, or is an empty string within a longer text."""
     match template:
         case str():
             name = whole(template)
@@ -76,11 +76,11 @@ def _written(found: re.Match[str], values: Mapping[str, JsonValue]) -> str:
 
 
 class FieldError(Exception):
-    """A value does not fit the field of a message; the text names both."""
+    """A value does not fit the field of a message; the message names both."""
 
 
 class ScalarKind(StrEnum):
-    """What a single value is."""
+    """Kind of a single value, in words for errors."""
 
     TRUTH = "true or false"
     INTEGER = "an integer"
@@ -90,9 +90,9 @@ class ScalarKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Scalar:
-    """One value; ``low`` and ``high`` of an integer, ``longest`` of a text, None: no limit.
+    """One value; ``low`` and ``high`` limit an integer, ``longest`` the length of a string; None: no limit.
 
-    ``octet``: an integer that ROS wants as a byte.
+    ``octet``: an integer that ROS expects as a byte.
     """
 
     kind: ScalarKind
@@ -104,19 +104,19 @@ class Scalar:
 
 @dataclass(frozen=True, slots=True)
 class Listing:
-    """Many values of one shape; ``exactly`` so many, or ``most``, None: no limit."""
+    """An array of values of one shape: ``exactly`` as many, or at ``most``; None: no limit."""
 
     item: Shape
     exactly: int | None = None
     most: int | None = None
 
     def holds(self, count: int) -> bool:
-        """Return whether there may be so many values."""
+        """Return whether ``count`` values are allowed."""
         return self.exactly in (None, count) and (self.most is None or count <= self.most)
 
     @property
     def words(self) -> str:
-        """What it is, for people."""
+        """Description for error messages."""
         if self.exactly is not None:
             return f"an array of {self.exactly} values"
         return "an array" if self.most is None else f"an array of {self.most} values at most"
@@ -139,13 +139,13 @@ _FITTING: Final[Mapping[ScalarKind, frozenset[ValueDataType]]] = {
     ScalarKind.NUMBER: frozenset({ValueDataType.INTEGER, ValueDataType.NUMBER}),
     ScalarKind.TEXT: frozenset({ValueDataType.STRING}),
 }
-"""Which types of parameters may be put whole into which values."""
+"""Types of parameters that can replace a whole value of each kind."""
 
 
 def problems(
     template: JsonValue, shape: Shape, types: Mapping[str, ValueDataType], path: str
 ) -> Iterator[str]:
-    """Yield what cannot fit for any values of the parameters; ``types`` are the parameters' types by name."""
+    """Yield what cannot fit whatever the parameters' values; ``types`` are their types by name."""
     match template, shape:
         case str(), Scalar() if name := whole(template):
             if types.get(name) not in _FITTING[shape.kind] and name in types:
@@ -170,7 +170,7 @@ def conformed(value: JsonValue, shape: Shape, path: str) -> Any:  # noqa: ANN401
     """Convert ``value`` to the type of a field.
 
     Raises:
-        FieldError: it does not fit.
+        FieldError: ``value`` does not fit.
     """
     match shape:
         case Scalar():
@@ -268,7 +268,7 @@ _SEQUENCE: Final = re.compile(r"sequence<(?P<item>.+?)(?:, (?P<most>\d+))?>")
 _ARRAY: Final = re.compile(r"(?P<item>.+)\[(?P<exactly>\d+)\]")
 _TEXT: Final = re.compile(r"w?string(?:<=?(?P<longest>\d+)>?)?")
 PADDING: Final = "structure_needs_at_least_one_member"
-"""The field that some distributions show in a message without fields."""
+"""Field that some ROS distributions add to a message without fields."""
 
 
 EXAMPLES: Final = {
@@ -279,7 +279,7 @@ EXAMPLES: Final = {
 
 
 class UnknownTypeError(Exception):
-    """The message or service type is not installed here; the text names it and the remedy."""
+    """The ROS type is not installed here; the message names it and what to do."""
 
 
 @lru_cache(maxsize=200)
@@ -397,11 +397,11 @@ _SCALARS: Final[Mapping[str, Scalar]] = {
 
 
 CLOSE = 1e-6
-"""Relative difference of two numbers that count as the same: a float32 is not quite what was written."""
+"""Relative difference up to which two numbers count as equal: a float32 is not exactly what was written."""
 
 
 def matches(value: Any, wanted: JsonValue) -> bool:  # noqa: ANN401 - a value of any field
-    """Return whether ``value`` matches ``wanted``: of tables the named fields, of an array any of its items.
+    """Return whether ``value`` matches ``wanted``: the named fields of a table, any item of an array.
 
     If ``wanted`` is an array itself, it is compared as a whole.
     """

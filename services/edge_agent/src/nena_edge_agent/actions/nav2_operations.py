@@ -1,4 +1,4 @@
-"""Actions that Nav2's own servers do: docking, undocking, and its behaviours."""
+"""Actions executed by Nav2's own servers: docking, undocking, and its behaviours."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ _SERVERS: Mapping[Behaviour, tuple[str, str, str]] = {
     Behaviour.BACK_UP: ("backup", "BackUp", "Drives straight backwards."),
     Behaviour.DRIVE_ON_HEADING: ("drive_on_heading", "DriveOnHeading", "Drives straight ahead."),
 }
-"""Name of the action, its type, and what it does."""
+"""ROS action name, its type, and the description in the factsheet."""
 
 
 def type_of(behaviour: Behaviour) -> str:
-    """Return the name of the type that it needs."""
+    """Return the type of the ROS action that ``behaviour`` needs."""
     return f"nav2_msgs/action/{_SERVERS[behaviour][1]}"
 
 
@@ -71,7 +71,7 @@ def _parameters(settings: Nav2OperationSettings) -> tuple[Parameter, ...]:
 
 
 class Nav2Operation:
-    """Sends goals to one server, and reports their ends."""
+    """Sends goals to one server and reports their results."""
 
     def __init__(self, settings: Nav2OperationSettings, ros: RosPort) -> None:
         self.declaration = declaration_of(settings)
@@ -80,7 +80,7 @@ class Nav2Operation:
         self._client: RosActionClient = ros.action(server, type_of(settings.behavior))
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
-        """Send the goal; when cancelled, cancel it at the server first."""
+        """Send the goal. Cancelling the action first cancels the goal at the server."""
         return BackgroundAction(action.action_id, partial(self._work, action), report)
 
     async def _work(self, action: Action) -> ActionReport:

@@ -28,15 +28,15 @@ class ActionTimeouts:
 
 
 Fields = Mapping[str, Any]
-"""A message as plain data: numbers, texts, lists, and tables for messages within it."""
+"""A message as plain data: numbers, strings, lists, and a mapping for each nested message."""
 
 
 class RosError(Exception):
-    """A ROS request has failed; the text says why."""
+    """A ROS request failed; the message contains the reason."""
 
 
 class ActionFailedError(RosError):
-    """A goal of a ROS action has not succeeded; ``result`` has the fields of its result."""
+    """A goal of a ROS action did not succeed; ``result`` has the fields of its result."""
 
     def __init__(self, message: str, result: Fields) -> None:
         super().__init__(message)
@@ -44,18 +44,18 @@ class ActionFailedError(RosError):
 
 
 class DriveError(Exception):
-    """A drive of an action did not arrive; the text says why."""
+    """A drive of an action did not arrive; the message contains the reason."""
 
 
 class TopicQos(StrEnum):
-    """How a topic is listened to."""
+    """Quality of service of a subscription."""
 
     RELIABLE = "reliable"
-    """Every message of a publisher that is reliable; nothing of one that is not."""
+    """Receive every message of reliable publishers, and nothing from best-effort ones."""
     BEST_EFFORT = "best_effort"
-    """Fits every publisher, as batteries and other sensors often are; a message may be lost."""
+    """Match every publisher, such as batteries and other sensors; messages may be lost."""
     LATCHED = "latched"
-    """Also the last message from before, of a publisher that keeps it."""
+    """Also receive the last earlier message, if the publisher keeps it (transient local)."""
 
 
 class Publisher(Protocol):
@@ -63,7 +63,7 @@ class Publisher(Protocol):
 
     @property
     def listeners(self) -> int:
-        """How many subscriptions there are."""
+        """Number of subscribers."""
         ...
 
     def publish(self, fields: Mapping[str, JsonValue]) -> None:
@@ -82,8 +82,8 @@ class ServiceClient(Protocol):
         """Call the service and return the response.
 
         Raises:
-            RosError: there is no ROS session, no node offers the service, or none answers within ``seconds``,
-                or the fields do not fit the type.
+            RosError: there is no ROS session, no node offers the service, there is no response within
+                ``seconds``, or the fields do not fit the type.
         """
         ...
 
@@ -96,8 +96,8 @@ class RosActionClient(Protocol):
 
         Raises:
             ActionFailedError: the goal was aborted, or cancelled by another client.
-            RosError: there is no ROS session now, no node offers the action, or it refuses the goal, or the
-                fields do not fit the type.
+            RosError: there is no ROS session now, no node offers the action, the server refuses the goal, or
+                the fields do not fit the type.
         """
         ...
 
@@ -106,7 +106,7 @@ class RosPort(Protocol):
     """ROS in the robot's namespace and domain. Endpoints persist through every new ROS session."""
 
     def publisher(self, topic: str, type_name: str) -> Publisher:
-        """Return what publishes on ``topic``, reliably.
+        """Return a reliable publisher on ``topic``.
 
         Raises:
             RosError: no such type here.
@@ -131,7 +131,7 @@ class RosPort(Protocol):
         ...
 
     def client(self, service: str, type_name: str) -> ServiceClient:
-        """Return what calls ``service``.
+        """Return a client of ``service``.
 
         Raises:
             RosError: no such type here.
@@ -149,11 +149,11 @@ class RosPort(Protocol):
 
 
 class DrivePort(Protocol):
-    """Short drives of an action, while the order keeps the robot at its node."""
+    """Short drives of an action while the order holds the robot at its node."""
 
     @property
     def pose(self) -> Pose | None:
-        """Where the robot is, in the plant's frame; None if that cannot be trusted."""
+        """The robot's pose in the plant's frame; None if it is not localised."""
         ...
 
     async def drive(
@@ -164,12 +164,12 @@ class DrivePort(Protocol):
         deviation_theta: float | None = None,
         maximum_speed: float | None = None,
     ) -> None:
-        """Drive to ``pose`` (m, rad, m/s); cancelled, it stops the robot first.
+        """Drive to ``pose`` (m, rad, m/s); if cancelled, stop the robot first.
 
-        Only for actions of nodes that are HARD or SOFT: with others the order drives too.
+        Only for node actions that are HARD or SOFT: during others, the order drives too.
 
         Raises:
-            DriveError: it did not get there.
+            DriveError: the robot did not reach ``pose``.
 
         """
         ...
@@ -184,17 +184,17 @@ class DrivePort(Protocol):
 
 
 Report = Callable[[ActionReport], None]
-"""Reports a new status to the core, or progress by RUNNING with a result; at any time, from any thread."""
+"""Reports a new status to the core, or progress as RUNNING with a result; callable from any thread."""
 
 
 class PluginUnavailableError(Exception):
-    """A plug-in cannot work on this robot; the text says why. The robot works without its actions."""
+    """A plug-in cannot work on this robot, for the reason in the message; only its actions are missing."""
 
 
 class RunningAction(Protocol):
     """One running action (VDA 5050 3.0 section 6.6.9).
 
-    Every method returns at once; the outcome is reported.
+    Every method returns at once; the outcome is reported later.
     """
 
     def pause(self) -> None:
@@ -206,7 +206,7 @@ class RunningAction(Protocol):
         ...
 
     def cancel(self) -> None:
-        """Cancel and report FAILED. Called only if the declaration allows it, and when the agent ends."""
+        """Cancel and report FAILED. Called only if the declaration allows it, and when the agent exits."""
         ...
 
 
@@ -222,21 +222,21 @@ class ActionPlugin(Protocol):
         ...
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:
-        """Begin ``action``, with ``loads`` on the robot (VDA 5050 3.0 section 6.6.9).
+        """Start ``action``, with ``loads`` on the robot (VDA 5050 3.0 section 6.6.9).
 
-        Report RUNNING, and in the end FINISHED or FAILED.
+        Report RUNNING, and finally FINISHED or FAILED.
 
-        Returns at once. An exception fails the action with its text.
+        Return at once. An exception makes the action FAILED with its text.
         """
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class PluginContext:
-    """What a plug-in is made with: one for each robot of the program.
+    """The context passed to a plug-in's factory, one per robot of the program.
 
-    ``options`` are those of the settings for this plug-in. ``ros`` is None on a robot without ROS; a plug-in
-    that cannot do without raises :class:`PluginUnavailableError`.
+    ``options`` are this plug-in's options in the settings. ``ros`` is None on a robot without ROS; a plug-in
+    that needs ROS then raises :class:`PluginUnavailableError`.
     """
 
     robot: RobotKey
@@ -246,7 +246,7 @@ class PluginContext:
 
 
 PluginFactory = Callable[[PluginContext], ActionPlugin | Iterable[ActionPlugin]]
-"""What an entry point of the group ``nena.actions`` names: makes one plug-in, or several."""
+"""Target of an entry point in the group ``nena.actions``: creates one or more plug-ins."""
 
 
 log = get_logger(__name__)
@@ -256,7 +256,7 @@ Work = Callable[[], Coroutine[None, None, ActionReport]]
 
 
 class WorkFailedError(Exception):
-    """The action failed; the text says why. ``report``, if any, is its final report."""
+    """The action failed, for the reason in the message. ``report``, if any, is its final report."""
 
     def __init__(self, message: str, report: ActionReport | None = None) -> None:
         super().__init__(message)
@@ -279,13 +279,13 @@ class BackgroundAction:
         return self._task.done()
 
     def pause(self) -> None:
-        """Do nothing: such actions declare that they cannot be held."""
+        """Do nothing: these actions declare that they cannot be paused."""
 
     def resume(self) -> None:
         """Do nothing."""
 
     def cancel(self) -> None:
-        """Cancel the work; it may clean up before it ends."""
+        """Cancel the work, which may clean up before it ends."""
         self._task.cancel()
 
     async def _run(self, work: Work) -> None:
@@ -309,7 +309,7 @@ class BackgroundAction:
 
 
 class Countdown:
-    """An action that is done after ``seconds``; calls ``done`` then, which reports the end."""
+    """An action that takes ``seconds`` and then calls ``done``, which reports the end."""
 
     def __init__(self, action_id: str, seconds: float, report: Report, done: Callable[[], None]) -> None:
         self._action_id = action_id
@@ -320,24 +320,24 @@ class Countdown:
         self._ended = False
 
     def start(self) -> None:
-        """Advance the time."""
+        """Start the countdown."""
         self._timer = asyncio.get_running_loop().call_later(self._left, self._over)
         self._report(ActionReport(self._action_id, ActionStatus.RUNNING))
 
     def pause(self) -> None:
-        """Stop the time."""
+        """Stop the countdown; report PAUSED."""
         if self._timer is not None:
             self._left = max(0.0, self._timer.when() - asyncio.get_running_loop().time())
             self._stop()
             self._report(ActionReport(self._action_id, ActionStatus.PAUSED))
 
     def resume(self) -> None:
-        """Advance the time."""
+        """Continue the countdown; report RUNNING."""
         if self._timer is None and not self._ended:
             self.start()
 
     def cancel(self) -> None:
-        """End before the time is over."""
+        """End the countdown early; report FAILED."""
         if not self._ended:
             self._ended = True
             self._stop()
@@ -354,7 +354,7 @@ class Countdown:
 
 
 class Ended:
-    """Nothing can be done to it any more."""
+    """An action that has already ended: every method does nothing."""
 
     def pause(self) -> None:
         """Do nothing."""

@@ -1,4 +1,4 @@
-"""Makes the actions of the settings: timed ones, and those that call ROS without any code."""
+"""Creates the actions defined in the settings: timed ones, and those that use ROS without code."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def ready_made(
     """Build the actions of one robot.
 
     Raises:
-        ConfigurationError: a message cannot be built from the settings; the text names the setting.
+        ConfigurationError: a message cannot be built from the settings; the error names the setting.
     """
     for number, operation in enumerate(operations):
         yield _made(operation, f"operations.{number}", context, settings)
@@ -49,7 +49,7 @@ def ready_made(
 
 @dataclass(frozen=True, slots=True)
 class _Parts:
-    """The parts of an action, as its settings define them."""
+    """The parts of an action as defined in its settings."""
 
     command: CommandSettings | None = None
     call: CallSettings | None = None
@@ -58,7 +58,7 @@ class _Parts:
 
     @property
     def may_be_taken_back(self) -> bool:
-        """Whether the action can be cancelled: nothing that it starts continues afterwards."""
+        """Whether the action can be cancelled: nothing that it started continues afterwards."""
         return self.call is None and (self.command is None or self.command.on_cancel is not None)
 
 

@@ -1,4 +1,4 @@
-"""The actions that a robot offers, and the installed plug-ins that bring them."""
+"""The actions that a robot offers, and the installed plug-ins that provide them."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ GROUP = "nena.actions"
 
 
 class PluginBrokenError(Exception):
-    """A plug-in is installed but provides no actions; the text says why."""
+    """A plug-in is installed but provides no actions, for the reason in the message."""
 
 
 @dataclass(frozen=True, slots=True)
 class Installed:
-    """The plug-ins that work, and what is wrong with those that do not, a sentence for each."""
+    """The working plug-ins, and one sentence for each problem of the others."""
 
     plugins: tuple[ActionPlugin, ...] = ()
     problems: tuple[str, ...] = ()
 
     @property
     def action_types(self) -> frozenset[str]:
-        """What the plug-ins do."""
+        """Action types of the plug-ins."""
         return frozenset(each.declaration.action_type for each in self.plugins)
 
 
@@ -46,10 +46,10 @@ NOTHING = Installed()
 
 
 def installed(context: PluginContext, settings: ActionSettings) -> Installed:
-    """Build the actions of every plug-in that the settings want; a broken one costs its own actions only.
+    """Create the actions of every enabled plug-in; a broken plug-in only loses its own actions.
 
     Raises:
-        ConfigurationError: a plug-in that the settings name is not installed.
+        ConfigurationError: a plug-in named in the settings is not installed.
 
     """
     names = _wanted(settings)
@@ -65,10 +65,10 @@ def installed(context: PluginContext, settings: ActionSettings) -> Installed:
 
 
 def make(name: str, context: PluginContext) -> tuple[ActionPlugin, ...]:
-    """Build the actions of one plug-in.
+    """Create the actions of one plug-in.
 
     Raises:
-        PluginBrokenError: it cannot be loaded, fails, does not work here, or provides no plug-ins.
+        PluginBrokenError: the plug-in cannot be loaded, fails, does not work here, or provides no actions.
     """
     factory = _load(name)
     try:
@@ -89,7 +89,7 @@ def make(name: str, context: PluginContext) -> tuple[ActionPlugin, ...]:
 
 
 def _is_plugin(made: object) -> bool:
-    """Return whether an object from foreign code has the plug-in interface."""
+    """Return whether an object from third-party code has the plug-in interface."""
     declared = isinstance(getattr(made, "declaration", None), ActionDeclaration)
     return declared and callable(getattr(made, "start", None))
 
@@ -101,7 +101,7 @@ def names_installed() -> tuple[str, ...]:
 
 def _wanted(settings: ActionSettings) -> Iterator[str]:
     if settings.plugins == () and not settings.options:
-        return  # without wanted plug-ins, there is no need to search all installed packages
+        return  # without enabled plug-ins, the installed packages need not be searched
     there = _entry_points()
     named = tuple(there) if settings.plugins is None else settings.plugins
     missing = [name for name in (*named, *settings.options) if name not in there]
@@ -136,11 +136,11 @@ def _words(error: Exception) -> str:
 
 
 class ActionRegistry:
-    """The actions of one robot, by action type; ``problems`` lists what is missing of its plug-ins.
+    """The actions of one robot, by action type; ``problems`` describes plug-ins that do not work.
 
     Raises:
         ConfigurationError: two of ``plugins``, or one and the core, provide the same type. Such a plug-in
-            that is only ``installed`` beside the agent is left out.
+            that is only ``installed`` alongside the agent is omitted.
     """
 
     def __init__(self, plugins: Iterable[ActionPlugin], installed: Installed = NOTHING) -> None:
@@ -153,12 +153,12 @@ class ActionRegistry:
 
     @property
     def declarations(self) -> Mapping[str, ActionDeclaration]:
-        """All actions of the robot, those of the core included."""
+        """Declarations of all actions of the robot, including those of the core."""
         own = {action_type: _guarded(plugin.declaration) for action_type, plugin in self._plugins.items()}
         return {**PREDEFINED, **own}
 
     def plugin(self, action_type: str) -> ActionPlugin | None:
-        """Return what does ``action_type``."""
+        """Return the plug-in that executes ``action_type``, None if there is none."""
         return self._plugins.get(action_type)
 
     def _add_if_free(self, plugin: ActionPlugin) -> None:
@@ -180,7 +180,7 @@ class ActionRegistry:
 
 
 def _guarded(declaration: ActionDeclaration) -> ActionDeclaration:
-    """Turn a check that fails into a reason against the action, not a failure of the core."""
+    """Return the declaration with a check that refuses the action instead of raising an exception."""
     check = declaration.check
     if check is None:
         return declaration

@@ -25,7 +25,7 @@ from nena_shared.settings import ConfigurationError
 from nena_shared.tasks import set_within
 
 HALT_TIMEOUT = 10.0
-"""Timeout for the robot to stop, seconds; after it, a cancelled drive ends anyway."""
+"""Timeout for the robot to stop, seconds; afterwards a cancelled drive ends anyway."""
 
 
 class ActionDrive:
@@ -47,7 +47,7 @@ class ActionDrive:
         self._driver = driver
 
     def observe(self, event: Event) -> None:
-        """Inspect an event of the driver."""
+        """Handle an event of the driver."""
         match event:
             case PoseReport():
                 self._pose = event
@@ -62,7 +62,7 @@ class ActionDrive:
 
     @property
     def pose(self) -> Pose | None:
-        """Where the robot is; None if that cannot be trusted."""
+        """The robot's pose in the plant's frame; None if it is not localised."""
         return self._pose.pose if self._pose and self._pose.localized else None
 
     async def drive(
@@ -73,10 +73,10 @@ class ActionDrive:
         deviation_theta: float | None = None,
         maximum_speed: float | None = None,
     ) -> None:
-        """Drive to ``pose``; cancelled, it stops the robot first.
+        """Drive to ``pose``; if cancelled, stop the robot first.
 
         Raises:
-            DriveError: it did not get there, or another action drives.
+            DriveError: the robot did not reach ``pose``, or another action drives.
 
         """
         if self._driver is None or self._result is not None:
@@ -130,7 +130,7 @@ AGAIN_AFTER = 1.0
 
 
 class LoadSensor:
-    """Reports what the sensor measures: at once when it changes, and regularly when it does not.
+    """Reports the sensor's value: at once when it changes, and regularly otherwise.
 
     Raises:
         ConfigurationError: the load sensor's message does not match its type.
@@ -162,7 +162,7 @@ DriverMaker = Callable[[Put, Pose | None], Driver]
 
 
 class RobotPorts:
-    """What plug-ins may use of a robot; ``ros`` is None if it has none.
+    """The ports of one robot for plug-ins; ``ros`` is None without ROS.
 
     Raises:
         ConfigurationError: the load sensor's message does not match its type.
@@ -176,7 +176,7 @@ class RobotPorts:
         self._sensor = LoadSensor(sensed, ros) if sensed and ros else None
 
     def joined(self, make_driver: DriverMaker) -> DriverMaker:
-        """Return a maker of drivers whose events are also observed on their way to the core."""
+        """Return a factory of drivers whose events also pass through these ports."""
 
         def make(put: Put, last_place: Pose | None) -> Driver:
             def on_event(event: Event) -> None:

@@ -1,4 +1,4 @@
-"""Operations of the settings that call the robot's services and publish on its topics.
+"""Configured operations that call the robot's services and publish on its topics.
 
 Reads top to bottom: which values of an order go into messages, how an answer is read, service calls, commands
 by topic, and the plug-in that runs them.
@@ -57,21 +57,21 @@ OF_LOADS = tuple(
     ParameterSettings(key=key, required=False, description=f"the {what} of the load, for the state")
     for key, what in (("loadId", "id"), ("loadType", "type"))
 )
-"""Parameters of an action that picks up a load."""
+"""Parameters added to an action that picks up a load."""
 
 
 class ActionValues:
-    """The values of one type of action, by name."""
+    """Values of one action type that messages may contain, by name."""
 
     def __init__(self, settings: OperationBase) -> None:
-        """Use the parameters of the settings, and those of a load that is picked up."""
+        """Use the configured parameters, and those of the load if one is picked up."""
         own = {each.key for each in settings.parameters}
         more = OF_LOADS if settings.load_change is LoadChange.TAKE else ()
         self._parameters = (*settings.parameters, *(each for each in more if each.key not in own))
 
     @property
     def declared(self) -> tuple[Parameter, ...]:
-        """The parameters in the form of the core."""
+        """The parameters as declared to the core."""
         return tuple(each.declared for each in self._parameters)
 
     @property
@@ -100,10 +100,10 @@ class ActionValues:
 
 
 class MessageTemplate:
-    """Fields for a message of one type, with values of an action in them.
+    """Fields of a message of one type, into which an action's values are inserted.
 
     Raises:
-        ConfigurationError: no message can be made of them, with the place in the settings under ``path``.
+        ConfigurationError: no message can be built from them; the error names the setting under ``path``.
 
     """
 
@@ -116,7 +116,7 @@ class MessageTemplate:
         *,
         any_of: bool = False,
     ) -> None:
-        """Check ``fields``; ``any_of``: an array in place of one value names all that will do."""
+        """Check ``fields``; ``any_of``: an array in place of one value lists alternatives."""
         self._fields = fields
         self._shape = shape
         self._path = path
@@ -130,7 +130,7 @@ class MessageTemplate:
             raise ConfigurationError(list(dict.fromkeys(found)))
 
     def filled(self, values: Mapping[str, JsonValue]) -> FieldValues:
-        """Put ``values`` in.
+        """Return the fields with ``values`` inserted.
 
         Raises:
             FieldError: one of them does not fit its field.
@@ -149,7 +149,7 @@ class MessageTemplate:
 
 
 def _alternatives(fields: JsonValue, shape: Shape) -> Iterator[JsonValue]:
-    """Yield each value alone within its tables, also where an array names many values."""
+    """Yield each value on its own within its tables; an array of alternatives yields each item."""
     if isinstance(fields, dict) and isinstance(shape, Record):
         for key, value in fields.items():
             inner = shape.fields.get(key)
@@ -165,7 +165,7 @@ Progress = Callable[[str], None]
 
 
 class Answer:
-    """Listens to a topic, and completes the waiting actions whose answer has arrived.
+    """Subscribes to a topic and completes the waiting actions whose answer arrives.
 
     Raises:
         ConfigurationError: no message of the type can match.
@@ -190,11 +190,11 @@ class Answer:
 
     @property
     def words(self) -> str:
-        """What is waited for, for people."""
+        """Description of what the action waits for."""
         return f"waits for {self._settings.topic}"
 
     def check(self, values: Mapping[str, JsonValue]) -> None:
-        """Check whether a message can ever do.
+        """Check whether any message could match.
 
         Raises:
             FieldError: a value does not fit its field.
@@ -207,7 +207,7 @@ class Answer:
     def expect(self, values: Mapping[str, JsonValue], progress: Progress) -> asyncio.Future[str | None]:
         """Return a future that the answer completes: with the result, or a WorkFailedError.
 
-        Of earlier messages, the last one counts if the topic is latched, else none.
+        On a latched topic, the last earlier message counts too.
         """
         answered: asyncio.Future[str | None] = asyncio.get_running_loop().create_future()
         match = self._match.filled(values)
@@ -247,7 +247,7 @@ MESSAGE = "message"
 
 
 class Call:
-    """Calls a service by the settings, with the values of an action, and checks the response.
+    """Calls a configured service with the values of an action, and checks the response.
 
     ``shapes`` are those of the request and the response.
 
@@ -274,7 +274,7 @@ class Call:
         self._result = settings.result if settings.result is not None else MESSAGE if MESSAGE in has else ""
 
     def check(self, values: Mapping[str, JsonValue]) -> None:
-        """Check whether the request can be made.
+        """Check whether the request can be built.
 
         Raises:
             FieldError: a value does not fit its field.
@@ -284,11 +284,11 @@ class Call:
         self._expected.filled(values)
 
     async def do(self, values: Mapping[str, JsonValue]) -> str | None:
-        """Call it, and return the result.
+        """Call the service and return the action's result.
 
         Raises:
             WorkFailedError: the response reported failure.
-            RosError: no response.
+            RosError: there is no response.
             FieldError: a value does not fit its field.
         """
         response = await self._client.call(
@@ -303,11 +303,11 @@ class Call:
 
 
 LOOK_EVERY = 0.05
-"""Seconds between two looks for a listener."""
+"""Seconds between two checks for a subscriber."""
 
 
 class Command:
-    """Publishes a message by the settings, with the values of an action.
+    """Publishes a configured message with the values of an action.
 
     Raises:
         ConfigurationError: no message of the type can be built.
@@ -333,7 +333,7 @@ class Command:
         self._cancel = template(settings.on_cancel, "on_cancel")
 
     def check(self, values: Mapping[str, JsonValue]) -> None:
-        """Check whether every message can be made.
+        """Check whether every message can be built.
 
         Raises:
             FieldError: a value does not fit its field.
@@ -347,7 +347,7 @@ class Command:
         """Wait until a node subscribes.
 
         Raises:
-            WorkFailedError: none does.
+            WorkFailedError: no node subscribes in time.
 
         """
         timeout = self._settings.listener_timeout
@@ -401,7 +401,7 @@ class Steps:
     lasting: bool = False
 
     def problem(self, values: Values) -> str | None:
-        """Return which value of an action does not fit; None if all do."""
+        """Return which value of an action does not fit, None if all of them do."""
         try:
             for step in (self.command, self.call, self.answer):
                 if step:
@@ -412,7 +412,7 @@ class Steps:
 
 
 class RosOperation:
-    """Runs its steps, and finishes with the last one."""
+    """Runs its steps and finishes after the last one."""
 
     def __init__(
         self,
@@ -434,7 +434,7 @@ class RosOperation:
 
 
 class _Running(BackgroundAction):
-    """One run of the steps; messages can pause it if its command defines them."""
+    """One run of the steps; it can be paused if its command defines messages for this."""
 
     def __init__(
         self, action_id: str, steps: Steps, values: Values, report: Report, *, charging: bool | None
@@ -456,7 +456,7 @@ class _Running(BackgroundAction):
             self._report(ActionReport(self._action_id, ActionStatus.PAUSED))
 
     def resume(self) -> None:
-        """Send what has it go on."""
+        """Send the command's resume message."""
         if self._steps.command and not self.ended:
             self._free.set()
             if self._commanded:
@@ -473,7 +473,7 @@ class _Running(BackgroundAction):
         return ActionReport(self._action_id, ActionStatus.FINISHED, result, charging=self._charging)
 
     async def _do(self) -> str | None:
-        """Do the steps; the answer is listened to from before the first, so that none is missed."""
+        """Run the steps; wait for the answer from before the first step, so that none is missed."""
         steps, result = self._steps, None
         answered = steps.answer.expect(self._values, self._progress) if steps.answer else None
         try:

@@ -1,4 +1,4 @@
-"""ROS for action plug-ins, on the agent's own node: plain data by the names of types.
+"""ROS for action plug-ins, on the agent's own node: plain data, and types by name.
 
 Endpoints are kept, and created again on each node of a new session.
 """
@@ -44,23 +44,23 @@ if TYPE_CHECKING:
 log = get_logger(__name__)
 
 MESSAGES_WAITING = 100
-"""Messages of a topic that may wait for the loop; above that the oldest is dropped."""
+"""Maximum number of messages of a topic that wait for the event loop; beyond, the oldest is dropped."""
 FOUND_WITHIN = 5.0
-"""Seconds for a service to be found."""
+"""Timeout for finding a service, seconds."""
 LOOK_EVERY = 0.05
-"""Seconds between two looks for it."""
+"""Seconds between two checks for it."""
 
 
 ANSWERS_WITHIN = 5.0
-"""Timeout of an action's server for accepting or cancelling a goal, seconds."""
+"""Timeout for an action server to accept or cancel a goal, seconds."""
 LONGEST_GOAL = 86_400.0
-"""Seconds for which the result of a goal is waited for; actions have time-outs of their own."""
+"""Timeout for the result of a goal, seconds; actions have their own timeouts."""
 SUCCEEDED = 4
 ENDS = {5: "cancelled", 6: "aborted"}
-"""Meaning of the status of a goal that has not succeeded."""
+"""Meaning of each status of a goal that did not succeed."""
 
 THERE = (SessionState.INITIATING, SessionState.ACTIVE)
-"""States of a session that has a node."""
+"""States in which the session has a node."""
 
 
 class _Endpoint(Protocol):
@@ -74,7 +74,7 @@ T = TypeVar("T")
 
 
 class PluginRos:
-    """The port of one robot, and the guest of its nodes."""
+    """The ROS port of one robot; its endpoints live on the agent's node."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -84,7 +84,7 @@ class PluginRos:
         self._node: Any = None
 
     def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401
-        """Put everything on a new node."""
+        """Create all endpoints on a new node."""
         with self._lock:
             self._session, self._node = session, node
             for endpoint in self._endpoints:
@@ -103,7 +103,7 @@ class PluginRos:
         return self._session
 
     def publisher(self, topic: str, type_name: str) -> Publisher:
-        """Return what publishes on ``topic``.
+        """Return a publisher on ``topic``.
 
         Raises:
             RosError: no such type here.
@@ -121,8 +121,8 @@ class PluginRos:
     ) -> None:
         """Call ``handle`` with each message, in the event loop.
 
-        All subscribers of a topic receive a message at the same time: an answer to one action must not reach
-        the next one late.
+        All subscribers of a topic receive a message at the same time: an answer to one action must not arrive
+        late at the next one.
 
         Raises:
             RosError: the type is not installed here.
@@ -133,7 +133,7 @@ class PluginRos:
         self._subscriptions[key].join(handle)
 
     def client(self, service: str, type_name: str) -> ServiceClient:
-        """Return what calls ``service``.
+        """Return a client of ``service``.
 
         Raises:
             RosError: no such type here.
@@ -250,7 +250,7 @@ class _Client:
 
 
 class _Action:
-    """The hidden services of an action: a goal of an id of our own, its result, and its end."""
+    """A ROS action through its hidden services: a goal with our own ID, its result, and its end."""
 
     def __init__(self, port: PluginRos, name: str, type_name: str) -> None:
         self._port = port

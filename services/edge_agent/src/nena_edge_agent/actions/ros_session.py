@@ -32,21 +32,21 @@ KEEP = Parameter("keep", ValueDataType.BOOL, required=False, description="keep a
 
 
 class SessionSwitch:
-    """The session of one robot, as its actions have it; there is none before its driver is made."""
+    """Access of a robot's actions to its ROS session, which exists once its driver is created."""
 
     def __init__(self, settings: RosSettings, store: SessionStore | None) -> None:
-        """``store`` is where the address is kept; None: the robot keeps nothing."""
+        """Keep the address across restarts in ``store``; None: nothing is kept."""
         self.settings = settings
         self.store = store
         self._keeper: SessionManager | None = None
 
     @property
     def address(self) -> RosAddress:
-        """Where the robot is when it starts."""
+        """Namespace and domain with which the robot starts."""
         return self.store.read(self.settings) if self.store else RosAddress.of(self.settings)
 
     def attach(self, keeper: SessionManager) -> None:
-        """Work on the session of a driver that was made."""
+        """Use the session of a newly created driver."""
         self._keeper = keeper
 
     @property
@@ -59,7 +59,7 @@ class SessionSwitch:
 
 
 def session_switch(settings: RosSettings, journal: Path | None, robot: RobotKey) -> SessionSwitch:
-    """Build the switch of one robot, which keeps its address beside its journal, if it has one."""
+    """Create the switch of one robot, which keeps its address beside the robot's journal, if it has one."""
     return SessionSwitch(settings, SessionStore(journal, robot) if journal else None)
 
 
@@ -68,14 +68,14 @@ Work = Callable[[SessionSwitch, Action], Coroutine[None, None, None]]
 
 @dataclass(frozen=True, slots=True)
 class SessionAction:
-    """Runs one of these actions; its result is the session's state and address."""
+    """Runs one session action; its result is the session's state and address."""
 
     declaration: ActionDeclaration
     work: Work
     switch: SessionSwitch
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
-        """Start; the action ends when the session has reached the wanted state, or cannot."""
+        """Start; the action ends when the session reaches the requested state or fails to."""
         return BackgroundAction(action.action_id, partial(self._work, action), report)
 
     async def _work(self, action: Action) -> ActionReport:
@@ -127,7 +127,7 @@ async def _configure(switch: SessionSwitch, action: Action) -> None:
     if keep and switch.store is None:
         message = "nothing is kept after restarts: journal.enabled is false"
         raise WorkFailedError(message)
-    if keep and switch.store:  # initially: a session that fails there now is retried there, also later
+    if keep and switch.store:  # first: a session that fails to start there is retried there
         try:
             await asyncio.to_thread(switch.store.write, address, switch.settings)
         except OSError as error:

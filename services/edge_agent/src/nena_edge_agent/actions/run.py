@@ -1,4 +1,4 @@
-"""Run actions by their plug-ins: supervise each run, check its reports, and notice a blocked event loop."""
+"""Run actions by their plug-ins: supervise each run, check its reports, and detect a blocked event loop."""
 
 from __future__ import annotations
 
@@ -74,8 +74,8 @@ def _named(value: object) -> str:
 LOOK_EVERY: Final = 0.05
 """Seconds between two samples."""
 LOOKS: Final = 4
-"""Samples without progress until the loop counts as blocked. Samples, not seconds: on a busy machine samples
-are late, too."""
+"""Samples without progress until the loop counts as blocked. Samples, not seconds: on a busy machine, samples
+are late as well."""
 LONGEST: Final = 100
 """Samples without progress until the loop counts as blocked forever."""
 WAITING: Final = frozenset({"select", "poll", "epoll", "_run_once"})
@@ -262,7 +262,7 @@ class Run:
         return ActionReport(self._action.action_id, status, text)
 
     def _give_up(self) -> None:
-        """Cancel in the plug-in; a failure no longer matters."""
+        """Cancel the action at the plug-in; ignore a failure."""
         running, self._running = self._running, None
         if running is not None:
             try:
@@ -391,7 +391,7 @@ class ActionRunner:
             self._fail(effect.action_id, "the action was not running")
 
     def close(self) -> None:
-        """Cancel all actions without reports: the agent exits, and the journal has what ran."""
+        """Cancel all actions without reports: the agent exits, and the journal lists the running ones."""
         runs, self._runs = self._runs, {}
         for run in runs.values():
             run.abandon()

@@ -20,11 +20,11 @@ Metres = Annotated[float, Field(ge=-10, le=10, allow_inf_nan=False)]
 Radians = Annotated[float, Field(ge=-3.15, le=3.15, allow_inf_nan=False)]
 TypeName = Annotated[str, Field(min_length=1, max_length=200)]
 FieldValues = dict[str, JsonValue]
-"""Fields of a message by name; ``{parameter}`` in a text stands for a value, see ``template``."""
+"""Fields of a message by name; ``{parameter}`` in a string stands for a value."""
 
 
 class ParameterSettings(SettingsGroup):
-    """A parameter of an action in orders: for the factsheet, the checks, and messages.
+    """A parameter of an action in orders, used in the factsheet, in checks and in messages.
 
     VDA 5050 3.0 section 7.10.
     """
@@ -45,7 +45,7 @@ class ParameterSettings(SettingsGroup):
 
     @property
     def declared(self) -> Parameter:
-        """The parameter in the form of the core."""
+        """The parameter as declared to the core."""
         return Parameter(
             self.key,
             self.type,
@@ -76,12 +76,12 @@ class OperationBase(SettingsGroup):
 
     @property
     def load_change(self) -> LoadChange | None:
-        """What it does to the load."""
+        """Effect of the action on the load."""
         return LoadChange(self.load) if self.load else None
 
 
 class OperationSettings(OperationBase):
-    """An action that takes a set time: for demonstrations, and for stations that do the work themselves."""
+    """An action that takes a fixed time: for demonstrations, and for stations that do the work themselves."""
 
     kind: Literal["time"] = "time"
     seconds: float = Field(5.0, ge=0, le=86_400, allow_inf_nan=False, description="Duration, seconds.")
@@ -110,7 +110,7 @@ class CommandSettings(SettingsGroup):
 
 
 class CallSettings(SettingsGroup):
-    """A service that is called."""
+    """A service to call."""
 
     service: RosName = Field(
         description="Service, relative to the robot's namespace unless it begins with '/'."
@@ -127,7 +127,7 @@ class CallSettings(SettingsGroup):
 
 
 class AnswerSettings(SettingsGroup):
-    """A message that is waited for."""
+    """A message to wait for."""
 
     topic: RosName = Field(description="Topic, relative to the robot's namespace unless it begins with '/'.")
     type: TypeName = Field(description="Message type, such as std_msgs/msg/String.")
@@ -146,12 +146,12 @@ BATTERY = AnswerSettings(
     match={"power_supply_status": [1, 4]},
     qos=TopicQos.BEST_EFFORT,
 )
-"""The battery charges, or is full."""
+"""Confirms that the battery is charging or full."""
 BATTERY_LEFT_ALONE = BATTERY.model_copy(update={"match": {"power_supply_status": [0, 2, 3]}})
 
 
 class RosOperationSettings(OperationBase):
-    """What actions that use ROS have in common."""
+    """Settings that all actions using ROS share."""
 
     timeout: Seconds | None = Field(60.0, description="Timeout, seconds; pauses do not count.")
     restartable: bool = Field(
@@ -160,7 +160,7 @@ class RosOperationSettings(OperationBase):
 
 
 class TopicOperationSettings(RosOperationSettings):
-    """Publishes a message, and awaits an answer on another topic if there is one."""
+    """Publishes a message and, if configured, waits for an answer on another topic."""
 
     kind: Literal["topic"]
     command: CommandSettings = Field(description="Message to publish.")
@@ -170,7 +170,7 @@ class TopicOperationSettings(RosOperationSettings):
 
 
 class ServiceOperationSettings(RosOperationSettings):
-    """Calls a service, and awaits a message afterwards if there is one to await."""
+    """Calls a service and, if configured, waits for a message afterwards."""
 
     kind: Literal["service"]
     call: CallSettings = Field(description="Service to call.")
@@ -214,7 +214,7 @@ class ChargeOperationSettings(RosOperationSettings):
 
 
 class TurnSignalSettings(RosOperationSettings):
-    """Sets a turn signal. On edges alone it is put out where the edge ends; else it stays as it is set."""
+    """Sets a turn signal. With the scope EDGE alone, it is switched off at the end of the edge."""
 
     kind: Literal["turn_signal"]
     action_type: str = Field(
@@ -244,7 +244,7 @@ class TurnSignalSettings(RosOperationSettings):
 
 
 class DockOperationSettings(OperationBase):
-    """Drives from the robot's pose to a place beside it, given in the robot's own frame."""
+    """Drives from the robot's pose to a nearby pose, given in the robot's own frame."""
 
     kind: Literal["dock"]
     blocking_types: tuple[BlockingType, ...] = Field(
@@ -275,7 +275,7 @@ class DockOperationSettings(OperationBase):
 
 
 class Behaviour(StrEnum):
-    """What Nav2's servers can do beside driving to a goal."""
+    """Actions of Nav2's servers besides driving to a goal."""
 
     DOCK = "dock"
     UNDOCK = "undock"
@@ -316,7 +316,7 @@ class Nav2OperationSettings(OperationBase):
         return self
 
 
-def _kind(table: Any) -> str:  # noqa: ANN401 - whatever stands in the file
+def _kind(table: Any) -> str:  # noqa: ANN401 - any value in the file
     return str(table.get("kind", "time") if isinstance(table, dict) else getattr(table, "kind", "time"))
 
 
@@ -331,7 +331,7 @@ AnyOperation = Annotated[
     | Annotated[Nav2OperationSettings, Tag("nav2")],
     Discriminator(_kind),
 ]
-"""A ready-made action; a table without a ``kind`` takes a set time."""
+"""A ready-made action; a table without ``kind`` is a timed action."""
 
 
 class LoadSensorSettings(SettingsGroup):
@@ -344,7 +344,7 @@ class LoadSensorSettings(SettingsGroup):
 
 
 class ActionSettings(SettingsGroup):
-    """Plug-ins for actions, and how patient the agent is with them."""
+    """Plug-ins for actions, and the agent's timeouts for them."""
 
     plugins: tuple[str, ...] | None = Field(
         None,
@@ -369,12 +369,12 @@ class ActionSettings(SettingsGroup):
 
     @property
     def timeouts(self) -> ActionTimeouts:
-        """Return how long a plug-in may take to answer."""
+        """Return the timeouts of plug-ins."""
         return ActionTimeouts(begin=self.begin_timeout, obey=self.obey_timeout)
 
 
 def default_operations() -> tuple[AnyOperation, ...]:
-    """Return the actions of a robot without configured ones."""
+    """Return the actions of a robot that has none configured."""
     on_request = (ActionScope.NODE, ActionScope.INSTANT)
     return (
         OperationSettings(action_type="pick", seconds=5.0, load="take"),

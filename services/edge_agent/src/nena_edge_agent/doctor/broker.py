@@ -1,4 +1,4 @@
-"""The links to the broker: it is reachable, it accepts the robot, the robot may read and write its topics."""
+"""Check the links to the broker: reachable, accepts the robot, lets it read and write its topics."""
 
 from __future__ import annotations
 
@@ -29,24 +29,24 @@ from nena_shared.vda5050.versions import RULES, codec_for, topics_for
 from nena_shared.vda5050.visualization import Visualization
 
 ANSWER_WITHIN = 5.0
-"""Seconds that a broker has for each answer."""
+"""Timeout for each answer of the broker, seconds."""
 
 RETAINED_WITHIN = 1.0
-"""Timeout for retained messages, seconds; much longer than they need."""
+"""Timeout for retained messages, seconds; much longer than they take."""
 
 MAP_PROPERTY = "vda5050:mapId"
 
 
 @dataclass(frozen=True, slots=True)
 class BrokerView:
-    """What was found, and the ids of the maps that a plant model at the broker names."""
+    """The findings, and the map IDs in a plant model that the broker retains."""
 
     findings: list[LinkFinding]
     plant_maps: frozenset[str] = frozenset()
 
 
 async def examine_broker(settings: EdgeAgentSettings) -> BrokerView:
-    """Check the three links. A running agent of the same robot is not disturbed: the client id differs.
+    """Check the three links without disturbing a running agent of the same robot: the client ID differs.
 
     Raises:
         ConfigurationError: the password file cannot be read.
@@ -75,7 +75,7 @@ async def examine_broker(settings: EdgeAgentSettings) -> BrokerView:
 
 
 async def _reach(mqtt: MqttSettings) -> str:
-    """Open a connection and close it; return what is in the way, in words."""
+    """Open a connection and close it; return the problem in words, empty if there is none."""
     try:
         async with asyncio.timeout(ANSWER_WITHIN):
             _, writer = await asyncio.open_connection(mqtt.host, mqtt.port)
@@ -106,7 +106,7 @@ class _BrokerProbe:
 
     @asynccontextmanager
     async def connected(self) -> AsyncIterator[str]:
-        """Connect for the block; return what is in the way, in words."""
+        """Connect for the block; yield the problem in words, empty if there is none."""
         work = asyncio.create_task(self._link.run(), name="doctor's link")
         try:
             yield await self._outcome()
@@ -119,7 +119,7 @@ class _BrokerProbe:
         return [topic for topic in self._topics if topic in self._link.state.refused]
 
     async def plant_maps(self) -> frozenset[str]:
-        """Return the ids of the maps in a plant model that the broker has kept, if it shows one."""
+        """Return the map IDs in the plant model that the broker retains, if any."""
         try:
             async with asyncio.timeout(RETAINED_WITHIN):
                 return map_ids(await self._plant)
@@ -147,7 +147,7 @@ def client_id(settings: EdgeAgentSettings) -> str:
 
 
 def map_ids(plant: bytes) -> frozenset[str]:
-    """Return the map ids that a plant model (JSON) names; none where it is no such thing."""
+    """Return the map IDs in a plant model (JSON); empty if ``plant`` is not one."""
     try:
         return frozenset(_map_ids(json.loads(plant)))
     except (ValueError, RecursionError):
@@ -170,7 +170,7 @@ def _topics_read(settings: EdgeAgentSettings) -> tuple[Topic, ...]:
 
 
 def as_whom(mqtt: MqttSettings) -> str:
-    """Return the identity with which the broker accepted the agent, as far as the settings show it."""
+    """Return the identity with which the broker accepted the agent, as far as the settings define it."""
     if mqtt.username:
         return f"as {mqtt.username}"
     return f"by the certificate {mqtt.tls.certificate}" if mqtt.tls.certificate else "as anonymous"
@@ -201,8 +201,8 @@ def _access(settings: EdgeAgentSettings, refused: list[str], not_written: str) -
 def _ask_to_write(settings: EdgeAgentSettings) -> str:
     """Publish one message and return the broker's refusal, as text; empty if there is none.
 
-    By MQTT 5, since older versions cannot report a refusal; a broker without MQTT 5 refuses nothing here. The
-    message is a visualization without a position: displays ignore it, and nothing else reads it.
+    Uses MQTT 5, because older versions cannot report a refusal; a broker without MQTT 5 refuses nothing here.
+    The message is a visualization without a position: displays ignore it, and nothing else reads it.
     """
     robot = RobotKey(settings.manufacturer, settings.serial_number)
     topic = topics_for(settings.version, settings.interface_name).of(robot, Topic.VISUALIZATION)
@@ -231,7 +231,7 @@ def _ask_to_write(settings: EdgeAgentSettings) -> str:
         client.loop_start()
         answered.wait(ANSWER_WITHIN)
     except OSError:
-        return ""  # the connection was up a moment ago: the next check shows what broke it
+        return ""  # the connection worked a moment ago: the next check shows what broke it
     finally:
         client.disconnect()
         client.loop_stop()

@@ -1,4 +1,4 @@
-"""What the doctor finds about each link, in the order in which they build on each other."""
+"""The doctor's finding for each link, in the order in which links depend on each other."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from enum import StrEnum
 
 
 class Link(StrEnum):
-    """The links between fleet control and the robot's drive, from one end to the other."""
+    """The links between fleet control and the robot's drive, in order."""
 
     BROKER = "broker"
     LOGIN = "login"
@@ -22,19 +22,19 @@ class Link(StrEnum):
 
 
 class LinkVerdict(StrEnum):
-    """How a link is."""
+    """State of a link."""
 
     OK = "ok"
     DOUBTFUL = "doubtful"
-    """It works, and may not do what is wanted."""
+    """The link works, but perhaps not as intended."""
     MISSING = "MISSING"
     UNKNOWN = "-"
-    """Not checked, because a link before it is missing or the robot has none."""
+    """Not checked, because an earlier link is missing or the robot has no such link."""
 
 
 @dataclass(frozen=True, slots=True)
 class LinkFinding:
-    """The result for one link; ``remedy`` is what to do if it is not OK."""
+    """The result for one link; ``remedy`` says what to do if it is not OK."""
 
     link: Link
     verdict: LinkVerdict
@@ -43,22 +43,22 @@ class LinkFinding:
 
 
 def ok(link: Link, text: str) -> LinkFinding:
-    """Build the finding of a link that is well."""
+    """Return the finding for a working link."""
     return LinkFinding(link, LinkVerdict.OK, text)
 
 
 def missing(link: Link, text: str, remedy: str) -> LinkFinding:
-    """Build the finding of a link that is missing."""
+    """Return the finding for a missing link."""
     return LinkFinding(link, LinkVerdict.MISSING, text, remedy)
 
 
 def unknown(links: Iterable[Link], text: str) -> list[LinkFinding]:
-    """Build the findings of links that were not checked."""
+    """Return the findings for links that were not checked."""
     return [LinkFinding(link, LinkVerdict.UNKNOWN, text) for link in links]
 
 
 def report(findings: Sequence[LinkFinding]) -> str:
-    """Write the findings for a person, one line each and one more if there is something to do."""
+    """Return the findings as text: one line each, and a second one with the remedy if there is one."""
     lines = []
     for each in findings:
         lines.append(f"{each.verdict:<9} {each.link:<13} {each.text}")

@@ -1,4 +1,4 @@
-"""Judges the links on the robot's side by what was seen of it; pure."""
+"""Judge the links on the robot's side from observations, without I/O."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from nena_edge_agent.nav2.settings import RosSettings
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """An occupancy grid: its frame, its lower left corner in m, its size in m."""
+    """An occupancy grid: its frame, its lower left corner (m), and its size (m)."""
 
     frame: str
     x: float
@@ -24,16 +24,16 @@ class Grid:
     height: float
 
     def holds(self, x: float, y: float) -> bool:
-        """Return whether a place, in m, is on the grid; the grid is assumed not to be rotated."""
+        """Return whether a point (m) is on the grid, which is assumed not to be rotated."""
         return 0 <= x - self.x <= self.width and 0 <= y - self.y <= self.height
 
 
 @dataclass(frozen=True, slots=True)
 class RosView:
-    """What a node in the settings' domain and namespace sees within some seconds."""
+    """What a node in the configured domain and namespace sees within some seconds."""
 
     nodes: tuple[str, ...] = ()
-    """Names of nodes that are neither ours nor hidden."""
+    """Names of other nodes, without hidden ones."""
     busy_domains: tuple[int, ...] = ()
     """Other domains that have nodes, among those searched."""
     servers: int = 0
@@ -45,29 +45,29 @@ class RosView:
     pose: PoseReading | None = None
     grid: Grid | None = None
     tolerance: float | None = None
-    """Metres from a goal within which Nav2 counts it as reached (``xy_goal_tolerance``)."""
+    """Distance from a goal within which Nav2 considers it reached, m (``xy_goal_tolerance``)."""
     server_timeout: float | None = None
-    """Milliseconds that bt_navigator waits for its servers (``default_server_timeout``)."""
+    """Time for which bt_navigator waits for its servers, ms (``default_server_timeout``)."""
     path_types: bool = True
     """Whether nav2_msgs/action/FollowPath is installed here."""
     path_servers: int = 0
-    """Publishers of the status of the controller's action, which takes paths."""
+    """Publishers of the status of the controller's action, which follows paths."""
     clock_offset: float | None = None
     """Seconds by which the newest odometry stamp is ahead of this program's clock; None: no odometry."""
 
 
 MOST_OFF = 2.0
-"""Seconds between this program's clock and the stamps of ROS that count as the same time."""
+"""Maximum difference between this program's clock and ROS time stamps, seconds."""
 
 UNSYNCHRONISED = 5
-"""What adjtimex(2) returns (TIME_ERROR) while nothing keeps the clock right."""
+"""Return value of adjtimex(2) while the clock is not synchronised (TIME_ERROR)."""
 
 _TIMEX_SIZE = 512
-"""Bytes, larger than any Linux's timex; all zero queries and sets nothing."""
+"""Bytes, more than struct timex on any Linux; all zeros only query, and set nothing."""
 
 
 def kernel_keeps_time() -> bool | None:
-    """Return whether the kernel reports a synchronised clock (NTP, PTP); None if it is unknown."""
+    """Return whether the kernel reports a synchronised clock (NTP, PTP); None if unknown."""
     try:
         answer: int = ctypes.CDLL(None).adjtimex(ctypes.create_string_buffer(_TIMEX_SIZE))
     except (OSError, AttributeError):
@@ -76,7 +76,7 @@ def kernel_keeps_time() -> bool | None:
 
 
 def judge_clock(*, kept: bool | None, ros_offset: float | None) -> LinkFinding:
-    """Judge by the kernel's answer and the offset of ROS's time stamps, in seconds."""
+    """Judge the clock by the kernel's answer and the offset of ROS time stamps, in seconds."""
     if ros_offset is not None and abs(ros_offset) > MOST_OFF:
         return missing(
             Link.CLOCK,
@@ -115,7 +115,7 @@ def judge_robot(view: RosView, settings: RosSettings) -> list[LinkFinding]:
 def judge_map(
     view: RosView | None, settings: RosSettings, map_id: str, plant_maps: Collection[str]
 ) -> LinkFinding:
-    """Judge the map's id as fleet control must name it, and Nav2's map; ``view`` None: a loopback robot."""
+    """Judge the map ID that fleet control must use, and Nav2's map; ``view`` None: a loopback robot."""
     if plant_maps and map_id not in plant_maps:
         names = ", ".join(f"'{each}'" for each in sorted(plant_maps))
         remedy = "set map_id to this map's name in the plant model, or vda5050:mapId there to the robot's"
@@ -192,7 +192,7 @@ def _navigation(view: RosView, settings: RosSettings) -> LinkFinding:
 
 
 def _with_settings(view: RosView, settings: RosSettings, text: str) -> LinkFinding:
-    """Judge a Nav2 that works, as described by ``text``, by what the settings want of it."""
+    """Judge whether a working Nav2, described by ``text``, does what the settings require."""
     tolerance, path_action = settings.goals.goal_tolerance, settings.names.follow_path
     if tolerance is not None and view.tolerance is not None and tolerance < view.tolerance:
         problem = f"ros.goals.goal_tolerance is {tolerance:g} m"
@@ -209,7 +209,7 @@ def _with_settings(view: RosView, settings: RosSettings, text: str) -> LinkFindi
 
 
 def _drives(view: RosView) -> str:
-    """Describe Nav2's parameters."""
+    """Return Nav2's parameters in words."""
     notes = []
     if view.tolerance is not None:
         notes.append(f"goal tolerance {view.tolerance:g} m (no node may allow less)")

@@ -1,4 +1,4 @@
-"""The command: checks every link in order, prints the findings, and returns the exit status."""
+"""The doctor command: check every link in order, print the findings, and return the exit status."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ DESCRIPTION = (
 
 
 def main(argv: Sequence[str]) -> int:
-    """Run the command with its arguments, those of the agent."""
+    """Run the command; it accepts the agent's arguments."""
     try:
         settings = load(EdgeAgentSettings, argv, program=PROGRAM, description=DESCRIPTION)
         log.configure(LogSettings(level="error", form="text"))
@@ -63,7 +63,7 @@ async def examine(settings: EdgeAgentSettings) -> list[LinkFinding]:
 
 
 def _as_kept(settings: EdgeAgentSettings) -> RosSettings:
-    """Return the ROS settings at the address that the agent uses: it may have been moved permanently."""
+    """Return the ROS settings with the agent's current address, which may have been changed permanently."""
     robot = RobotKey(settings.manufacturer, settings.serial_number)
     journal = settings.journal.folder if settings.journal.enabled else None
     return session_switch(settings.ros, journal, robot).address.applied(settings.ros)

@@ -1,4 +1,4 @@
-"""Observes the robot through a separate ROS node, for some seconds."""
+"""Observe the robot through a separate ROS node for some seconds."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ from nena_edge_agent.nav2.session import RosSession
 from nena_edge_agent.nav2.settings import RosSettings, status_of
 
 LOOK_FOR = 5.0
-"""Seconds after which something unseen counts as missing; discovery takes up to three."""
+"""Seconds after which anything unseen counts as missing; discovery takes up to three."""
 
 LOOK_ELSEWHERE = 3.0
-"""Seconds for a look into another domain."""
+"""Seconds for observing another domain."""
 
 POSE_WAIT = 2.0
 """Timeout for a requested pose, seconds."""
 
 
 async def look(settings: RosSettings) -> RosView:
-    """Check the robot, and into other likely domains without nodes.
+    """Observe the robot; if its domain has no nodes, check other likely domains.
 
     Raises:
-        SessionError: ROS refuses.
+        SessionError: the ROS session cannot be started.
 
     """
     probe = _Probe(settings)
@@ -57,7 +57,7 @@ async def _inhabited(settings: RosSettings, domain_id: int) -> bool:
 
 def _domain_of_environment() -> int:
     text = os.environ.get("ROS_DOMAIN_ID", "0")
-    return int(text) if text.isdecimal() and int(text) <= 232 else 0  # noqa: PLR2004 - ROS's greatest
+    return int(text) if text.isdecimal() and int(text) <= 232 else 0  # noqa: PLR2004 - the maximum of ROS
 
 
 class _Probe:
@@ -78,7 +78,7 @@ class _Probe:
 
     @asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
-        """Join the ROS graph for the block; raises as :func:`look`."""
+        """Join the ROS graph for the block; raise like :func:`look`."""
         await self._session.start(self._furnish)
         try:
             yield
@@ -90,7 +90,7 @@ class _Probe:
         return await _until(lambda: bool(self._nodes()), seconds)
 
     async def look(self) -> RosView:
-        """Wait until everything is seen or the time is over, and return what was seen."""
+        """Wait until everything is seen or time is up, and return what was seen."""
         await _until(self._complete, LOOK_FOR)
         if self._pose is None:
             await self._session.call(self._fresh_pose, Empty.Request(), seconds=self._settings.call_timeout)
@@ -168,7 +168,7 @@ class _Probe:
                 read=messages.pose_reading,
                 handle=self._pose_came,
             )
-        # Robots of a fleet often share one map, outside of their namespaces.
+        # Robots of a fleet often share one map outside their namespaces.
         for topic in {node.resolve_topic_name("map"), "/map"}:
             subscribe(node, OccupancyGrid, topic, LATCHED, read=_grid, handle=self._grid_came)
         subscribe(node, Odometry, names.odometry, SENSOR, read=_offset, handle=self._odometry_came)
@@ -197,13 +197,13 @@ def _grid(message: Any) -> Grid:  # noqa: ANN401 - rclpy carries no types
 
 
 def _offset(message: Any) -> float:  # noqa: ANN401
-    """Return how many seconds a nav_msgs/Odometry was stamped ahead of now."""
+    """Return by how many seconds the stamp of a nav_msgs/Odometry is ahead of now."""
     stamp = message.header.stamp
     return float(stamp.sec + stamp.nanosec / messages.NANOSECONDS - time.time())
 
 
 async def _until(condition: Callable[[], bool], seconds: float) -> bool:
-    """Check ``condition`` until it holds, at most for ``seconds``; return whether it does."""
+    """Wait until ``condition`` holds, at most ``seconds``; return whether it does."""
     for _ in range(int(seconds / 0.05)):
         if condition():
             return True

@@ -19,7 +19,7 @@ LONGEST_ACTION = 86_400.0
 DURATION = Parameter("duration", ValueDataType.NUMBER, required=False, description="s, 0 to 86400")
 
 Outcome = Callable[[Action], str | None]
-"""Returns why an action fails at its end; None: it finishes."""
+"""Returns the reason why an action fails at its end; None: it finishes."""
 
 
 class SimulatedAction:
@@ -30,7 +30,7 @@ class SimulatedAction:
         self._outcome = outcome
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002 - the interface
-        """Start; its final status is decided only then."""
+        """Start the countdown; the outcome is decided at its end."""
         value = action.parameter(DURATION.key)
         seconds = float(value) if isinstance(value, int | float) else 0.0
 
@@ -45,19 +45,19 @@ class SimulatedAction:
 
 
 class Alternately:
-    """Fails the first time, succeeds the second time, and so on: one robot's."""
+    """Alternates between failure and success, beginning with failure; one instance per robot."""
 
     def __init__(self) -> None:
         self._fails_next = True
 
     def __call__(self, _: Action) -> str | None:
-        """Return the reason of a failure, every other time."""
+        """Return a reason to fail on every other call."""
         fails, self._fails_next = self._fails_next, not self._fails_next
         return "it fails the first time, as it is meant to" if fails else None
 
 
 def simulated_actions() -> tuple[ActionPlugin, ...]:
-    """Make the actions of one robot."""
+    """Create the simulated actions of one robot."""
     return (
         SimulatedAction(
             _declare("waitUninterrupted", "Waits, and can be neither paused nor cancelled.", stoppable=False),
@@ -98,7 +98,7 @@ def _declare(
 class ChargingWatch:
     """Runs the actions of ``plugin``, and calls ``switch`` when charging begins or ends.
 
-    The core learns of it from the battery alone, so that removing the charger also ends it.
+    The core reads charging from the battery alone, so removing the charger also ends it.
     """
 
     def __init__(self, plugin: ActionPlugin, switch: Callable[[bool], None]) -> None:
@@ -107,7 +107,7 @@ class ChargingWatch:
         self.declaration = plugin.declaration
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:
-        """Begin."""
+        """Start the plug-in's action."""
 
         def watched(update: ActionReport) -> None:
             charging = getattr(

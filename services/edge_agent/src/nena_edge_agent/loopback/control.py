@@ -1,4 +1,4 @@
-"""Simulation control of loopback robots: commands over MQTT that do what people and the world would do."""
+"""Simulation control of loopback robots: MQTT commands that simulate people and the environment."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class SwitchNavigation(_Command):
 
 
 class _Area(_Command):
-    """A circle (m); without a centre everywhere."""
+    """A circle (m); without a centre, it covers everything."""
 
     x: Finite | None = None
     y: Finite | None = None
@@ -90,20 +90,20 @@ class _Area(_Command):
 
     @property
     def circle(self) -> Circle:
-        """The area."""
+        """The area as a circle; infinite without a centre."""
         if self.x is None or self.y is None:
             return Circle(0.0, 0.0, inf)
         return Circle(self.x, self.y, self.radius)
 
 
 class MakeUnreachable(_Area):
-    """Nodes there cannot be reached, which the robot finds out while driving."""
+    """Nodes in the area are unreachable, which the robot discovers while driving."""
 
     command: Literal["unreachable"]
 
 
 class TakeRoute(_Area):
-    """Nodes that the robot cannot reach: it refuses such orders."""
+    """No route leads to nodes in the area: the robot refuses such orders."""
 
     command: Literal["noRoute"]
 
@@ -143,7 +143,7 @@ class SwitchFieldViolation(_Command):
 
 
 class PressEmergencyStop(_Command):
-    """An emergency stop is pressed that is acknowledged at the robot (MANUAL) or from afar (REMOTE)."""
+    """An emergency stop is pressed; it is acknowledged at the robot (MANUAL) or remotely (REMOTE)."""
 
     command: Literal["emergencyStop"]
     stop: Literal[EmergencyStop.MANUAL, EmergencyStop.REMOTE] = EmergencyStop.MANUAL
@@ -177,7 +177,7 @@ class SetBattery(_Command):
 
 
 class CarryAway(_Command):
-    """The robot is carried to another pose (m, rad), by default on its own map, and stays localised."""
+    """The robot is carried to another pose (m, rad), by default on the same map, and stays localised."""
 
     command: Literal["pose"]
     x: Finite
@@ -233,7 +233,7 @@ def parse(payload: bytes) -> AnyCommand:
     """Read a command from JSON.
 
     Raises:
-        CommandRefusedError: it is no JSON, or no command.
+        CommandRefusedError: the payload is not JSON, or not a command.
 
     """
     try:
@@ -244,7 +244,7 @@ def parse(payload: bytes) -> AnyCommand:
 
 @dataclass(slots=True)
 class _Robot:
-    """A running robot, and how its core is reached."""
+    """A running robot, and access to its core."""
 
     driver: LoopbackDriver
     put: Callable[[Event], None]
@@ -252,7 +252,7 @@ class _Robot:
 
 
 class SimulationControl:
-    """Applies commands to one robot; a restart of the robot resets what they have changed.
+    """Applies commands to one robot; restarting the robot resets their effects.
 
     ``cut_link`` breaks the robot's link to the broker for a number of seconds.
     """
@@ -266,7 +266,7 @@ class SimulationControl:
         self._robot = _Robot(driver, put, SafetyReport())
 
     def set_charging(self, charging: bool) -> None:  # noqa: FBT001 - called back with the one value
-        """Begin or end charging, as an action of the robot does."""
+        """Start or stop charging on behalf of an action of the robot."""
         if self._robot:
             self._robot.driver.set_charging(charging=charging)
 
@@ -274,7 +274,7 @@ class SimulationControl:
         """Apply ``command``.
 
         Raises:
-            CommandRefusedError: it is not possible now.
+            CommandRefusedError: the command is not possible now.
 
         """
         robot = self._robot
@@ -343,7 +343,7 @@ def _drive(driver: LoopbackDriver, command: AnyCommand) -> None:
 log = get_logger(__name__)
 
 LONGEST_PAYLOAD = 10_000
-"""Bytes of a command."""
+"""Maximum size of a command, bytes."""
 
 
 class ControlApi:
@@ -367,7 +367,7 @@ class ControlApi:
         log.info("simulation control ready", topic=topic_filter)
 
     async def run(self) -> None:
-        """Answer until cancelled."""
+        """Serve commands until cancelled."""
         await self._link.run()
 
     def _take(self, message: Inbound) -> None:
@@ -381,7 +381,7 @@ class ControlApi:
 
 
 def _obey(control: SimulationControl, message: Inbound) -> tuple[str, ...]:
-    """Obey the command; returns what keeps it from being obeyed."""
+    """Apply the command; return the problems if it is refused."""
     if message.retained:
         return ("retained commands may be old and are ignored; send it without the retain flag",)
     if len(message.payload) > LONGEST_PAYLOAD:
@@ -394,7 +394,7 @@ def _obey(control: SimulationControl, message: Inbound) -> tuple[str, ...]:
 
 
 def _answer(payload: bytes, problems: tuple[str, ...]) -> bytes:
-    """Make the answer, with what can be read of the command."""
+    """Build the answer, with the ID and name of the command if readable."""
     answer: dict[str, Any] = {"accepted": not problems}
     if problems:
         answer["problems"] = problems
@@ -402,7 +402,7 @@ def _answer(payload: bytes, problems: tuple[str, ...]) -> bytes:
 
 
 def _named(payload: bytes) -> dict[str, str]:
-    """Return id and name of a command, as far as it has them."""
+    """Return the ID and name of a command, as far as they are readable."""
     try:
         command = json.loads(payload[:LONGEST_PAYLOAD])
     except (ValueError, RecursionError):

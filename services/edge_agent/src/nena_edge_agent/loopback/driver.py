@@ -32,7 +32,7 @@ METRES_OF_DRAIN = 100.0
 
 
 class SimulatedBattery:
-    """State of charge in percent; times are in s of a monotonic clock."""
+    """A simulated battery: state of charge in percent, times in monotonic seconds."""
 
     def __init__(self, settings: LoopbackSettings) -> None:
         self._drain = settings.drain / METRES_OF_DRAIN
@@ -42,7 +42,7 @@ class SimulatedBattery:
 
     @property
     def charging(self) -> bool:
-        """Whether it is being charged."""
+        """Whether the battery is charging."""
         return self._charged_at is not None
 
     def level(self, now: float) -> float:
@@ -57,7 +57,7 @@ class SimulatedBattery:
         self._charge = max(0.0, self._charge - self._drain * metres)
 
     def switch(self, now: float, *, charging: bool) -> None:
-        """Begin or end charging."""
+        """Start or stop charging."""
         self.level(now)
         self._charged_at = now if charging else None
 
@@ -80,7 +80,7 @@ class Motion:
 
     @property
     def length(self) -> float:
-        """Metres of the straight line."""
+        """Length of the straight line, m."""
         return dist((self.start.x, self.start.y), (self.goal.x, self.goal.y))
 
     @property
@@ -135,7 +135,7 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class Braking:
-    """Straight from ``start`` at ``speed`` m/s, decelerating evenly to a stop within ``distance`` m."""
+    """A straight line from ``start`` at ``speed`` m/s, braking evenly to a stop within ``distance`` m."""
 
     start: Pose
     begin: float
@@ -157,7 +157,7 @@ class Braking:
 
 
 def braking(motion: Motion, now: float, deceleration: float) -> Braking | None:
-    """Return how a robot in ``motion`` stops, at ``deceleration`` m/s²; None: at once.
+    """Return how a robot in ``motion`` stops at ``deceleration`` m/s²; None: at once.
 
     It never drives beyond the goal: near it the robot brakes harder.
     """
@@ -173,15 +173,15 @@ def _turn(start: float, end: float) -> float:
 
 
 SLOWEST = 0.01
-"""Lowest speed limit, m/s: with 0 a robot would never leave its zone."""
+"""Minimum speed limit, m/s: at 0, a robot would never leave its zone."""
 BATTERY_STEP = 1.0
-"""Percent of charge between two reports."""
+"""Change of charge between two reports, percent."""
 
 
 class LoopbackDriver:
     """One simulated robot; it uses no CPU at standstill.
 
-    Beside the port of all drivers it has a method for each influence from outside.
+    Besides the driver port, it has a method for each external influence.
     """
 
     def __init__(
@@ -212,7 +212,7 @@ class LoopbackDriver:
         self.ended = False
 
     async def start(self) -> None:
-        """Report the robot's pose, and that it can drive."""
+        """Report the robot's pose and that navigation is available."""
         self._report_pose(0.0, 0.0)
         self._report_battery()
         self._emit(self._navigation)
@@ -248,9 +248,9 @@ class LoopbackDriver:
         self._wait()
 
     def halt(self) -> None:
-        """Brake, and drop the goal."""
+        """Brake and drop the goal."""
         if isinstance(self._motion, Braking):
-            return  # answered at standstill
+            return  # confirmed at standstill
         motion, now = self._motion, self._clock.monotonic()
         slowing = braking(motion, now, self._settings.deceleration) if motion else None
         self._stand()
@@ -264,7 +264,7 @@ class LoopbackDriver:
         """Ignore earlier goals: they end with the program."""
 
     def keep_out(self, areas: tuple[Area, ...]) -> None:
-        """Do nothing: it drives straight ahead, so this is never called."""
+        """Do nothing: the robot drives in straight lines, so this is never called."""
 
     def limit_speed(self, speed: float | None) -> None:
         """Change the speed at once."""
@@ -279,7 +279,7 @@ class LoopbackDriver:
         self._soon(self._placed)
 
     def stop_at_once(self) -> None:
-        """Stop at once, as at an emergency stop or a violated protective field."""
+        """Stop at once, as after an emergency stop or a field violation."""
         slowing = isinstance(self._motion, Braking)
         self._stand()
         self._report_pose(0.0, 0.0)
@@ -287,7 +287,7 @@ class LoopbackDriver:
             self._emit(Halted())
 
     def carry_to(self, x: float, y: float, theta: float, map_id: str | None = None) -> None:
-        """Move to another pose without driving: m, rad; a current goal continues from there."""
+        """Move to another pose (m, rad) without driving; a current goal continues from there."""
         goal = self._goal
         self.stop_at_once()
         self._pose = Pose(x, y, theta, map_id or self._pose.map_id)
@@ -325,7 +325,7 @@ class LoopbackDriver:
             self.go_to(goal)
 
     def set_no_route(self, circle: Circle, *, active: bool) -> None:
-        """Report that no route leads into ``circle``, or that one does again."""
+        """Report no route to goals in ``circle``, or a route again."""
         if active:
             self._no_route[circle] = None
         else:
@@ -333,7 +333,7 @@ class LoopbackDriver:
         self._emit(NoRouteReport(tuple(self._no_route)))
 
     def set_charging(self, *, charging: bool) -> None:
-        """Begin or end charging."""
+        """Start or stop charging."""
         self._stop_charge_timer()
         self._battery.switch(self._clock.monotonic(), charging=charging)
         self._report_battery()
@@ -353,7 +353,7 @@ class LoopbackDriver:
         return None
 
     def _stand(self) -> None:
-        """Drop the goal, and be where the robot is at this moment."""
+        """Drop the goal and stand at the current pose."""
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
@@ -426,5 +426,5 @@ class LoopbackDriver:
         self._emit(BatteryReport(state_of_charge=self._reported_charge, charging=self._battery.charging))
 
     def _soon(self, step: Callable[[], None]) -> None:
-        """Answer from the loop, never from within the caller's own call."""
+        """Call ``step`` from the event loop, never within the caller's own call."""
         asyncio.get_running_loop().call_soon(step)

@@ -22,7 +22,7 @@ class StartPose(SettingsGroup):
 
 
 class LoopbackSettings(SettingsGroup):
-    """The loopback robots of this program."""
+    """Loopback robots of this program."""
 
     count: int = Field(
         1, ge=1, le=10_000, description="Number of robots; above 1, their serial numbers get a number."

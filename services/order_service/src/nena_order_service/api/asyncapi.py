@@ -1,4 +1,4 @@
-"""Describes the MQTT API as an AsyncAPI 3.0 document, made of the topics and bodies that it uses."""
+"""Describe the MQTT API as an AsyncAPI 3.0 document, generated from its topics and bodies."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ EPOCH = {
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """One kind of topic."""
+    """One kind of topic in the document."""
 
     name: str
     address: str
     action: Literal["send", "receive"]
-    """What the order service does there."""
+    """Whether the order service sends or receives there."""
     body: type[BaseModel] | None
-    """None: the plant model, which has its own schema."""
+    """Model of the message; None: the plant model, which has its own schema."""
     summary: str
     retained: bool = False
     parameters: tuple[str, ...] = ("host",)
@@ -63,7 +63,7 @@ def channels(topics: FleetTopics) -> tuple[Channel, ...]:
 
 
 def _statuses(topics: FleetTopics) -> tuple[Channel, ...]:
-    """Return what the order service publishes retained."""
+    """Return the channels on which the order service publishes retained statuses."""
     return (
         Channel(
             "transportOrderStatus",
@@ -125,7 +125,7 @@ def _command(name: str, topic: str, body: type[BaseModel], operation: table.Oper
 
 
 def document(topics: FleetTopics) -> dict[str, Any]:
-    """Return the document."""
+    """Return the AsyncAPI document."""
     described = channels(topics)
     return {
         "asyncapi": "3.0.0",

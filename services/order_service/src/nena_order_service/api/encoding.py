@@ -1,4 +1,4 @@
-"""Answers as JSON; long ones in slices, between which the event loop does other work."""
+"""Encode answers as JSON; long ones in slices, between which the event loop does other work."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import BaseModel
 
 SLICE = 25
-"""Objects of a list that are encoded at once: orders, the longest ones, take some 0.2 ms each."""
+"""Number of list items encoded at once: orders, the longest items, take about 0.2 ms each."""
 
 
 async def encode(body: BaseModel, *, exclude_none: bool = False) -> bytes:
@@ -32,7 +32,7 @@ def _is_long(value: object) -> bool:
     return isinstance(value, BaseModel) and any(_is_long(each) for _, each in value)
 
 
-async def _encode_long(value: Any, *, exclude_none: bool) -> bytes:  # noqa: ANN401 - as _is_long has it
+async def _encode_long(value: Any, *, exclude_none: bool) -> bytes:  # noqa: ANN401 - checked by _is_long
     if isinstance(value, BaseModel):
         return await encode(value, exclude_none=exclude_none)
     parts = []

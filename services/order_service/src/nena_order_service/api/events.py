@@ -1,11 +1,11 @@
 """The stream of changes that hosts follow by server-sent events, and can resume after an interruption.
 
 Each change of an order has a number in the store, which is the ID of its event. IDs therefore survive
-restarts and takeovers by another order service. A client that resumes receives from the store each order that
-has changed since its last ID, once and in its present state (its history has the steps between), and the
-status of all vehicles; vehicles have no IDs, because only their present status counts.
+restarts and takeovers by another order service. A client that resumes receives each order that has changed
+since its last ID, once and in its current state (its history contains the steps between), and the status of
+all vehicles. Vehicles have no IDs, because only their current status counts.
 
-A client that falls behind by more than the ring holds is brought up to date as if it had resumed.
+A client that falls further behind than the ring holds is treated as if it had resumed.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.web.server_sent_events import EventRing
 
 PAGE = 200
-"""Orders that are read from the store at a time."""
+"""Number of orders read from the store at a time."""
 
 ID_LENGTH = 18
-"""Digits of the greatest id that the store can hold, with room."""
+"""Maximum number of digits of an ID; more than the store can hold."""
 
 _GAP_FRAME = b"event: gap\ndata: {}\n\n"
 
 
 class EventKind(StrEnum):
-    """What an event is about."""
+    """Kind of an event."""
 
     TRANSPORT_ORDER = "transportOrder"
     ORDER_SEQUENCE = "orderSequence"
@@ -41,13 +41,13 @@ class EventKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Interest:
-    """The events that a client wants."""
+    """Filter for the events that a client wants."""
 
     kinds: frozenset[EventKind] = frozenset(EventKind)
     transport_order: str | None = None
-    """Only the order of this name."""
+    """Only the order with this name."""
     vehicle: str | None = None
-    """Only this vehicle, and orders that it works on."""
+    """Only this vehicle and the orders it works on."""
 
     def wants_order(self, order: TransportOrderStatus) -> bool:
         """Return whether a client receives this order."""
@@ -75,9 +75,9 @@ class _Event:
     body: TransportOrderStatus | OrderSequenceStatus | VehicleStatus
     frame: bytes
     number: int = 0
-    """Of the change of an order; 0 for order sequences and vehicles."""
+    """Number of an order's change; 0 for order sequences and vehicles."""
     is_last: bool = False
-    """Whether it is the last version of its change: only that has an id."""
+    """Whether this is the last version of its change: only that one has an ID."""
 
     def is_new(self, known: int) -> bool:
         return not self.number or self.number > known
@@ -91,7 +91,7 @@ class _Event:
 
 
 class EventStream(EventRing[_Event]):
-    """Listens to the engine; every method is for the event loop's thread."""
+    """Listens to the engine and feeds the clients; call every method in the event loop's thread."""
 
     def __init__(self, engine: Engine, settings: EventSettings) -> None:
         super().__init__(settings.backlog)
@@ -99,7 +99,7 @@ class EventStream(EventRing[_Event]):
         self._numbers = engine.store.numbers
         self._settings = settings
         self.overflows = 0
-        """How often a client was further behind than the ring holds."""
+        """Number of times that a client was further behind than the ring holds."""
 
     def order_changed(self, status: TransportOrderStatus) -> None:
         """Send an order's new version."""
@@ -119,9 +119,9 @@ class EventStream(EventRing[_Event]):
             self.add(_Event(status, _vehicle_frame(status)))
 
     async def follow(self, last_id: str | None, interest: Interest) -> AsyncGenerator[bytes, None]:
-        """Yield the events for a client that has received everything up to ``last_id``; None: it has nothing.
+        """Yield the events for a client that has received everything up to ``last_id``; None: nothing yet.
 
-        An unknown ID, as after the store was restored from a backup, is answered with a gap.
+        For an unknown ID, for example after the store was restored from a backup, the first event is a gap.
 
         Raises:
             TooManyClientsError: the limit of clients is reached.
@@ -147,12 +147,12 @@ class EventStream(EventRing[_Event]):
                 known = max((each.number for each in events if each.is_last), default=known)
                 return new
 
-            with suppress(StoreNotReadyError):  # the client resumes with its last id
+            with suppress(StoreNotReadyError):  # the client resumes with its last ID
                 async for frames in self.frames(following):
                     yield frames
 
     async def _catch_up(self, known: int | None, interest: Interest) -> tuple[bytes, int]:
-        """Return what brings a client up to date, and the number of the last change included."""
+        """Return the events that bring a client up to date, and the number of the last change included."""
         if known is None:
             return self._present(interest)
         frames: list[bytes] = []
@@ -174,14 +174,14 @@ class EventStream(EventRing[_Event]):
         return b"".join([*frames, *self._present_only(interest), _synced(published)]), published
 
     def _present_only(self, interest: Interest) -> Iterator[bytes]:
-        """Return objects that only have a present: unfinished sequences, and vehicles."""
+        """Yield objects without change numbers: unfinished sequences and vehicles."""
         sequences = (each.status for each in self._engine.state.sequences.unfinished())
         yield from (_sequence_frame(status) for status in sequences if interest.wants_sequence(status))
         statuses = (self._engine.status(vehicle) for vehicle in self._engine.registry)
         yield from (_vehicle_frame(status) for status in statuses if interest.wants_vehicle(status))
 
     def _number_of(self, last_id: str | None) -> int | None:
-        """Return the number of an id; None for an unknown one, which may be of another store."""
+        """Return the change number in an ID; None for an unknown ID, perhaps of another store."""
         if last_id is None or not (last_id.isascii() and last_id.isdecimal()) or len(last_id) > ID_LENGTH:
             return None
         number = int(last_id)
@@ -202,5 +202,5 @@ def _vehicle_frame(status: VehicleStatus) -> bytes:
 
 
 def _synced(number: int) -> bytes:
-    """Return the event after which everything is new."""
+    """Return the event that tells a client that it is up to date."""
     return b"id: %d\nevent: synced\ndata: {}\n\n" % number

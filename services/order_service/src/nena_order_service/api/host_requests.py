@@ -1,4 +1,4 @@
-"""Requests of hosts, the same over REST and MQTT; an answer means that the change is committed."""
+"""Requests of hosts, shared by REST and MQTT. An answer means that the change is committed."""
 
 from __future__ import annotations
 
@@ -61,12 +61,12 @@ from nena_shared.vda5050.action import Action, ActionParameter, BlockingType
 ANY = "*"
 
 STATUSES_AT_ONCE = 50
-"""Vehicles that are checked before the event loop does other work; each takes some 0.1 ms."""
+"""Number of vehicles checked before the event loop does other work; each takes about 0.1 ms."""
 
 
 @dataclass(frozen=True, slots=True)
 class ETag:
-    """The value of a header If-Match or If-None-Match: one tag, several with commas, or ``*`` for any."""
+    """Value of a header If-Match or If-None-Match: one tag, several separated by commas, or ``*`` for any."""
 
     value: str
 
@@ -76,7 +76,7 @@ class ETag:
         return cls(f'"{version}"')
 
     def fits(self, version: int) -> bool:
-        """Return whether this version is one of those that are named."""
+        """Return whether this version is among the named ones."""
         named = {part.strip().removeprefix("W/") for part in self.value.split(",")}
         return bool(named & {ANY, f'"{version}"'})
 
@@ -120,7 +120,7 @@ VEHICLES_EXPLAINED = 100
 
 @dataclass(frozen=True, slots=True)
 class RobotPose:
-    """A pose on a robot's map, and the point of the plant at it; empty for none."""
+    """A pose (m, rad) on a robot's map, and the plant's point at it; empty if there is none."""
 
     pose: MapPose
     map_id: str
@@ -137,12 +137,12 @@ class HostRequests:
         self._engine = engine
 
     async def create(self, request: TransportOrderRequest) -> tuple[TransportOrderStatus, bool]:
-        """Create an order; False: the same request has created it before.
+        """Create an order; return it with False if the same request created it before.
 
         The same request has the same idempotency key, or without one the same name.
 
         Raises:
-            InvalidRequestError: it makes no sense in this plant.
+            InvalidRequestError: the request does not fit the plant model.
 
         """
         check_request(request, self._engine.plant, self._engine.registry.names())
@@ -155,13 +155,13 @@ class HostRequests:
             await self._check_sequence(request)
             known = self._at_hand(
                 None if complete else name, request.idempotency_key
-            )  # it arrived in between
+            )  # the same request arrived in between
         if known is None:
             self._engine.unit_of_work.require_store()
             known = self._engine.create(request, name, ended)
             try:
                 await self._engine.unit_of_work.wait_committed()
-            finally:  # so that no robot waits for its order while a line is written
+            finally:  # a robot must not wait for its order while the log is written
                 log.info("order created", order=name, state=known.state.value)
             return self._visible(known), True
         if known.idempotency_key != request.idempotency_key:
@@ -176,7 +176,7 @@ class HostRequests:
     async def withdraw(
         self, name: str, reason: str, *, seen: ETag | None = None, immediate: bool = True
     ) -> TransportOrderStatus:
-        """Withdraw an order: it fails at once, or when the vehicle working on it has released it.
+        """Withdraw an order: it fails at once, or once its vehicle has released it.
 
         Only if the order is unchanged since the caller has ``seen`` it; None: unconditionally. Unless
         ``immediate``, its vehicle drives to the end of its base.
@@ -189,7 +189,7 @@ class HostRequests:
     async def hold(
         self, name: str, by: str, reason: str, *, seen: ETag | None = None, immediate: bool = True
     ) -> TransportOrderStatus:
-        """Hold an order until it is resumed; an order already on hold keeps its holder.
+        """Hold an order until it is resumed; an order that is already held keeps its holder.
 
         ``seen`` and ``immediate`` are as in :meth:`withdraw`.
         """
@@ -203,14 +203,14 @@ class HostRequests:
     async def resume(
         self, name: str, by: str, reason: str, *, seen: ETag | None = None
     ) -> TransportOrderStatus:
-        """Resume a held order; one that is not held is unchanged. ``seen`` as in :meth:`withdraw`."""
+        """Resume a held order; an order that is not held stays unchanged. ``seen`` as in :meth:`withdraw`."""
         order = await self._living(name, seen)
         self._engine.resume(order.number, by, reason)
         await self._engine.unit_of_work.wait_committed()
         return self._visible(order)
 
     async def intend(self, name: str, vehicle: str | None) -> TransportOrderStatus:
-        """Set the vehicle that is to do an order which no vehicle has yet; None: any.
+        """Set the intended vehicle of an unassigned order; None: any vehicle.
 
         Raises:
             OrderAssignedError: a vehicle has it, or the order belongs to a sequence.
@@ -244,7 +244,7 @@ class HostRequests:
         return delivery_status(order, self._engine.view(vehicle) if vehicle else None)
 
     async def assignment(self, name: str, limit: int = VEHICLES_EXPLAINED) -> AssignmentStatus:
-        """Return why vehicles do not do an order, for at most ``limit`` of them."""
+        """Return why vehicles do not execute an order, for at most ``limit`` vehicles."""
         status, order = await self.order(name), self._engine.state.orders.named(name)
         found = [] if order is None or order.state.final else await self._engine.explain(order)
         return AssignmentStatus(
@@ -260,7 +260,7 @@ class HostRequests:
         )
 
     async def vehicles(self, after: str | None = None) -> AsyncIterator[VehicleStatus]:
-        """Yield all vehicles, or those behind the one named ``after``; other work is done in between."""
+        """Yield all vehicles, or those after the one named ``after``; the event loop works in between."""
         vehicles = [*self._engine.registry]
         start = vehicles.index(self._vehicle(after)) + 1 if after is not None else 0
         for place, vehicle in enumerate(vehicles[start:], 1):
@@ -273,7 +273,7 @@ class HostRequests:
         return self._engine.status(self._vehicle(name))
 
     async def summary(self) -> FleetSummary:
-        """Return how many unfinished orders and vehicles there are in each state."""
+        """Return the numbers of unfinished orders and of vehicles in each state."""
         orders = list(self._engine.state.orders.unfinished())
         oldest = min(orders, key=lambda order: order.number, default=None)
         return FleetSummary(
@@ -283,11 +283,11 @@ class HostRequests:
         )
 
     async def traffic_plan(self) -> TrafficPlan:
-        """Return where vehicles will be in the next minute, and which vehicles they wait for."""
+        """Return where vehicles are expected in the next minute, and which vehicles they wait for."""
         return await self._engine.traffic_plan()
 
     async def set_integration_level(self, name: str, level: IntegrationLevel) -> VehicleStatus:
-        """Set the integration level of a vehicle; it lasts over restarts."""
+        """Set the integration level of a vehicle; it survives restarts."""
         vehicle = self._vehicle(name)
         self._engine.unit_of_work.require_store()
         self._engine.set_integration_level(vehicle, level)
@@ -295,7 +295,7 @@ class HostRequests:
         return self._engine.status(vehicle)
 
     async def accept_order_types(self, name: str, types: tuple[AcceptableOrderType, ...]) -> VehicleStatus:
-        """Set the order types that a vehicle accepts; they last over restarts."""
+        """Set the order types that a vehicle accepts; they survive restarts."""
         vehicle = self._vehicle(name)
         self._engine.unit_of_work.require_store()
         self._engine.accept_order_types(vehicle, types)
@@ -324,7 +324,7 @@ class HostRequests:
         parameters: tuple[ActionParameter, ...] = (),
         blocking_type: BlockingType = BlockingType.NONE,
     ) -> tuple[Action, InstantActionEnded | None]:
-        """Send an instant action to a vehicle and wait a while for its end; None: it is still running."""
+        """Send an instant action to a vehicle and wait briefly for its end; None: it is still running."""
         vehicle = self._vehicle(name)
         link = self._engine.view(vehicle).link
         if link is not LinkStatus.ONLINE:
@@ -340,7 +340,7 @@ class HostRequests:
         return action, await self._engine.state.instant_actions.wait(action.action_id, end, seconds)
 
     def robot_pose(self, name: str, pose: PlantPose, map_id: str | None = None) -> RobotPose:
-        """Convert a pose of the plant to a map of the vehicle's robot; without ``map_id``, to its own."""
+        """Convert a pose in the plant's frame to a map of the vehicle's robot, by default its current one."""
         profile = self._vehicle(name).profile
         map_id = map_id or profile.map_id
         if not profile.knows_frame(map_id):
@@ -367,7 +367,7 @@ class HostRequests:
         return ended
 
     async def _check_sequence(self, request: TransportOrderRequest) -> None:
-        """Raise an error unless the order may join the sequence that it names, if it names one."""
+        """Raise an error if the order names a sequence that it may not join."""
         name = request.wrapping_sequence
         if name is None:
             return
@@ -391,7 +391,7 @@ class HostRequests:
         return order
 
     async def _find(self, name: str | None, key: str | None) -> TransportOrder | None:
-        """Return the order of this key, else of this name; from the store where it is not in memory."""
+        """Return the order with this key, otherwise with this name; from the store if not in memory."""
         if found := self._at_hand(name, key):
             return found
         if name is None and key is None:
@@ -415,7 +415,7 @@ class HostRequests:
 
 
 def _distance(point: Point, pose: PlantPose) -> float:
-    """Return the distance, m."""
+    """Return the distance in m."""
     return hypot(point.x_m - pose.x_m, point.y_m - pose.y_m)
 
 
@@ -433,7 +433,7 @@ class SequenceRequests:
         self._sequences = engine.state.sequences
 
     async def create(self, request: OrderSequenceRequest) -> tuple[OrderSequenceStatus, bool]:
-        """Create a sequence; False: the same request has created it before."""
+        """Create a sequence; return it with False if the same request created it before."""
         vehicle = request.intended_vehicle
         if vehicle is not None and vehicle not in self._engine.registry.names():
             raise UnknownVehicleError(vehicle)
@@ -448,9 +448,9 @@ class SequenceRequests:
         return self._visible(known), False
 
     async def complete(self, name: str, *, seen: ETag | None = None) -> OrderSequenceStatus:
-        """Mark a sequence complete: no more orders join it. A complete one is unchanged.
+        """Mark a sequence complete: no more orders can join. A complete sequence stays unchanged.
 
-        Only if it still is as the caller has ``seen`` it; None: whatever it is now.
+        Only if the sequence is unchanged since the caller has ``seen`` it; None: unconditionally.
         """
         sequence = await self._named(name)
         if seen is not None and not seen.fits(sequence.status.version):
@@ -483,7 +483,7 @@ class SequenceRequests:
         return self._visible(made)
 
     async def _find(self, name: str | None, key: str | None) -> OrderSequence | None:
-        """Return the sequence of this key, else of this name; from the store where it is not in memory."""
+        """Return the sequence with this key, otherwise with this name; from the store if not in memory."""
         if found := self._at_hand(name, key):
             return found
         if name is None and key is None:
@@ -507,7 +507,7 @@ class SequenceRequests:
 
 
 def _check_same(known: OrderSequence, request: OrderSequenceRequest, name: str, *, complete: bool) -> None:
-    """Refuse a repeated request that differs from the first; ``name`` starts a complete one."""
+    """Refuse a repeated request that differs from the first one; ``complete``: ``name`` was only a prefix."""
     key = request.idempotency_key
     if known.idempotency_key != key:
         raise SequenceNameTakenError(name)
@@ -526,6 +526,6 @@ class HostServices:
     zones: ZoneSets
 
     async def load(self) -> None:
-        """Restore what hosts have put into the store."""
+        """Restore what hosts have uploaded to the store."""
         await self.locks.load()
         await self.zones.load()

@@ -1,4 +1,4 @@
-"""The metrics of the order service: each is defined once here, with its source.
+"""The metrics of the order service, each defined once with its source.
 
 To add one: count it where it happens, read it here, and run ``make reference``.
 """
@@ -33,7 +33,7 @@ class Running(Protocol):
 
     @property
     def leads(self) -> bool:
-        """Return whether it is the active one, which accepts orders and commands robots."""
+        """Return whether this is the active instance, which accepts orders and commands robots."""
         ...
 
     @property
@@ -61,7 +61,7 @@ class Monitored:
     stream: EventStream
     loop_lag: LoopLag
     answers: Mapping[int, int]
-    """Answers over HTTP, by status."""
+    """Number of HTTP answers by status."""
 
     @property
     def store(self) -> Store:
@@ -70,7 +70,7 @@ class Monitored:
 
     @property
     def leads(self) -> bool:
-        """Whether it is sure that no other order service has the store now."""
+        """Whether this instance certainly is the only one that uses the store."""
         return not self.store.lead_problem
 
     @property
@@ -84,7 +84,7 @@ LIMITED: Final = str(HTTPStatus.TOO_MANY_REQUESTS.value)
 
 def _answers(service: Monitored) -> Mapping[LabelValues, float]:
     doors = (("rest", service.answers), ("mqtt", service.mqtt_api.answers))
-    # there from the start: for Prometheus the first value of a series is no increase
+    # present from the start: for Prometheus, the first value of a series is not an increase
     limited: dict[LabelValues, float] = {(door, LIMITED): 0 for door, _ in doors}
     return limited | {
         (door, str(status)): count for door, counts in doors for status, count in counts.items()
@@ -374,5 +374,5 @@ SECTIONS: Final = (PROGRAM, ORDERS, ROBOTS, MESSAGES, WORK)
 
 
 def standing_by(role: Waiting) -> bytes:
-    """Return the metrics of an order service that does not lead."""
+    """Return the metrics of an order service that is not active."""
     return Exposition(role, (PROGRAM,)).text()

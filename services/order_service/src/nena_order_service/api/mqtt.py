@@ -1,7 +1,7 @@
-"""The MQTT API: hosts publish requests, each is answered on a topic of its host.
+"""The MQTT API: hosts publish requests and receive answers on their own topics.
 
-A request creates a transport order, or is the command of an operation of the table. A retained request is
-refused: the broker would deliver it again at each connect.
+A request either creates a transport order or is a command for an operation of the table. Retained requests
+are refused, because the broker would deliver them again at each connect.
 """
 
 from __future__ import annotations
@@ -39,21 +39,21 @@ log = get_logger(__name__)
 M = TypeVar("M", bound=BaseModel)
 
 REQUESTS_LIMIT = 1000
-"""Requests of each kind, creations and commands, that are processed at the same time; more get 503."""
+"""Maximum number of requests of each kind (creations, commands) in progress; more get 503."""
 
 TEXT_LIMIT = 200
-"""Characters of a requestId, name or idempotencyKey at most."""
+"""Maximum length of a requestId, name or idempotencyKey, characters."""
 
 
 class Command(Request):
-    """What all commands have."""
+    """Fields of all commands."""
 
     request_id: str | None = Field(None, min_length=1, max_length=TEXT_LIMIT)
     """Repeated in the answer."""
 
 
 def _command(operation: Operation[Any]) -> type[Command]:
-    """Return the body of an operation's command: its request, and the object that it is about."""
+    """Return the body of an operation's command: its request, and the name of its object."""
     fields: dict[str, Any] = {}
     if operation.subject:
         fields[operation.subject] = (ObjectName, ...)
@@ -72,14 +72,14 @@ def _command(operation: Operation[Any]) -> type[Command]:
 COMMANDS: Final[Mapping[str, type[Command]]] = {
     name: _command(operation) for name, operation in table.COMMANDS.items()
 }
-"""The bodies of commands, by the commands' names."""
+"""Bodies of commands by command name."""
 
 
 class Answer(Resource):
-    """Answer to a command: the operation's answer in a field of its own, or a problem."""
+    """Answer to a command: the operation's answer in its own field, or a problem."""
 
     status: int
-    """As over HTTP."""
+    """Status code as over HTTP."""
     request_id: str | None = None
     problem: Problem | None = None
 
@@ -94,7 +94,7 @@ CommandAnswer: Final[type[Answer]] = create_model(
 
 
 class MqttLimits:
-    """Limits how often a host may send requests, and how many are processed at a time.
+    """Limits the rate of requests per host, and the number of requests in progress.
 
     A host is identified by its topic; the broker's access list keeps hosts from using each other's names.
     """
@@ -104,7 +104,7 @@ class MqttLimits:
         self._clock = clock
 
     def refusal(self, host: str, in_work: int) -> Problem | None:
-        """Count a request; return why it is refused while so many are ``in_work``, None: it is not."""
+        """Count a request; return why it is refused while ``in_work`` are in progress, None if accepted."""
         if seconds := self._requests.wait(host, self._clock.monotonic()):
             detail = f"Too many requests. Ask again in {seconds:.1f} s."
             return _too_many(HTTPStatus.TOO_MANY_REQUESTS, detail)
@@ -119,7 +119,7 @@ def _too_many(status: HTTPStatus, detail: str) -> Problem:
 
 
 class MqttApi:
-    """Subscribes to the requests of hosts, and publishes the answers."""
+    """Subscribes to the requests of hosts and publishes the answers."""
 
     def __init__(
         self,
@@ -138,7 +138,7 @@ class MqttApi:
         self._creations: set[asyncio.Task[None]] = set()
         self._commands: set[asyncio.Task[None]] = set()
         self.answers: Counter[int] = Counter()
-        """How many requests were answered, by status."""
+        """Number of answered requests by status."""
         mqtt.subscribe(topics.creation_requests, self._on_creation)
         mqtt.subscribe(topics.commands, self._on_command)
 
@@ -254,7 +254,7 @@ def _unknown(name: str) -> Problem:
 
 
 def read_request(message: Inbound, model: type[M], *, max_body: int) -> M | Problem:
-    """Return the request, or what is wrong with it."""
+    """Return the request, or the problem with it."""
     if message.retained:
         detail = (
             "The request is retained, so it would be delivered again. Publish it without the retain flag."
@@ -277,7 +277,7 @@ def read_request(message: Inbound, model: type[M], *, max_body: int) -> M | Prob
 
 
 def text_in(message: Inbound, key: str, *, max_body: int) -> str | None:
-    """Return a text of a refused request, so that its host can identify it; None: it has none."""
+    """Return a string in a refused request, by which its host can identify it; None if it is missing."""
     if len(message.payload) > max_body:
         return None
     try:

@@ -1,4 +1,4 @@
-"""openTCS's web API, version 1; its clients need another URL. docs/opentcs-web-api.md lists its routes."""
+"""openTCS's web API, version 1, under its own base URL. docs/opentcs-web-api.md lists the routes."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ E = TypeVar("E", bound=Callable[..., Any])
 
 
 END_OF_TIME = datetime(9999, 12, 31, 23, 59, 59, tzinfo=UTC)
-"""openTCS's value for an order without a deadline, as near as it can be written."""
+"""openTCS's value for an order without a deadline, as closely as datetime can represent it."""
 
 
 class DestinationRequest(Body):
@@ -117,7 +117,7 @@ class AcceptableOrderTypes(Body):
 
 
 class AllowedOrderTypes(Body):
-    """The same without priorities, as openTCS has it up to 6.0."""
+    """The same without priorities, as in openTCS up to 6.0."""
 
     order_types: Annotated[tuple[OrderType, ...], Field(max_length=100)]
 
@@ -127,7 +127,7 @@ class AllowedOrderTypes(Body):
 
 
 class DestinationState(Body):
-    """One stop in its present state."""
+    """One stop in its current state."""
 
     location_name: str
     operation: str
@@ -136,7 +136,7 @@ class DestinationState(Body):
 
     @classmethod
     def of(cls, drive_order: DriveOrderStatus) -> Self:
-        """Convert a drive order; a coordinate has no name."""
+        """Convert a drive order; a destination by coordinates has no name."""
         destination = drive_order.destination
         return cls(
             location_name=destination.location_name or "",
@@ -147,7 +147,7 @@ class DestinationState(Body):
 
 
 class TransportOrderState(Body):
-    """A transport order in its present state."""
+    """A transport order in its current state."""
 
     name: str
     type: str
@@ -201,7 +201,7 @@ class Triple(Body):
 
 
 class Size(Body):
-    """How large a vehicle is, in mm."""
+    """Size of a vehicle, mm."""
 
     length: int
     width: int
@@ -216,7 +216,7 @@ class Size(Body):
 
 
 class VehicleState(Body):
-    """A vehicle in its present state."""
+    """A vehicle in its current state."""
 
     name: str
     properties: dict[str, str]
@@ -235,14 +235,14 @@ class VehicleState(Body):
     current_position: str | None
     precise_position: Triple | None
     orientation_angle: float | str
-    """Degrees; ``NaN``: not known."""
+    """Degrees; ``NaN`` if unknown."""
     state: str
     state_timestamp: Moment
     allocated_resources: tuple[tuple[str, ...], ...] = ()
     claimed_resources: tuple[tuple[str, ...], ...] = ()
     acceptable_order_types: tuple[AcceptableOrderType, ...]
     allowed_order_types: tuple[str, ...]
-    """The same as openTCS has it up to 6.0."""
+    """The same, as in openTCS up to 6.0."""
     envelope_key: str | None = None
 
     @classmethod
@@ -280,7 +280,7 @@ class OrderSequenceCreation(Body):
 
     incomplete_name: bool = False
     type: OrderType | None = None
-    """The one type of its orders, as openTCS has it up to 6; ``orderTypes`` counts more."""
+    """The only type of its orders, as in openTCS up to 6; ``orderTypes`` takes precedence."""
     order_types: Annotated[tuple[OrderType, ...], Field(min_length=1, max_length=100)] | None = None
     intended_vehicle: str | None = None
     failure_fatal: bool = False
@@ -299,7 +299,7 @@ class OrderSequenceCreation(Body):
 
 
 class OrderSequenceState(Body):
-    """An order sequence in its present state."""
+    """An order sequence in its current state."""
 
     name: str
     type: str
@@ -367,7 +367,7 @@ def _add_sequences(app: FastAPI, requests: SequenceRequests, vehicles: HostReque
 
 
 LISTED = 1000
-"""Orders that a list has at most, the newest; openTCS has no pages."""
+"""Maximum number of orders in a list, the newest ones; openTCS has no pages."""
 
 REASON = "withdrawn by a host of openTCS's web API"
 
@@ -384,7 +384,7 @@ class AccessKey:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass a request on, with its key as its token."""
+        """Forward a request with its access key as its token."""
         if scope["type"] == "http":
             headers = MutableHeaders(scope=scope)
             key = headers.get(KEY_HEADER)
@@ -400,7 +400,7 @@ def make_app(
     changes: ChangeLog,
     change_plant: ChangePlant,
 ) -> FastAPI:
-    """Make the ASGI application; ``changes`` listens to the engine."""
+    """Create the ASGI application; ``changes`` listens to the engine."""
     app = FastAPI(title="openTCS web API, version 1, as NeNa serves it", docs_url=None, redoc_url=None)
     install(app)
     _add_dispatcher(app, engine.look)
@@ -425,7 +425,7 @@ def _serve(
     alias: int = 0,
     **options: Any,  # noqa: ANN401 - FastAPI's
 ) -> Callable[[E], E]:
-    """Serve an operation of the table on one of the routes that openTCS has for it."""
+    """Serve an operation of the table on one of its openTCS routes."""
     method, path = operation.opentcs[alias].split(" ", 1)
     return app.api_route(path, methods=[method], **options)
 
@@ -463,7 +463,7 @@ def _add_orders(app: FastAPI, requests: HostRequests) -> None:
 
     @_serve(app, table.WITHDRAW, response_class=Response)
     async def withdraw(name: str) -> Response:
-        with suppress(OrderEndedError):  # as in openTCS, nothing is left to withdraw
+        with suppress(OrderEndedError):  # like openTCS: nothing is left to withdraw
             await requests.withdraw(name, REASON)
         return done()
 
@@ -486,7 +486,7 @@ def _add_assignment(app: FastAPI, requests: HostRequests, engine: Engine) -> Non
 
     @app.post("/v1/transportOrders/{name}/immediateAssignment", response_class=Response)
     async def assign(name: str) -> Response:
-        """Assign it if that is possible: the dispatcher does so on its own."""
+        """Dispatch at once; succeed if this assigns the order to its intended vehicle."""
         order = await requests.order(name)
         reason = _why_not_assigned(order)
         if not reason and order.processing_vehicle != order.intended_vehicle:
@@ -503,7 +503,7 @@ def _add_assignment(app: FastAPI, requests: HostRequests, engine: Engine) -> Non
 
 
 def _why_not_assigned(order: TransportOrderStatus) -> str:
-    """Return why the dispatcher need not be asked; empty if it may assign the order."""
+    """Return why dispatching cannot assign the order; empty if it may."""
     if order.state.final:
         return f"it is {order.state}"
     if order.intended_vehicle is None:
@@ -536,7 +536,7 @@ def _add_vehicles(
 
     @_serve(app, table.REROUTE, response_class=Response)
     async def reroute(name: str, *, forced: bool = False) -> Response:
-        with suppress(NotReroutableError):  # as in openTCS, a vehicle without an order stays where it is
+        with suppress(NotReroutableError):  # like openTCS: a vehicle without an order stays where it is
             await requests.reroute(name, ReroutingType.FORCED if forced else ReroutingType.REGULAR)
         return done()
 

@@ -1,4 +1,4 @@
-"""How openTCS's web API answers: bodies, errors as arrays of sentences."""
+"""Answers of openTCS's web API: bodies, and errors as arrays of sentences."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ log = get_logger(__name__)
 
 
 class Body(CamelCase):
-    """A JSON object; fields that openTCS has and NeNa has not are passed over."""
+    """A JSON object; openTCS fields that NeNa does not have are ignored."""
 
     model_config = ConfigDict(extra="ignore")
 
 
 class NotPossibleError(Exception):
-    """Something that openTCS can do and NeNa cannot, or not that way."""
+    """openTCS can do this, but NeNa cannot, or not in this way."""
 
     def __init__(self, *reasons: str) -> None:
         super().__init__("; ".join(reasons))
@@ -34,7 +34,7 @@ class NotPossibleError(Exception):
 
 
 def answer(status: int, reasons: tuple[str, ...], headers: dict[str, str] | None = None) -> Response:
-    """Return a response of sentences."""
+    """Return a response that consists of sentences."""
     return Response(json.dumps(reasons), status, headers, "application/json")
 
 
@@ -43,9 +43,9 @@ def _findings(error: RequestValidationError | ValidationError) -> tuple[str, ...
 
 
 def install(app: FastAPI) -> None:
-    """Answer every error of ``app`` as openTCS does, and describe it.
+    """Answer every error of ``app`` like openTCS, and document it.
 
-    What is refused before it gets here (too large, too frequent, not logged in) is answered with a problem.
+    Requests refused before they get here (too large, too frequent, not logged in) get a problem.
     """
     describe_problems(app, {"application/json": {"type": "array", "items": {"type": "string"}}})
 
@@ -89,5 +89,5 @@ def install(app: FastAPI) -> None:
 
 
 def done() -> Response:
-    """Return the answer to a change that was made."""
+    """Return the answer to a successful change."""
     return Response(status_code=HTTPStatus.OK)

@@ -1,4 +1,4 @@
-"""What openTCS asks of drivers, devices and its kernel: NeNa has one vehicle driver, and no devices."""
+"""Drivers, devices and kernel in openTCS's web API: NeNa has one vehicle driver and no devices."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from nena_shared.plant import PlantModel
 log = get_logger(__name__)
 
 OPENTCS_VERSION = "7.5.0"
-"""Release of openTCS whose documentation of the API is followed."""
+"""Release of openTCS whose API documentation is followed."""
 
 DRIVER = "nena.vda5050"
-"""The one vehicle driver, as openTCS names drivers: by a class."""
+"""Name of the only vehicle driver; openTCS names drivers by class."""
 
 
 class RoutesRequest(Body):
@@ -39,7 +39,7 @@ class RoutesRequest(Body):
 
 
 class DriverMessage(Body):
-    """A message for a vehicle driver, which has none to understand."""
+    """A message for a vehicle driver, which understands none."""
 
     type: str
     parameters: tuple[Property, ...]
@@ -53,7 +53,7 @@ def _known(engine: Engine, name: str) -> FleetVehicle:
 
 
 def _add_drivers(app: FastAPI, engine: Engine) -> None:
-    """Serve what openTCS asks vehicle drivers."""
+    """Serve the routes for vehicle drivers."""
 
     @app.get("/v1/vehicles/{name}/commAdapter/attachmentInformation")
     async def attachment(name: str) -> dict[str, Any]:
@@ -86,7 +86,7 @@ def _add_drivers(app: FastAPI, engine: Engine) -> None:
 def _add_routes(app: FastAPI, engine: Engine) -> None:
     @app.post("/v1/vehicles/{name}/routeComputationQuery")
     async def routes(name: str, body: RoutesRequest) -> dict[str, Any]:
-        """Compute the cheapest route to each point; only one, whatever ``maxRoutesPerDestinationPoint``."""
+        """Compute the cheapest route to each point: only one, whatever ``maxRoutesPerDestinationPoint``."""
         vehicle = _known(engine, name)
         start = body.source_point or engine.status(vehicle).current_position
         if start is None:
@@ -101,7 +101,7 @@ def _add_routes(app: FastAPI, engine: Engine) -> None:
         found = []
         for point in body.destination_points:
             found.append(_route(engine, vehicle, start, point, avoid))
-            await asyncio.sleep(0)  # each search holds the event loop
+            await asyncio.sleep(0)  # each search blocks the event loop
         return {"routes": found}
 
 
@@ -126,7 +126,7 @@ def _route(
 
 
 def _add_peripheral_jobs(app: FastAPI, requests: HostRequests) -> None:
-    """Answer as openTCS does without peripheral drivers: no location has a device, and there are no jobs."""
+    """Answer like openTCS without peripheral drivers: no location has a device, and there are no jobs."""
 
     def no_job(name: str) -> HTTPException:
         return HTTPException(HTTPStatus.NOT_FOUND, f"Could not find peripheral job {name!r}.")
@@ -162,7 +162,7 @@ def _add_peripheral_jobs(app: FastAPI, requests: HostRequests) -> None:
 
 
 def _add_peripherals(app: FastAPI, plant: PlantModel) -> None:
-    """Answer as openTCS does for locations without a peripheral driver."""
+    """Answer like openTCS for locations without a peripheral driver."""
 
     def require(name: str) -> None:
         if name not in plant.locations_by_name:
@@ -194,7 +194,7 @@ def _add_peripherals(app: FastAPI, plant: PlantModel) -> None:
 
 
 def _add_environment(app: FastAPI) -> None:
-    """Answer as openTCS does without environmental entities; none can be made."""
+    """Answer like openTCS without environmental entities; none can be created."""
 
     def none_of(name: str) -> HTTPException:
         return HTTPException(HTTPStatus.NOT_FOUND, f"Could not find environmental entity {name!r}.")
@@ -235,7 +235,7 @@ def _add_kernel(app: FastAPI) -> None:
 
 
 def add_routes(app: FastAPI, requests: HostRequests, engine: Engine) -> None:
-    """Serve drivers, routes, peripheral devices, environmental entities and the kernel."""
+    """Add the paths for drivers, routes, peripheral devices, environmental entities and the kernel."""
     _add_drivers(app, engine)
     _add_routes(app, engine)
     _add_peripheral_jobs(app, requests)

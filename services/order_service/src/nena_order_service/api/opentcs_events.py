@@ -1,4 +1,4 @@
-"""Events of openTCS's web API: its long poll, its stream, and since when vehicles have their states."""
+"""Events of openTCS's web API: long polling, the event stream, and the times of vehicles' state changes."""
 
 from __future__ import annotations
 
@@ -36,29 +36,29 @@ Json = dict[str, Any]
 Status = VehicleStatus | TransportOrderStatus | OrderSequenceStatus
 
 KEPT: Final = 1000
-"""Events that a long poll can still get; older ones are dropped."""
+"""Number of events kept for long polling; older ones are dropped."""
 
 CLIENTS: Final = 100
-"""Clients that may wait or follow the stream at once."""
+"""Maximum number of clients that poll or follow the stream at the same time."""
 
 _COLOR: Final = re.compile("#[0-9A-Fa-f]{6}")
 
 LAST_MOMENT: Final = "9999-12-31T23:59:59.000Z"
-"""openTCS's value for a time that has not come, as near as it can be written."""
+"""openTCS's value for a time that has not been reached, as closely as it can be written."""
 
 
 class EventTopic(StrEnum):
-    """What a client of the stream can choose, as openTCS names it."""
+    """Topics that a client of the stream can choose, with openTCS's names."""
 
     VEHICLES = "/events/vehicles"
     TRANSPORT_ORDERS = "/events/transportOrders"
     ORDER_SEQUENCES = "/events/orderSequences"
     PERIPHERAL_JOBS = "/events/peripheralJobs"
-    """There are none: NeNa has no peripheral jobs."""
+    """Never has events: NeNa has no peripheral jobs."""
 
 
 class StateTimes(NamedTuple):
-    """Since when a vehicle has its state and its processing state."""
+    """Times at which a vehicle entered its state and its processing state."""
 
     state: datetime
     processing_state: datetime
@@ -72,7 +72,7 @@ class _Change:
     now: Status
     before: Status | None
     times: StateTimes | None
-    """Of a vehicle."""
+    """Times of a vehicle's states; None for other objects."""
 
     @property
     def topic(self) -> EventTopic:
@@ -86,7 +86,7 @@ class _Change:
 
 
 class ChangeLog(EventRing[_Change]):
-    """Listens to the engine and keeps the last changes; every method is for the event loop's thread."""
+    """Listens to the engine and keeps the last changes; call every method in the event loop's thread."""
 
     def __init__(self, plant: PlantModel, clock: Clock) -> None:
         super().__init__(KEPT)
@@ -95,10 +95,10 @@ class ChangeLog(EventRing[_Change]):
         self._began = clock.now()
         self._times: dict[str, StateTimes] = {}
         self._last: dict[tuple[type, str], Status] = {}
-        """The vehicles, and what has not ended, as last seen."""
+        """Vehicles, and unfinished orders and sequences, as last seen."""
 
     def times(self, vehicle: str) -> StateTimes:
-        """Return since when a vehicle has its states; since the start of the service if nothing changed."""
+        """Return when a vehicle entered its states; the start of the service if nothing changed."""
         return self._times.get(vehicle, StateTimes(self._began, self._began))
 
     def order_changed(self, status: TransportOrderStatus) -> None:
@@ -130,7 +130,7 @@ class ChangeLog(EventRing[_Change]):
                 added = self._added
                 if (found := self._messages(first, last)) or self.closed:
                     return found
-                first = max(first, self.count)  # those before do not match
+                first = max(first, self.count)  # earlier ones do not match
                 if not await set_within(added, max(end - loop.time(), 0.0)):
                     return []
 
@@ -138,7 +138,7 @@ class ChangeLog(EventRing[_Change]):
         """Return the changes of these kinds from now on, as server-sent events.
 
         Raises:
-            TooManyClientsError: at once, before an answer begins.
+            TooManyClientsError: the limit of clients is reached; raised before the response starts.
         """
         self._require_room()
         return self._follow(topics, self.count)
@@ -167,7 +167,7 @@ class ChangeLog(EventRing[_Change]):
             self._last[key] = status
 
     def _messages(self, first: int, last: int) -> list[Json]:
-        """Return the status messages with these numbers that are kept; sequences have none."""
+        """Return the kept status messages with these numbers; sequences have none."""
         changes = self.last(min(max(self.count - first, 0), self.kept)) or ()
         return [
             _message(number, each)
@@ -311,7 +311,7 @@ def _order(order: TransportOrderStatus) -> Json:
 
 
 def _drive_order(order: str, index: int, drive_order: DriveOrderStatus) -> Json:
-    """Return a drive order; its route has the points, since costs and paths are not kept."""
+    """Return a drive order; its route only has points, because costs and paths are not kept."""
     points = drive_order.route or ()
     steps = [
         {
@@ -376,7 +376,7 @@ def _history(entries: tuple[HistoryEntry, ...]) -> Json:
 
 
 def add_routes(app: FastAPI, changes: ChangeLog) -> None:
-    """Serve the long poll and the stream."""
+    """Add the routes of long polling and of the event stream."""
 
     @app.get("/v1/events")
     async def poll(

@@ -1,4 +1,4 @@
-"""Plant models as openTCS's web API has them: the same content as its XML, in JSON."""
+"""Plant models of openTCS's web API: the content of its XML, in JSON."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ from nena_shared.plant.opentcs_xml.writer import VERSION
 from nena_shared.plant.track import Envelope, LabelLayout
 
 EditPlant = Callable[[PlantModel], PlantModel]
-"""Returns the plant model with a change; the same object: nothing changes."""
+"""Returns the changed plant model; the same object if nothing changes."""
 ChangePlant = Callable[[PlantModel | EditPlant], Awaitable[None]]
 Json = dict[str, Any]
 
 
 def plant_json(model: PlantModel) -> Json:
-    """Return a plant model in the form of ``GET /plantModel``. Rules of LIF are left out."""
+    """Return a plant model in the form of ``GET /plantModel``, without the rules of LIF."""
     layout = model.visual_layout
     return {
         "name": model.name,
@@ -218,7 +218,7 @@ def plant_xml(content: JsonValue) -> bytes:
     """Return the XML of a plant model in the form of ``PUT /plantModel``.
 
     Raises:
-        PlantModelError: it does not have that form.
+        PlantModelError: the content does not have that form.
     """
     try:
         return tostring(_model(_object(content)))
@@ -418,7 +418,7 @@ def _object(value: Any) -> Json:  # noqa: ANN401 - JSON
 
 
 class TopologyUpdate(Body):
-    """The paths whose locks are to count for routes; empty: all."""
+    """The paths whose locks should affect routes; empty: all."""
 
     paths: tuple[str, ...] = ()
 
@@ -439,7 +439,7 @@ def _add_model(app: FastAPI, plant: PlantModel, locks: PathLocks, change_plant: 
 
     @app.post("/v1/plantModel/topologyUpdateRequest", response_class=Response)
     async def update(body: TopologyUpdate | None = None) -> Response:
-        """Do nothing: locks count for routes at once."""
+        """Do nothing: locks affect routes at once."""
         for name in body.paths if body else ():
             locks.get(name)
         return done()
@@ -461,7 +461,7 @@ def _add_model(app: FastAPI, plant: PlantModel, locks: PathLocks, change_plant: 
 
 
 def _changed(plant: PlantModel, **fields: object) -> PlantModel:
-    """Return a plant model with other fields; a copy of pydantic would keep what is cached by name."""
+    """Return a plant model with changed fields; pydantic's model_copy would keep indexes cached by name."""
     present = {name: getattr(plant, name) for name in PlantModel.model_fields}
     return PlantModel.model_construct(**{**present, **fields})
 
@@ -476,7 +476,7 @@ class Thresholds(Body):
 
 
 def _add_vehicle_data(app: FastAPI, plant: PlantModel, change_plant: ChangePlant) -> None:
-    """Serve changes of what the plant model says of vehicles."""
+    """Add the routes that change vehicles in the plant model."""
 
     async def change(name: str, **fields: object) -> Response:
         def edit(present: PlantModel) -> PlantModel:
@@ -507,6 +507,6 @@ def _add_vehicle_data(app: FastAPI, plant: PlantModel, change_plant: ChangePlant
 
 
 def add_routes(app: FastAPI, plant: PlantModel, locks: PathLocks, change_plant: ChangePlant) -> None:
-    """Serve the plant model, and changes of what it says of locations and vehicles."""
+    """Add the routes that show the plant model and change its locations and vehicles."""
     _add_model(app, plant, locks, change_plant)
     _add_vehicle_data(app, plant, change_plant)

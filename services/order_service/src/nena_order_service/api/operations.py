@@ -43,7 +43,7 @@ from nena_shared.vda5050.zone_set import ZoneSet
 R = TypeVar("R")
 
 ACTION_TYPES = {"pause": "startPause", "resume": "stopPause"}
-"""VDA 5050's names of instant actions (3.0, 6.8) by those that hosts may use."""
+"""Names of instant actions in VDA 5050 by the names that hosts may use."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,17 +51,17 @@ class Call(Generic[R]):
     """One request of a host."""
 
     name: str
-    """Of the object that it is about; empty if it is about none."""
+    """Name of the object; empty if the operation has none."""
     request: R
     caller: str
-    """The caller, as known to the access control."""
+    """The caller, as identified by access control."""
     seen: ETag | None = None
-    """The version that the host has seen; None: any."""
+    """Version that the host has seen; None: any."""
 
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """The answer to a request that succeeded."""
+    """The answer to a successful request."""
 
     body: BaseModel
     status: HTTPStatus = HTTPStatus.OK
@@ -72,11 +72,11 @@ M = TypeVar("M", bound=Callable[..., Awaitable[Reply]])
 
 
 _METHODS: dict[str, str] = {}
-"""Names of methods by the names of their operations."""
+"""Names of methods by operation name."""
 
 
 def _does(operation: table.Operation[Any]) -> Callable[[M], M]:
-    """Mark the method that answers the calls of an operation."""
+    """Mark the method that executes an operation."""
 
     def mark(method: M) -> M:
         _METHODS[operation.name] = method.__name__

@@ -1,4 +1,4 @@
-"""Maps each error of the order service to one problem (RFC 9457), the same over REST and over MQTT."""
+"""Maps each error of the order service to one problem (RFC 9457), the same over REST and MQTT."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from nena_shared.log import get_logger
 from nena_shared.web.problem import answer
 
 FORESEEN: tuple[type[Exception], ...] = (InvalidRequestError, RefusedError)
-"""Errors that are answers, not faults."""
+"""Errors that are answers to hosts, not faults of the service."""
 
 
 def problem_of(error: Exception) -> Problem:
-    """Return the problem of an error; one of an unexpected error shows nothing of the inside."""
+    """Return the problem for an error; an unexpected error reveals no internals."""
     if isinstance(error, InvalidRequestError):
         return _invalid(error)
     if not isinstance(error, RefusedError):

@@ -1,6 +1,6 @@
-"""The REST API: a route for each operation of the table, and what is no such operation.
+"""The REST API: a route for each operation of the table, and the routes outside it.
 
-Those are the plant model, which is a file, the event stream, probes, and the description of the MQTT API.
+Outside the table are the plant model (a file), the event stream, probes, and the description of the MQTT API.
 """
 
 from __future__ import annotations
@@ -45,14 +45,14 @@ from nena_shared.web.server_sent_events import HEADERS
 from nena_shared.web.settings import HttpSettings
 
 ChangePlant = Callable[..., Awaitable[None]]
-"""As :meth:`ServiceRunner.change_plant`."""
+"""Signature of :meth:`ServiceRunner.change_plant`."""
 
 
 OPEN = frozenset({"/healthz", "/readyz"})
 READING = frozenset({"GET", "HEAD", "OPTIONS"})
 GUARDED: tuple[Operation[Any], ...] = (*OPERATIONS, CHANGE_PLANT)
 OPENTCS_PLANT_CHANGES = ("/v1/locations/", "/energyLevelThresholdSet", "/envelopeKey")
-"""Parts of the paths of openTCS's web API that change the plant model."""
+"""Parts of the paths in openTCS's web API that change the plant model."""
 
 NOT_READY: dict[int | str, dict[str, object]] = {
     503: {"model": Readiness, "description": "What is missing, and its effect."}
@@ -78,23 +78,23 @@ IdempotencyKey = Annotated[str | None, Header(alias="Idempotency-Key", min_lengt
 
 @dataclass(frozen=True, slots=True)
 class Service:
-    """What the application shows of the service around it."""
+    """What the application needs from the service around it."""
 
     plant_json: bytes
     change_plant: ChangePlant | None
-    """Puts another plant model in use; None: it is only read."""
+    """Replaces the plant model; None: it is read-only."""
     asyncapi: bytes
     readiness: Callable[[], Readiness]
     max_body: int
-    """Longest body of a request, bytes."""
+    """Maximum size of a request body, bytes."""
     metrics: Callable[[], bytes]
-    """Returns the metrics in the text format of Prometheus."""
+    """Returns the metrics in the Prometheus text format."""
     mounted: Mapping[str, ASGIApp]
-    """Other applications, by the paths below which they answer."""
+    """Other applications by the paths under which they are mounted."""
 
 
 def make_app(operations: HostOperations, stream: EventStream, service: Service) -> FastAPI:
-    """Make the ASGI application."""
+    """Create the ASGI application."""
     app = FastAPI(
         title="NeNa order service",
         description="Transport orders and vehicles. Every error is a problem (RFC 9457).",
@@ -124,17 +124,17 @@ def make_app(operations: HostOperations, stream: EventStream, service: Service) 
 
 
 def role_needed(method: str, path: str) -> Role | None:
-    """Return the role that a request needs; None: no login.
+    """Return the role that a request needs; None: no login needed.
 
-    Operations are found by the part of their path before a name, so that no way to write a name gets around
-    the role of an operation.
+    Operations are found by the part of their path before a name, so no spelling of a name can bypass the role
+    of an operation.
     """
     if path in OPEN:
         return None
     reads = method in READING
     if not reads and any(part in path for part in OPENTCS_PLANT_CHANGES):
         return Role.ADMIN
-    inner = path[max(path.rfind("/v1/"), 0) :]  # what a mounted application sees, such as openTCS's web API
+    inner = path[max(path.rfind("/v1/"), 0) :]  # as seen by a mounted application, such as openTCS's web API
     alike = (
         each
         for each in GUARDED
@@ -154,7 +154,7 @@ def rule_of(settings: HttpSettings) -> RoleNeeded:
 
 
 def _add_route(router: APIRouter, operation: Operation[Any], handler: Handler) -> None:
-    async def endpoint(http: Request, **given: Any) -> Response:  # noqa: ANN401 - as the signature says
+    async def endpoint(http: Request, **given: Any) -> Response:  # noqa: ANN401 - by the signature
         call = _call(operation, http, given)
         known = given.get("if_none_match")
         return await _response(operation, await handler(call), known=None if known is None else ETag(known))
@@ -184,7 +184,7 @@ def _refusals(refusals: Iterable[Refusal]) -> dict[int | str, dict[str, Any]]:
 
 
 def _parameters(operation: Operation[Any]) -> Iterator[Parameter]:
-    """Return the parameters that FastAPI reads from a request, as an endpoint's signature."""
+    """Return the parameters that FastAPI reads from a request, in the form of an endpoint's signature."""
     reads = operation.method in READING
 
     def parameter(name: str, kind: Any, default: Any = Parameter.empty) -> Parameter:  # noqa: ANN401 - types
@@ -212,7 +212,7 @@ def _call(operation: Operation[Any], http: Request, given: Mapping[str, Any]) ->
     if key and request is not None and request.idempotency_key is None:
         request = request.model_copy(update={"idempotency_key": key})
     user: KnownUser | None = getattr(http.state, "user", None)
-    caller = user.known_as[:BY_LIMIT] if user else SOMEBODY  # a long subject of an issuer is cut
+    caller = user.known_as[:BY_LIMIT] if user else SOMEBODY  # an issuer's long subject is cut
     return Call(given.get("name", ""), request, caller, None if seen is None else ETag(seen))
 
 
@@ -236,7 +236,7 @@ def as_json(
 
 
 def plant_model_router(plant_json: bytes, change: ChangePlant | None) -> APIRouter:
-    """Make the routes of the plant model; without ``change`` it is only read."""
+    """Create the routes of the plant model; without ``change`` it is read-only."""
     router = APIRouter(tags=[CHANGE_PLANT.tag])
 
     @router.get(PLANT_MODEL, operation_id="plantModel")
@@ -256,7 +256,7 @@ def plant_model_router(plant_json: bytes, change: ChangePlant | None) -> APIRout
         openapi_extra=PLANT_BODY,
     )
     async def put(request: Request, *, check: Annotated[bool, Query()] = False) -> Response:
-        """Refused while orders or vehicles use what it does not have; with `check` nothing is changed."""
+        """Refused while orders or vehicles use objects that the new model lacks; `check` changes nothing."""
         report = await asyncio.to_thread(read_plant, await request.body(), strict=True)
         model = report.model
         await change(model, check_only=check)
@@ -300,10 +300,10 @@ def _events(stream: EventStream) -> APIRouter:
     ) -> StreamingResponse:
         """Follow orders and vehicles as server-sent events.
 
-        `transportOrder` and `vehicle` hold their object as it is now. `synced`: the client is up to date.
-        `gap`: too much was missed, or the id is unknown (a store from a backup); all unfinished objects
-        follow, look up the rest in the lists. `heartbeat`: the connection is alive. A client that reconnects
-        with the id of its last event receives what it has missed.
+        `transportOrder` and `vehicle` contain the object as it is now. `synced`: the client is up to date.
+        `gap`: too many events were missed, or the ID is unknown (a store restored from a backup). All
+        unfinished objects follow; look up the others in the lists. `heartbeat`: the connection is alive. A
+        client that reconnects with the ID of its last event receives the events that it missed.
         """
         interest = Interest(frozenset(kind or EventKind), transport_order, vehicle)
         frames = stream.follow(last_event_id or after, interest)
@@ -351,15 +351,15 @@ def _probes(service: Service) -> APIRouter:
 
 def _mounted(path: str, app: ASGIApp) -> Mount:
     mount = Mount(path, app)
-    # Starlette's pattern leaves out names with line ends, which would be answered in another form.
+    # Starlette's pattern excludes names with line breaks, which would get an answer in another form.
     mount.path_regex = re.compile(mount.path_regex.pattern, re.DOTALL)
     return mount
 
 
 class BodyLimit:
-    """ASGI middleware: answers 413 to a body of more than ``limit`` bytes, before it is in memory.
+    """ASGI middleware: answers 413 to a body of more than ``limit`` bytes before it is in memory.
 
-    ``larger`` has the limits of paths with a limit of their own.
+    ``larger`` contains the paths that have their own limit.
     """
 
     def __init__(self, app: ASGIApp, limit: int, larger: Mapping[str, int] | None = None) -> None:
@@ -368,7 +368,7 @@ class BodyLimit:
         self._larger = larger or {}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass the request on, counting its bytes."""
+        """Forward the request and count its bytes."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return

@@ -1,4 +1,4 @@
-"""The HTTP server of the order service: one port and one guard for the whole run, whatever app answers."""
+"""The HTTP server of the order service: one port and one access guard, whichever application answers."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ class NoPages:
     """ASGI middleware: answers 403 to changes requested by a web page, as shown by the browser's ``Origin``.
 
     Any page open in a browser can send requests here: simple ones to any address, and any to a host name that
-    it makes resolve to this one. Only a token distinguishes users from pages.
+    it resolves to this address (DNS rebinding). Only a token distinguishes users from pages.
     """
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass on requests of programs, and those that change nothing."""
+        """Forward requests of programs, and requests that change nothing."""
         asks = scope["type"] == "http" and scope["method"] not in READING
         if asks and "origin" in Headers(scope=scope):
             await refusal(HTTPStatus.FORBIDDEN, DETAIL)(scope, receive, send)
@@ -50,14 +50,14 @@ class NoPages:
 
 
 class CountedAnswers:
-    """ASGI middleware: counts the answers by their status, refused ones too."""
+    """ASGI middleware: counts the answers by status, including refusals."""
 
     def __init__(self, app: ASGIApp, counts: Counter[int]) -> None:
         self._app = app
         self._counts = counts
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass the request on."""
+        """Forward the request."""
 
         async def counted(message: Message) -> None:
             if message["type"] == "http.response.start":
@@ -68,17 +68,17 @@ class CountedAnswers:
 
 
 RETRY_AFTER = "1"
-"""Seconds; a takeover takes several."""
+"""Value of Retry-After, seconds; a takeover takes several."""
 
 METHODS = ["GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"]
 
 
 def make_standby_app(active_url: Callable[[], str], problem: Callable[[], str]) -> FastAPI:
-    """Make the ASGI application of a standby.
+    """Create the ASGI application of a standby.
 
     Args:
         active_url: returns the URL of the active order service; empty while unknown.
-        problem: returns why the database does not answer; empty while it does.
+        problem: returns why the database does not answer, empty while it does.
     """
 
     def readiness() -> Readiness:
@@ -95,7 +95,7 @@ def make_standby_app(active_url: Callable[[], str], problem: Callable[[], str]) 
         )
 
     def elsewhere(request: Request) -> Response:
-        raw: bytes = request.scope["raw_path"]  # unchanged: names may have letters that no header allows
+        raw: bytes = request.scope["raw_path"]  # unchanged: headers do not allow all characters of names
         return _go_there(active_url(), raw.decode("ascii"))
 
     return _make_waiting_app(readiness, elsewhere)
@@ -112,7 +112,7 @@ def _go_there(active_url: str, path: str) -> Response:
 
 
 def make_starting_app(problem: Callable[[], str]) -> FastAPI:
-    """Make the ASGI application of the start; ``problem`` returns why the store cannot be written."""
+    """Create the ASGI application for the start; ``problem`` returns why the store cannot be written."""
 
     def detail() -> str:
         if not problem():
@@ -139,7 +139,7 @@ def _retry(title: str, detail: str, headers: dict[str, str]) -> Response:
 
 
 def _make_waiting_app(readiness: Callable[[], Readiness], other: Callable[[Request], Response]) -> FastAPI:
-    """Make an application that is alive, but not ready, and answers all requests by ``other``."""
+    """Create an application that is alive but not ready, and answers all requests by ``other``."""
     app = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
     problems.install(app)
 
@@ -164,9 +164,9 @@ def _make_waiting_app(readiness: Callable[[], Readiness], other: Callable[[Reque
 
 
 class RestServer:
-    """Listens on the port from its creation on; the application that answers can be replaced.
+    """Listens on the port from its creation; the application that answers can be replaced.
 
-    Users, the keys of an issuer and the counts of rate limits stay when it is.
+    Users, the issuer's keys and rate limit counts are kept when it is replaced.
     """
 
     def __init__(self, app: ASGIApp, settings: HttpSettings) -> None:
@@ -177,7 +177,7 @@ class RestServer:
             StartError: the port is in use, or the address does not belong to this machine.
         """
         self.answers: Counter[int] = Counter()
-        """How many requests were answered, by status."""
+        """Number of answered requests by status."""
         self._guard = protect(app, settings, rule_of(settings))
         has_users = settings.users is not None or settings.oidc is not None
         guarded = AccessKey(self._guard if has_users else NoPages(self._guard))
@@ -186,7 +186,7 @@ class RestServer:
 
     @property
     def url(self) -> str:
-        """The URL, by the settings."""
+        """The URL according to the settings."""
         return self._http.url
 
     def show(self, app: ASGIApp) -> None:
@@ -194,11 +194,11 @@ class RestServer:
         self._guard.app = app
 
     def open(self, supervisor: Supervisor) -> None:
-        """Start to answer requests, unless that is done already."""
+        """Start answering requests; repeated calls have no effect."""
         self._answering = self._answering or supervisor.start("http", self._http.run())
 
     async def close(self) -> None:
-        """Stop accepting requests, and wait a moment for open ones."""
+        """Stop accepting requests and wait briefly for open ones."""
         answering, self._answering = self._answering, None
         if answering is None:
             self._http.close()

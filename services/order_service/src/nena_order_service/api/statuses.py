@@ -1,4 +1,4 @@
-"""Publishes retained statuses over MQTT: at each change, at each connect, and after a crash."""
+"""Publish retained statuses over MQTT: at each change, at each connect, and after a crash."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from nena_shared.tasks import end
 log = get_logger(__name__)
 
 ENDS_KEPT: Final = 1000
-"""Ended orders whose status stays retained; above that the topic of the oldest one is cleared at once."""
+"""Maximum number of ended orders whose status stays retained; beyond, the oldest is cleared at once."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,9 +35,9 @@ class _End:
 
 
 class EndedOrders:
-    """Calls ``clear`` with the name of each order ``kept`` seconds after its end; for the event loop only.
+    """Calls ``clear`` with the name of each order ``kept`` seconds after its end; event loop only.
 
-    Until then a host that was away finds the end at the broker; one that lost its data gets it again.
+    Until then, a host that was away finds the end at the broker, and one that lost its data gets it again.
     """
 
     def __init__(self, kept: float, clear: Callable[[str], None]) -> None:
@@ -46,7 +46,7 @@ class EndedOrders:
         self._ends: OrderedDict[str, _End] = OrderedDict()
 
     def add(self, status: TransportOrderStatus) -> None:
-        """Keep the end of an order, also one that is published again."""
+        """Keep the end of an order, also if it is published again."""
         if earlier := self._ends.pop(status.name, None):
             earlier.clearing.cancel()
         clearing = asyncio.get_running_loop().call_later(self._kept, self._forget, status.name)
@@ -55,7 +55,7 @@ class EndedOrders:
             self._forget(next(iter(self._ends)))
 
     def statuses(self) -> tuple[TransportOrderStatus, ...]:
-        """Return the ends that are kept, the oldest first."""
+        """Return the kept statuses of ended orders, the oldest first."""
         return tuple(each.status for each in self._ends.values())
 
     def close(self) -> None:
@@ -70,7 +70,7 @@ class EndedOrders:
 
 
 class StatusPublisher:
-    """Publishes each change of orders, sequences and vehicles, and the plant model; all retained."""
+    """Publishes each change of orders, sequences and vehicles, and the plant model, all retained."""
 
     def __init__(
         self,
@@ -90,9 +90,9 @@ class StatusPublisher:
         self._ended = EndedOrders(end_kept, self._clear)
 
     def greeting(self) -> Iterator[Outbound]:
-        """Yield what is published on each connection, because the broker may have lost its data.
+        """Yield the messages for each new connection, because the broker may have lost its data.
 
-        The link takes it in parts: later changes are published after it.
+        The link reads them in parts; later changes are published after them.
         """
         yield Outbound(self.topics.plant_model, self._plant_json, retain=True)
         for vehicle in tuple(self._engine.registry):
@@ -111,7 +111,7 @@ class StatusPublisher:
             self._ended.add(status)
 
     def sequence_changed(self, status: OrderSequenceStatus) -> None:
-        """Publish an order sequence's new version; the last one is followed by what clears the topic."""
+        """Publish an order sequence's new version; after the last one, clear the topic."""
         self.mqtt.publish(self._of_sequence(status))
         if status.finished:
             self.mqtt.publish(Outbound(self.topics.sequence_status(status.name), b"", retain=True))
@@ -142,7 +142,7 @@ class StatusPublisher:
 
 
 class Heartbeat:
-    """Shows each :data:`HEARTBEAT` seconds that the event loop turns and the broker is connected."""
+    """Shows every :data:`HEARTBEAT` seconds that the event loop runs and the broker is connected."""
 
     def __init__(
         self, topics: FleetTopics, clock: Clock, *, epoch: int, store_ready: Callable[[], bool]
@@ -154,18 +154,18 @@ class Heartbeat:
         self._ended = False
 
     def will(self) -> Outbound:
-        """Return what the broker publishes when the connection breaks."""
+        """Return the last will, which the broker publishes when the connection breaks."""
         return self._status(online=False)
 
     async def run(self, mqtt: MqttLink) -> None:
-        """Publish until cancelled; while the broker is not connected, nothing."""
+        """Publish until cancelled, except while the broker is not connected."""
         while True:
             if mqtt.state.connected and not self._ended:
                 mqtt.publish(replace(self._status(online=True), keep=False))
             await asyncio.sleep(HEARTBEAT)
 
     def end(self, mqtt: MqttLink) -> None:
-        """Publish that this is an orderly end."""
+        """Publish that the service is stopping in order."""
         self._ended = True
         mqtt.publish(self.will())
 
@@ -178,16 +178,16 @@ class Heartbeat:
 
 
 TERM_POLL = 0.25
-"""Seconds between two checks whether the broker is connected, in a new term."""
+"""Seconds between two checks for the broker's connection in a new term."""
 
 LISTEN = 2.0
-"""Seconds in which a broker hands out what it has retained."""
+"""Seconds in which a broker delivers its retained messages."""
 
 
 class RetainedSweep:
-    """Reads once in each term of leadership what the broker has retained, over a separate link.
+    """Reads the broker's retained messages once in each term of leadership, over a separate link.
 
-    The program's own link does not subscribe to it: it would receive everything that it publishes.
+    The service's main link does not subscribe to them: it would receive everything that it publishes.
     """
 
     def __init__(
@@ -210,7 +210,7 @@ class RetainedSweep:
         self._vehicles: set[str] = set()
 
     async def run(self) -> None:
-        """Sweep once the broker is connected, on a shared store again in each new term."""
+        """Sweep once the broker is connected; on a shared store, again in each new term."""
         link, swept = self._mqtt.state, None
         while swept is None or self._epoch:
             if link.connected and link.term != swept:
@@ -220,7 +220,7 @@ class RetainedSweep:
                 await asyncio.sleep(TERM_POLL)
 
     async def _sweep(self) -> None:
-        """Listen for a while after the broker is connected, then correct what is stale."""
+        """Listen for a while once the broker is connected, then correct stale statuses."""
         connected = asyncio.Event()
 
         def greet() -> tuple[Outbound, ...]:

@@ -414,7 +414,7 @@ class Engine:
             self._life_cycle.resume(self.state.orders.get(number), by, reason)
 
     def intend(self, number: int, vehicle: str | None) -> None:
-        """Set the vehicle that is to do an order which no vehicle has yet; None: any."""
+        """Set the intended vehicle of an unassigned order; None: any."""
         with self.change():
             order = self.state.orders.get(number)
             self.state.orders.put(order.intended_for(vehicle, self.context.clock.now()))
@@ -500,7 +500,7 @@ class Engine:
         return self._reporter.status(vehicle)
 
     async def traffic_plan(self) -> TrafficPlan:
-        """Return where vehicles will be in the next minute, and which vehicles they wait for."""
+        """Return where vehicles are expected in the next minute, and which vehicles they wait for."""
         return await self._plans.plan()
 
     async def explain(self, order: TransportOrder) -> list[VehicleFit]:

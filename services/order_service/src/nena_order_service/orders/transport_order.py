@@ -206,7 +206,7 @@ class TransportOrder:
         return self._ended(S.UNROUTABLE, reason, now)
 
     def intended_for(self, vehicle: str | None, now: datetime) -> Self:
-        """Set the vehicle that is to do an order which no vehicle has yet; None: any."""
+        """Set the intended vehicle of an unassigned order; None: any."""
         self.require("changing the intended vehicle", S.ACTIVE, S.DISPATCHABLE)
         if vehicle == self.status.intended_vehicle:
             return self

@@ -1,1 +1,1 @@
-"""The store: what must survive a restart, in a database by SQLAlchemy Core."""
+"""The store: everything that must survive a restart, in a database accessed by SQLAlchemy Core."""

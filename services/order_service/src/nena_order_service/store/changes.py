@@ -1,4 +1,4 @@
-"""What is to be written: the changes of one unit of work, or of many that are committed together."""
+"""Changes to write: those of one unit of work, or of several that are committed together."""
 
 from __future__ import annotations
 
@@ -10,43 +10,43 @@ from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder
 
 Document = Callable[[], str]
-"""Serialises what is to be stored; called by the writer, because most changes are replaced before that."""
+"""Serialises a document; called by the writer, because most changes are replaced before they are written."""
 
 
 @dataclass(frozen=True, slots=True)
 class OrderChange:
-    """One order's new version; entries of its history before ``unchanged_history`` are stored already."""
+    """One order's new version; its first ``unchanged_history`` history entries are already stored."""
 
     order: TransportOrder
     new: bool
     unchanged_history: int
     change_number: int = 0
-    """Counts the changes of all orders; from the store."""
+    """Number of this change among the changes of all orders."""
 
 
 @dataclass(slots=True)
 class Changes:
-    """Changes to commit together; the latest of each order counts."""
+    """Changes to commit together; only the latest of each order counts."""
 
     orders: dict[int, OrderChange] = field(default_factory=dict)
-    """By the orders' numbers."""
+    """Orders by number."""
     missions: dict[int, Document | None] = field(default_factory=dict)
-    """Mission documents by the orders' numbers; None: it is at its end."""
+    """Documents of sent orders by order number; None: ended."""
     vehicles: dict[str, Document] = field(default_factory=dict)
-    """Documents of vehicles by their robots' keys."""
+    """Documents of vehicles by robot key."""
     sequences: dict[int, OrderSequence] = field(default_factory=dict)
-    """Order sequences by their numbers."""
+    """Order sequences by number."""
     path_locks: dict[str, bool] = field(default_factory=dict)
-    """Whether a path is locked, by its name."""
+    """Whether a path is locked, by path name."""
     documents: dict[tuple[str, str], str | None] = field(default_factory=dict)
-    """What hosts have put here as a whole, by kind and name; None: it is deleted."""
+    """Documents uploaded by hosts, by kind and name; None: deleted."""
 
     def __bool__(self) -> bool:
         single = self.orders or self.missions or self.vehicles or self.sequences
         return bool(single or self.path_locks or self.documents)
 
     def put_order(self, order: TransportOrder, before: TransportOrder | None) -> None:
-        """Add an order's new version; ``before`` is the last one, None for an order that is new."""
+        """Add an order's new version; ``before`` is the previous one, None for a new order."""
         unchanged = _equal_entries(order, before) if before else 0
         earlier = self.orders.get(order.number)
         if earlier:
@@ -56,7 +56,7 @@ class Changes:
         self.orders[order.number] = change
 
     def put_mission(self, order_number: int, document: Document | None) -> None:
-        """Add what is sent for an order, or None if nothing is any more."""
+        """Add the sent order of an order; None: nothing is sent any more."""
         self.missions[order_number] = document
 
     def put_vehicle(self, robot: str, document: Document) -> None:
@@ -68,7 +68,7 @@ class Changes:
         self.sequences[sequence.number] = sequence
 
     def merge(self, later: Changes) -> None:
-        """Handle changes that were made after these."""
+        """Add ``later`` changes, which replace these where they overlap."""
         for number, change in later.orders.items():
             earlier = self.orders.get(number)
             if earlier:
@@ -90,7 +90,7 @@ class Changes:
 
 
 def _equal_entries(order: TransportOrder, before: TransportOrder) -> int:
-    """Count the first entries that both have; an entry is never changed, at most the last is replaced."""
+    """Return how many of the first entries are equal; entries never change, at most the last is replaced."""
     new, old = order.status.history, before.status.history
     if not old:
         return 0
@@ -101,20 +101,20 @@ def _equal_entries(order: TransportOrder, before: TransportOrder) -> int:
 class ChangeNumbers:
     """Counts the changes of all orders of a store, across restarts and takeovers.
 
-    They follow the order in which changes are committed and published; a unit of work that changes an order
-    several times has one number for all of its versions.
+    They follow the order in which changes are committed and published. If a unit of work changes an order
+    several times, all of these versions have the same number.
     """
 
     def __init__(self) -> None:
         self.last = 0
-        """The last number given."""
+        """The last number assigned."""
         self.published = 0
         """The last number of a published change."""
         self._untold: dict[str, deque[tuple[int, int]]] = {}
-        """Versions and their numbers, by the orders' names."""
+        """Unpublished versions and their numbers, by order name."""
 
     def give(self, changes: Changes) -> None:
-        """Number the changes of a step."""
+        """Number the changes of a unit of work."""
         self.last = changes.numbered(self.last)
         for change in changes.orders.values():
             order = change.order
@@ -128,7 +128,7 @@ class ChangeNumbers:
     def of(self, name: str, version: int) -> tuple[int, bool]:
         """Return the number of a version to publish now, and whether it is the last version of its change.
 
-        Versions are published in their order. The number is 0 for one that is published without a change.
+        Versions are published in order. The number is 0 for a version that is published without a change.
         """
         versions = self._untold.get(name)
         while versions and versions[0][0] < version:

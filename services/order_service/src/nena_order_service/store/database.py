@@ -43,18 +43,18 @@ from nena_shared.fleet_api.transport_order import (
 )
 
 DatabaseRow = dict[str, object]
-"""Values by the names of columns."""
+"""Values by column name."""
 
 
 @dataclass(frozen=True, slots=True)
 class Statements:
-    """SQL with parameters by name; they are those of the tables' columns, keys in WHERE too."""
+    """SQL statements with named parameters, called like the tables' columns, also in WHERE."""
 
     insert_order: str
     update_order: str
     insert_history: str
     forget_history: str
-    """Entries of ``order_number`` from ``entry`` on."""
+    """Deletes the history entries of ``order_number`` from ``entry`` on."""
     put_mission: str
     forget_mission: str
     put_vehicle: str
@@ -65,7 +65,7 @@ class Statements:
 
 
 def statements(engine: Engine) -> Statements:
-    """Return the statements in the words of this database."""
+    """Return the statements in this database's dialect."""
     return _statements(engine.dialect.name)
 
 
@@ -98,20 +98,20 @@ def _statements(name: str) -> Statements:
 
 
 def _put(name: str, table: Table) -> ClauseElement:
-    """Insert a row, or lay it over the one that has the same key."""
-    # Both dialects have the same words for it, in classes of their own.
+    """Insert a row, or replace the one with the same key."""
+    # Both dialects use the same syntax, in classes of their own.
     statement: Any = (sqlite.insert if name == "sqlite" else postgresql.insert)(table)
     others = {column.name: statement.excluded[column.name] for column in table.c if not column.primary_key}
     return statement.on_conflict_do_update(index_elements=list(table.primary_key), set_=others)  # type: ignore[no-any-return]
 
 
 def equals(column: Column[Any], text: str) -> ColumnElement[bool]:
-    """Return a condition for text given by a host; PostgreSQL accepts no text with NUL, so none matches."""
+    """Return a condition for a host's text; with NUL, which PostgreSQL does not accept, nothing matches."""
     return false() if "\0" in text else column == text
 
 
 def execute(connection: Connection, statement: str, rows: Sequence[DatabaseRow]) -> None:
-    """Execute a statement for each row; nothing if there is none."""
+    """Execute a statement for each row; do nothing without rows."""
     if rows:
         connection.exec_driver_sql(statement, list(rows) if len(rows) > 1 else rows[0])
 
@@ -119,7 +119,7 @@ def execute(connection: Connection, statement: str, rows: Sequence[DatabaseRow])
 def write_documents(
     connection: Connection, texts: Statements, documents: Mapping[tuple[str, str], str | None]
 ) -> None:
-    """Put documents, in place of those before; None: delete it."""
+    """Insert or replace documents; None deletes one."""
     put: list[DatabaseRow] = []
     gone: list[DatabaseRow] = []
     for (kind, name), document in documents.items():
@@ -132,7 +132,7 @@ def write_documents(
 
 
 def read_documents(engine: Engine, kind: str) -> dict[str, str]:
-    """Read all documents of a kind, by their names."""
+    """Read all documents of a kind, by name."""
     table = schema.documents
     with engine.connect() as connection:
         rows = connection.execute(select(table.c.name, table.c.document).where(table.c.kind == kind))
@@ -140,7 +140,7 @@ def read_documents(engine: Engine, kind: str) -> dict[str, str]:
 
 
 def write_vehicles(connection: Connection, texts: Statements, documents: Mapping[str, Document]) -> None:
-    """Replace the documents of these robots, by their keys."""
+    """Replace the documents of these robots, by robot key."""
     rows: list[DatabaseRow] = [
         {"robot": robot, "document": document()} for robot, document in documents.items()
     ]
@@ -148,7 +148,7 @@ def write_vehicles(connection: Connection, texts: Statements, documents: Mapping
 
 
 def read_vehicles(connection: Connection) -> dict[str, str]:
-    """Return all documents by the robots' keys."""
+    """Return all documents by robot key."""
     return {row.robot: row.document for row in connection.execute(select(schema.vehicles))}
 
 
@@ -163,7 +163,7 @@ class SequenceFilter:
 
 
 def write_sequences(connection: Connection, texts: Statements, sequences: Iterable[OrderSequence]) -> None:
-    """Write sequences, new ones and new versions."""
+    """Write new sequences and new versions."""
     rows: list[DatabaseRow] = [
         {
             "number": sequence.number,
@@ -186,14 +186,14 @@ def read_unfinished_sequences(connection: Connection) -> tuple[OrderSequence, ..
 
 
 def last_sequence(connection: Connection) -> int:
-    """Return the greatest number that a sequence has; 0 for none."""
+    """Return the highest number of a sequence; 0 if there is none."""
     return connection.execute(select(func.max(schema.order_sequences.c.number))).scalar() or 0
 
 
 def read_sequence(
     engine: Engine, *, name: str | None = None, idempotency_key: str | None = None
 ) -> OrderSequence | None:
-    """Read the sequence of this key, else of this name."""
+    """Read the sequence with this key, otherwise with this name."""
     table = schema.order_sequences
     with engine.connect() as connection:
         for column, value in ((table.c.idempotency_key, idempotency_key), (table.c.name, name)):
@@ -224,7 +224,7 @@ def _sequence(row: Row[Any]) -> OrderSequence:
 
 
 NUMBERS_PER_QUERY = 500
-"""Databases bound the parameters of a statement."""
+"""Maximum numbers in one query: databases limit the parameters of a statement."""
 
 FINAL_STATES = tuple(state.value for state in TransportOrderState if state.final)
 
@@ -241,24 +241,24 @@ class OrderFilter:
 
 @dataclass(frozen=True, slots=True)
 class Unfinished:
-    """What a restart restores."""
+    """Everything that a restart restores."""
 
     orders: tuple[TransportOrder, ...]
     missions: dict[int, str]
-    """Mission documents by the orders' numbers."""
+    """Documents of sent orders by order number."""
     last_number: int
-    """The greatest number that an order has; 0 for none."""
+    """The highest number of an order; 0 if there is none."""
     vehicles: dict[str, str] = field(default_factory=dict)
-    """Documents of vehicles by their robots' keys."""
+    """Documents of vehicles by robot key."""
     last_change: int = 0
-    """The number of the last change of any order; 0 for none."""
+    """The number of the last change of any order; 0 if there is none."""
     sequences: tuple[OrderSequence, ...] = ()
     last_sequence: int = 0
-    """The greatest number that an order sequence has; 0 for none."""
+    """The highest number of an order sequence; 0 if there is none."""
 
 
 def write(engine: Engine, changes: Changes, fence: Fence | None = None) -> None:
-    """Commit all changes together; with a fence each commit is made once, however often it is tried.
+    """Commit all changes together; with a fence, each commit is made once, however often it is retried.
 
     Raises:
         FencedError: another order service has taken over the store.
@@ -332,10 +332,10 @@ def _history_rows(change: OrderChange) -> list[DatabaseRow]:
 
 
 def read_unfinished(engine: Engine) -> Unfinished:
-    """Read all that is not at its end.
+    """Read everything that has not ended.
 
     Raises:
-        StoreError: there is something in the store that this program has not written.
+        StoreError: the store contains data that this program did not write.
 
     """
     try:
@@ -368,7 +368,7 @@ def _read_unfinished(engine: Engine) -> Unfinished:
 
 
 def read_path_locks(engine: Engine) -> dict[str, bool]:
-    """Read whether hosts have locked or unlocked a path, by its name."""
+    """Read which paths hosts have locked or unlocked, by path name."""
     with engine.connect() as connection:
         return {row.path: row.locked for row in connection.execute(select(schema.path_locks))}
 
@@ -376,7 +376,7 @@ def read_path_locks(engine: Engine) -> dict[str, bool]:
 def read_order(
     engine: Engine, *, name: str | None = None, idempotency_key: str | None = None
 ) -> TransportOrder | None:
-    """Read the order of this key, else of this name."""
+    """Read the order with this key, otherwise with this name."""
     orders = schema.transport_orders
     with engine.connect() as connection:
         for column, value in ((orders.c.idempotency_key, idempotency_key), (orders.c.name, name)):
@@ -404,8 +404,7 @@ def read_orders(engine: Engine, wanted: OrderFilter) -> tuple[TransportOrder, ..
 def read_changes(engine: Engine, after: int, limit: int) -> tuple[tuple[int, TransportOrder], ...]:
     """Return each order changed since change number ``after``, with the number of its last change.
 
-    The oldest change is first. An order that has changed several times is returned once, in its present
-    state.
+    The oldest change comes first. An order that has changed several times is returned once, as it is now.
     """
     orders = schema.transport_orders
     query = select(orders).where(orders.c.change_number > after).order_by(orders.c.change_number).limit(limit)

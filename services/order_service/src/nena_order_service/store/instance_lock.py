@@ -1,4 +1,4 @@
-"""The file of a SQLite store: one order service at a time, and the same file until its end."""
+"""Lock on the file of a SQLite store: one order service at a time, and the same file until it exits."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from nena_order_service.store.schema import StoreError, parse_url
 
 
 class InstanceLock:
-    """Locks the database file itself, from :meth:`take` until :meth:`release` or the end of the process.
+    """Locks the database file itself from :meth:`take` until :meth:`release` or the end of the process.
 
     A second order service on the same file would send the same orders. Release it after the database is
     closed: closing any descriptor of a file releases SQLite's own locks on it (POSIX).
     """
 
     def __init__(self, path: Path) -> None:
-        """Open and lock ``path``; makes an empty file if there is none, a new one for SQLite.
+        """Open and lock ``path``; create an empty file, a new SQLite database, if it does not exist.
 
         Raises:
-            OSError: it cannot be opened; BlockingIOError: another process has it.
+            OSError: the file cannot be opened; BlockingIOError: another process has locked it.
 
         """
         self._path = path
@@ -39,7 +39,7 @@ class InstanceLock:
         """Lock the file of a SQLite URL; None for other databases.
 
         Raises:
-            StoreError: another process has it, it cannot be written, or the URL names no file.
+            StoreError: another process has locked the file, it cannot be written, or the URL names no file.
 
         """
         parsed = parse_url(url)
@@ -59,13 +59,13 @@ class InstanceLock:
             raise StoreError(message) from error
 
     def loss(self) -> str:
-        """Return why the path does not lead to the file that was opened; empty while it does."""
+        """Return why the path no longer leads to the opened file; empty while it does."""
         try:
             present = self._path.stat()
         except (FileNotFoundError, NotADirectoryError):
             return f"the database file {self._path} was deleted while in use"
         except OSError:
-            return ""  # whether it is another file is not known; the commit itself reports what is wrong
+            return ""  # unknown whether it is another file; the commit itself will report the problem
         return (
             "" if os.path.samestat(present, self._opened) else f"the database file {self._path} was replaced"
         )

@@ -1,4 +1,4 @@
-"""The lead of a store that several order services share: waits for it, and keeps it."""
+"""Leadership of a shared store: wait for it, and keep it."""
 
 from __future__ import annotations
 
@@ -32,17 +32,17 @@ POLL = 0.25
 """Seconds between attempts to become active, and between heartbeats of the active program."""
 
 GRACE = 2.0
-"""Seconds in which the former active instance may reconnect after the database was unavailable; not less than
+"""Seconds for the former active instance to reconnect after the database was unavailable; not less than
 LEASE_SECONDS."""
 
 NOT_ANSWERED = "the database does not answer"
 
 
 class Lead:
-    """The lock and the lease, renewed in a separate thread: a busy event loop does not lose them."""
+    """The lock and the lease, renewed in a separate thread, so that a busy event loop does not lose them."""
 
     def __init__(self, url: str) -> None:
-        """Prepare it; nothing is opened yet.
+        """Prepare the lock without opening a connection.
 
         Raises:
             StoreError: the URL names no PostgreSQL, or its driver is not installed.
@@ -51,16 +51,16 @@ class Lead:
         self._lock = LeaderLock(url)
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="store lead")
         self._stopped = threading.Event()
-        """Set when the lease is no longer renewed."""
+        """Set once the lease is no longer renewed."""
         self._stood_by = False
         self.lease = Lease()
         self.active_url = ""
-        """The URL of the active instance, while it is another one and known."""
+        """URL of the active instance while it is known and not this one."""
         self.problem = ""
-        """Why the database does not respond; empty if it does."""
+        """Why the database does not answer; empty if it does."""
 
     async def take(self, stop: asyncio.Event) -> bool:
-        """Wait until this program has the lead; False: it is to stop before.
+        """Wait until this program is the leader; return False if ``stop`` was set first.
 
         Raises:
             StoreError: the database cannot be reached at all.
@@ -83,7 +83,7 @@ class Lead:
         return False
 
     async def raise_fence(self, url: str, active_url: str) -> tuple[Engine, Fence]:
-        """Open the database, bring its tables up to date, and fence off the program that wrote before.
+        """Open the database, migrate its tables, and fence off the previous leader.
 
         Raises:
             StoreError: the store cannot be used.
@@ -100,10 +100,10 @@ class Lead:
             await end(holding)
 
     async def keep(self, store: Store, engine: Engine, fence: Fence) -> None:
-        """Renew the lease until cancelled; while that is uncertain, the store accepts no new orders.
+        """Renew the lease until cancelled; while the lease is uncertain, the store accepts no new orders.
 
         Raises:
-            FencedError: another order service has it now.
+            FencedError: another order service is the leader now.
         """
         try:
             while True:
@@ -115,18 +115,18 @@ class Lead:
             self._stopped.set()
 
     async def close(self) -> None:
-        """Give up the lead, even while the database does not answer."""
+        """Give up leadership, even while the database does not answer."""
         self._lock.hang_up()
         await self._run(self._lock.release)
         self._thread.shutdown()
 
     async def _hang_up_at(self, stop: asyncio.Event) -> None:
-        """Close; a database that does not answer does not delay the end."""
+        """Close the connection without waiting for a database that does not answer."""
         await stop.wait()
         self._lock.hang_up()
 
     async def _renew_until_lost(self, store: Store) -> None:
-        """Return when the lock is lost; while the database hangs, accept no orders."""
+        """Renew until the lock is lost; while the database hangs, accept no orders."""
         renewing = asyncio.ensure_future(self._run(self._renew))
         while not renewing.done():
             await asyncio.wait((renewing,), timeout=POLL)
@@ -146,7 +146,7 @@ class Lead:
             self._stopped.wait(POLL)
 
     def _wait_for_the_last_one(self) -> None:
-        """Delay the lease until that of the program that was active has ended, however it lost the lock."""
+        """Delay the lease until that of the former leader has ended, however it lost the lock."""
         if self._stood_by:
             self.lease.not_before = seconds_since_boot() + LEASE_SECONDS
 
@@ -159,7 +159,7 @@ class Lead:
     async def _try_to_take(self) -> bool:
         try:
             if await self._run(self._lock.connect):
-                # The database was away: the program that was active gets it again if it still runs.
+                # The database was unavailable: the former leader gets the lock again if it still runs.
                 await asyncio.sleep(GRACE)
             taken = await self._run(self._lock.take)
             self.active_url = "" if taken else await self._run(self._lock.active_url)

@@ -1,13 +1,13 @@
 """Leadership among order services that share one PostgreSQL.
 
-A lock of the database, held by a separate connection, decides which one may be active: it is free the moment
-the connection ends, for whatever reason. That alone is no fence, because a program learns late that its
-connection has ended. So each takeover raises an epoch in the store, and each commit of the active service
-checks it first: a program of another epoch cannot commit. The epoch is the Unix time in seconds, or one more
-than the last one, whichever is greater: so it also rises over a restore from a backup.
+A database lock, held by a separate connection, decides which instance may be active. It becomes free as soon
+as the connection ends, for whatever reason. The lock alone is no fence, because a program learns late that
+its connection has ended. So each takeover raises an epoch in the store, and each commit of the active
+instance checks it first: a program of another epoch cannot commit. The epoch is the Unix time in seconds, or
+one more than the previous epoch, whichever is greater, so it also rises after a restore from a backup.
 
-A message to a robot is no commit. So the active service also holds a :class:`Lease`, by its own clock, which
-ends before the database frees the lock of a hanging program; without it nothing is published.
+Messages to robots are not commits. So the active instance also holds a :class:`Lease` by its own clock, which
+ends before the database frees the lock of a hanging program. Without the lease, nothing is published.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ STORE_ID = "storeId"
 """Kind of the document that names the store."""
 
 LOCK_CLASS = 5_050_022
-"""First of the two numbers of advisory locks; the second one identifies the schema."""
+"""First of the two numbers of the advisory lock; the second identifies the schema."""
 
 HANG_SECONDS = 3
-"""A holder that is silent for so many seconds, because it or its network hangs, loses the lock."""
+"""Seconds of silence after which a holder loses the lock, because it or its network hangs."""
 
 LEASE_SECONDS = 2.0
-"""How long the active one may act after the database last confirmed its lock; less than HANG_SECONDS, so that
-it stops before another one can start."""
+"""Seconds for which the leader may act after the database last confirmed its lock; less than HANG_SECONDS, so
+that it stops before another one can start."""
 
 _TAKE = text("SELECT pg_try_advisory_lock(:lock_class, hashtext(current_schema()))")
 _SETTINGS = (f"SET idle_session_timeout = '{HANG_SECONDS}s'", "SET statement_timeout = '2s'")
@@ -59,42 +59,42 @@ _PASS = (
 
 
 def seconds_since_boot() -> float:
-    """Return a monotonic time in seconds that, where the system can, also counts a suspended machine."""
+    """Return a monotonic time in seconds that also counts suspend, where the system supports this."""
     return time.clock_gettime(getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC))
 
 
 class Lease:
-    """The right to publish, for :data:`LEASE_SECONDS` after each confirmation by the database.
+    """The right to publish for :data:`LEASE_SECONDS` after each confirmation by the database.
 
     The thread that queries the database renews it; every thread may call :meth:`term`.
     """
 
     def __init__(self) -> None:
         self.not_before = -inf
-        """When it begins at the earliest, by :func:`seconds_since_boot`."""
+        """Earliest start of the lease, by :func:`seconds_since_boot`."""
         self._until = -inf
         self._term = 0
 
     def term(self) -> int | None:
-        """Return the number of the present term of leadership; None while this program must not publish.
+        """Return the number of the current term of leadership; None while this program must not publish.
 
-        A new term begins whenever the lease was interrupted, however shortly.
+        A new term begins after every interruption of the lease, however short.
         """
         return self._term if self.not_before <= seconds_since_boot() < self._until else None
 
     @property
     def age(self) -> float:
-        """Seconds since the confirmation that counts; infinite without one."""
+        """Seconds since the last confirmation; infinite without one."""
         return seconds_since_boot() - (self._until - LEASE_SECONDS)
 
     def renew(self, asked_at: float) -> None:
-        """Extend the lease; ``asked_at`` is the time just before the query to the database."""
+        """Extend the lease; ``asked_at`` is the time just before the database was queried."""
         if asked_at >= self._until:
             self._term += 1
         self._until = asked_at + LEASE_SECONDS
 
     def end(self) -> None:
-        """End the lease at once: the lock is lost."""
+        """End the lease at once, because the lock is lost."""
         self._until = -inf
 
 
@@ -102,7 +102,7 @@ class LeaderLock:
     """The lock and its connection; every method blocks, and only one thread may use it at a time."""
 
     def __init__(self, url: str) -> None:
-        """Prepare it; nothing is opened yet.
+        """Prepare the lock without opening a connection.
 
         Raises:
             StoreError: the URL names no PostgreSQL, or its driver is not installed.
@@ -112,7 +112,7 @@ class LeaderLock:
         self._connection: Connection | None = None
 
     def connect(self) -> bool:
-        """Connect if there is no connection; return whether there was none.
+        """Connect if not connected; return whether a new connection was opened.
 
         Raises:
             DBAPIError: the database does not answer.
@@ -140,7 +140,7 @@ class LeaderLock:
     def keep(self) -> bool:
         """Renew the lock; return whether it is still held.
 
-        It is lost when the connection has ended; :meth:`take` makes a new one then.
+        The lock is lost when the connection ends; :meth:`take` then opens a new one.
         """
         if self._connection is None:
             return False
@@ -152,7 +152,7 @@ class LeaderLock:
         return True
 
     def active_url(self) -> str:
-        """Read where the active order service is found; empty if none is recorded.
+        """Return the URL of the active order service; empty if none is recorded.
 
         Raises:
             DBAPIError: the database does not answer.
@@ -175,7 +175,7 @@ class LeaderLock:
             connection.close()
 
     def hang_up(self) -> None:
-        """End the connection from another thread, because this one may wait for an answer forever."""
+        """End the connection from another thread; the lock's own thread may wait for an answer forever."""
         hang_up(self._engine)
 
     def _connected(self) -> Connection:
@@ -192,10 +192,10 @@ def _next(active_url: str) -> dict[str, object]:
 
 
 def begin_epoch(engine: Engine) -> int:
-    """Begin a new epoch on a store that is not shared, and return it.
+    """Start a new epoch on a store that is not shared, and return it.
 
-    A store that cannot be written does not prevent the start: its commits report it. The Unix time alone is
-    the epoch then.
+    A store that cannot be written does not prevent the start: its commits report it. The epoch is then the
+    Unix time alone.
     """
     try:
         with engine.begin() as connection:
@@ -205,9 +205,9 @@ def begin_epoch(engine: Engine) -> int:
 
 
 def store_id(engine: Engine) -> str:
-    """Return the name of the store, which it keeps from its first start on.
+    """Return the ID of the store, which stays the same from the first start.
 
-    A store that cannot be written has one for this run.
+    A store that cannot be written gets an ID for this run only.
     """
     documents = schema.documents
     own = (documents.c.kind == STORE_ID, documents.c.name == "")
@@ -224,7 +224,7 @@ def store_id(engine: Engine) -> str:
 
 @dataclass(slots=True)
 class Fence:
-    """Admits the commits of one epoch, each of them once; used by the writer's thread only."""
+    """Admits the commits of one epoch, each only once; used by the writer's thread only."""
 
     epoch: int
     commits: int = 0
@@ -239,7 +239,7 @@ class Fence:
             return cls(connection.execute(_TAKE_OVER, _next(active_url)).scalar_one())
 
     def lets_pass(self, connection: Connection) -> bool:
-        """Return whether a commit may be made; False: it was already made, only the answer was lost.
+        """Return whether to make a commit; False: it was already made, and only the answer was lost.
 
         Call it first within the commit's transaction, whose lock keeps others from overtaking.
 
@@ -255,11 +255,11 @@ class Fence:
         return True
 
     def passed(self) -> None:
-        """Note that the commit is made."""
+        """Note that the commit was made."""
         self.commits += 1
 
     def is_up(self, engine: Engine) -> bool:
-        """Return whether this epoch is still the present one; raise DBAPIError if the database is away."""
+        """Return whether this epoch is still the current one; raise DBAPIError without a database."""
         with engine.connect() as connection:
             present = connection.execute(select(_leadership.epoch).where(_ROW)).scalar_one()
         return bool(present == self.epoch)

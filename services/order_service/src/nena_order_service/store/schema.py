@@ -1,4 +1,4 @@
-"""The database of the store: its tables, opening it by URL, and migrating it to the present tables."""
+"""The database of the store: its tables, opening it by URL, and migrating it."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ from nena_shared.program import StartError
 
 
 class StoreError(StartError):
-    """The store cannot be used; the text says why, and what to do."""
+    """The store cannot be used; the message says why and what to do."""
 
 
 class FencedError(StoreError):
@@ -58,7 +58,7 @@ class FencedError(StoreError):
 
 
 class StoreLostError(StoreError):
-    """The database file is not the one that was opened; what is committed there is gone after a restart."""
+    """The database file is not the one that was opened; anything committed now is lost after a restart."""
 
     def __init__(self, reason: str) -> None:
         super().__init__(
@@ -67,7 +67,7 @@ class StoreLostError(StoreError):
 
 
 VERSION_TABLE = "order_service_version"
-"""Where Alembic keeps the revision; a database may hold tables of other programs too, the aggregator's."""
+"""Table in which Alembic stores the revision; the database may also contain the aggregator's tables."""
 
 metadata = MetaData()
 
@@ -85,8 +85,8 @@ transport_orders = Table(
     Index("transport_orders_by_vehicle", "intended_vehicle", "number"),
     Index("transport_orders_by_change", "change_number"),
 )
-"""``document`` is the order as JSON, without its history; ``change_number`` counts the changes of all orders
-and is that of this order's last one: who followed the orders up to some number has missed those above it."""
+"""``document`` is the order as JSON without its history. ``change_number`` is the number of the order's last
+change, counted over all orders: a client that has the changes up to a number has missed those above it."""
 
 history = Table(
     "history",
@@ -102,7 +102,7 @@ missions = Table(
     Column("order_number", BigInteger, ForeignKey("transport_orders.number"), primary_key=True),
     Column("document", Text, nullable=False),
 )
-"""What was last sent to a robot for each order that is not at its end."""
+"""The sent order (what was last sent to a robot) of each order that has not ended."""
 
 order_sequences = Table(
     "order_sequences",
@@ -123,7 +123,7 @@ vehicles = Table(
     Column("robot", String(400), primary_key=True),
     Column("document", Text, nullable=False),
 )
-"""Where each robot was at last, and what it does without an order."""
+"""Last known position of each robot, and what it does without an order."""
 
 path_locks = Table(
     "path_locks",
@@ -131,7 +131,7 @@ path_locks = Table(
     Column("path", Text, primary_key=True),
     Column("locked", Boolean, nullable=False),
 )
-"""Paths that hosts have locked or unlocked; it counts more than the plant model."""
+"""Paths that hosts have locked or unlocked; takes precedence over the plant model."""
 
 documents = Table(
     "documents",
@@ -140,7 +140,7 @@ documents = Table(
     Column("name", String(200), primary_key=True),
     Column("document", Text, nullable=False),
 )
-"""What hosts have put here as a whole: the plant model."""
+"""Documents uploaded by hosts, such as the plant model."""
 
 leadership = Table(
     "leadership",
@@ -150,8 +150,8 @@ leadership = Table(
     Column("commits", BigInteger, nullable=False),
     Column("url", Text, nullable=False),
 )
-"""One row. ``epoch`` counts the takings-over of a store that several order services share, ``commits`` the
-commits of the one that is active, ``url`` is where hosts find it."""
+"""One row. ``epoch`` rises with each takeover of a shared store, ``commits`` counts the leader's commits, and
+``url`` is the leader's address for hosts."""
 
 LEADERSHIP_ID = 1
 
@@ -159,9 +159,9 @@ LEADERSHIP_ID = 1
 log = get_logger(__name__)
 
 FIRST = "0001"
-"""The tables of stores that were made before there were migrations; they say version 1.
+"""Revision of stores created before migrations existed, whose tables say version 1.
 
-Brought up to date they say 2: releases from then look there, and would work on tables that they do not know.
+After a migration they say version 2, so that releases without migrations refuse tables that they do not know.
 """
 
 
@@ -213,7 +213,7 @@ def _is_from_before_migrations(connection: Connection) -> bool:
 
 
 PASSING = (OperationalError, InterfaceError, InternalError)
-"""Errors of a database that is away, busy or full; anything else is a fault of the statement."""
+"""Errors of a database that is unavailable, busy or full; any other error is a fault of the statement."""
 
 SIGNS_OF_NO_ROOM = ("disk is full", "disk I/O error", "No space left on device")
 """Messages of SQLite and PostgreSQL about a full disk."""
@@ -226,13 +226,13 @@ PLACE = (
 UNMASKED = "write an @ in a password as %40"
 
 STUCK_SECONDS = 3
-"""How long PostgreSQL waits for a program that hangs within a transaction, before it ends the transaction."""
+"""Seconds after which PostgreSQL ends the transaction of a program that hangs."""
 
 POSTGRESQL = "postgresql+psycopg"
 
 TIMEOUTS = {
     "connect_timeout": 5,
-    # A server that is gone without a word is noticed within about ten seconds.
+    # A server that disappears silently is noticed within about ten seconds.
     "keepalives_idle": 5,
     "keepalives_interval": 2,
     "keepalives_count": 2,
@@ -246,15 +246,15 @@ def parse_url(url: str) -> URL:
     """Read a database URL.
 
     Raises:
-        StoreError: it is none, or of another database than SQLite and PostgreSQL.
+        StoreError: it is not a database URL, or the database is neither SQLite nor PostgreSQL.
 
     """
     try:
         parsed = make_url(url)
     except (ArgumentError, ValueError):
-        # The URL may contain a password, so neither it nor messages about its parts are repeated.
+        # The URL may contain a password, so errors repeat neither it nor messages about its parts.
         raise unusable("not a database URL") from None
-    if "@" in (parsed.host or ""):  # the end of a password, which would be reported as an unknown host
+    if "@" in (parsed.host or ""):  # the end of a password, otherwise reported as an unknown host
         raise unusable(UNMASKED)
     kind = parsed.get_backend_name()
     if kind == "postgresql":
@@ -277,10 +277,10 @@ def is_shared(url: str) -> bool:
 
 
 def make_engine(url: str, *, pooled: bool = True) -> Engine:
-    """Prepare access to the database; nothing is opened yet.
+    """Create the database engine without opening a connection.
 
     Raises:
-        StoreError: it is of another kind, or its driver is not installed.
+        StoreError: the database is of another kind, or its driver is not installed.
 
     """
     parsed = parse_url(url)
@@ -301,10 +301,10 @@ def make_engine(url: str, *, pooled: bool = True) -> Engine:
 
 
 def open_database(url: str) -> Engine:
-    """Open the database and bring its tables to what this program needs.
+    """Open the database and migrate its tables.
 
     Raises:
-        StoreError: no such database, it cannot be written, or its tables are of another release.
+        StoreError: the database does not exist, cannot be written, or belongs to another release.
 
     """
     engine = make_engine(url)
@@ -322,7 +322,7 @@ def reason_of(error: DBAPIError) -> str:
 
 
 def _set_up_sqlite(connection: DBAPIConnection, _entry: ConnectionPoolEntry) -> None:
-    # The driver begins transactions itself, but not before DDL; so this is turned off.
+    # The driver begins transactions itself, but not before DDL, so this is turned off.
     connection.isolation_level = None
     cursor = connection.cursor()
     for setting in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON", "busy_timeout=5000"):

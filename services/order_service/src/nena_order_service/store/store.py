@@ -1,4 +1,4 @@
-"""The store as the event loop sees it: changes go to one writer thread, reads to another one."""
+"""The store as used by the event loop: one thread writes changes, another one reads."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ RETRY_PAUSE = 0.5
 """Seconds between attempts to write while the database is unavailable."""
 
 WAITING_LIMIT = 10_000
-"""Steps that may wait for the writer; above that the store is not ready and new orders are refused."""
+"""Maximum number of units of work waiting for the writer; beyond, new orders are refused."""
 
 
 LOSS_SHOWN = 3.0
-"""Seconds in which hosts and probes can see that the database file is gone, before the program ends."""
+"""Seconds for which hosts and probes can see that the database file is gone before the program exits."""
 
 
 class Store:
-    """Commits changes in their order; all waiting ones are committed together.
+    """Commits changes in order; all waiting ones are committed together.
 
-    While the database fails, it is retried forever, with pauses: until it succeeds, nothing that depends on
-    the changes is published. Call every method in the event loop's thread.
+    While the database fails, the commit is retried without limit, with pauses. Until it succeeds, nothing
+    that depends on the changes is published. Call every method in the event loop's thread.
     """
 
     def __init__(
@@ -52,8 +52,8 @@ class Store:
 
         Args:
             engine: the database.
-            lock: keeps other processes from a file, and detects its removal; released by :meth:`close`.
-            fence: keeps this program from writing to a store that another one has taken over.
+            lock: keeps other processes off a file and detects its removal; released by :meth:`close`.
+            fence: prevents writing to a store that another program has taken over.
         """
         self._engine = engine
         self._lock = lock
@@ -65,15 +65,15 @@ class Store:
         self._wake = asyncio.Event()
         self._writing = False
         self.problem = ""
-        """Why the last try to write failed; empty when it did not."""
+        """Why the last attempt to write failed; empty if it succeeded."""
         self.lead_problem = ""
-        """Why it is not sure that this program may write to a shared store; empty when it is."""
+        """Why it is uncertain whether this program may write to a shared store; empty if it may."""
         self._loss = ""
-        """Why the database file is not the one that was opened; empty while it is."""
+        """Why the database file is no longer the one that was opened; empty while it is."""
         self._answers: set[asyncio.Future[None]] = set()
         self.commits = 0
         self.failures = 0
-        """How often a commit failed and was retried."""
+        """Number of failed commits, which were retried."""
         self.commit_seconds = Histogram(SHORT)
         self.numbers = ChangeNumbers()
 
@@ -85,12 +85,12 @@ class Store:
 
     @property
     def why_not_answered(self) -> str:
-        """Why a change is not committed after all the time that it had."""
+        """Why a change was not committed in time."""
         return self.why_not_ready or "it did not answer in time"
 
     @property
     def waiting(self) -> int:
-        """How many units of work wait to be committed."""
+        """Number of units of work that wait to be committed."""
         return len(self._then)
 
     @property
@@ -101,7 +101,7 @@ class Store:
     def commit(self, changes: Changes, then: Callable[[], None]) -> None:
         """Call ``then`` once ``changes`` and all earlier ones are committed.
 
-        Without changes, and with nothing before them, it is called at once.
+        It is called at once if there are no changes and nothing is waiting.
         """
         if not changes and not self._writing and not self._then:
             then()
@@ -115,7 +115,7 @@ class Store:
         """Write until cancelled.
 
         Raises:
-            SQLAlchemyError: the database rejects the changes as such; continuing would lose them.
+            SQLAlchemyError: the database rejects the changes themselves; continuing would lose them.
             FencedError: another order service has taken over the store.
             StoreLostError: the database file was deleted or replaced.
         """
@@ -132,13 +132,13 @@ class Store:
         answer.add_done_callback(self._answers.discard)
 
     async def drain(self, seconds: float) -> bool:
-        """Wait at most ``seconds`` until all that waits is committed and published; return whether it is."""
+        """Wait at most ``seconds`` until everything is committed and published; return whether it is."""
         done = asyncio.Event()
         self.commit(Changes(), done.set)
         return await set_within(done, seconds)
 
     def close(self) -> None:
-        """End the threads, close the database and release its lock; pending queries are abandoned."""
+        """Stop the threads, close the database and release its lock; pending queries are abandoned."""
         hang_up(self._engine)
         self._writer.shutdown()
         self._reader.shutdown()
@@ -147,7 +147,7 @@ class Store:
             self._lock.release()
 
     async def unfinished(self) -> Unfinished:
-        """Return all that a restart restores."""
+        """Return everything that a restart restores."""
         found = await self._read(lambda: database.read_unfinished(self._engine))
         self.numbers.begin(found.last_change)
         return found
@@ -155,7 +155,7 @@ class Store:
     async def order(
         self, *, name: str | None = None, idempotency_key: str | None = None
     ) -> TransportOrder | None:
-        """Read the order of this key, else of this name."""
+        """Read the order with this key, otherwise with this name."""
         return await self._read(
             lambda: database.read_order(self._engine, name=name, idempotency_key=idempotency_key)
         )
@@ -167,7 +167,7 @@ class Store:
     async def sequence(
         self, *, name: str | None = None, idempotency_key: str | None = None
     ) -> OrderSequence | None:
-        """Read the order sequence of this key, else of this name."""
+        """Read the order sequence with this key, otherwise with this name."""
         return await self._read(
             lambda: database.read_sequence(self._engine, name=name, idempotency_key=idempotency_key)
         )
@@ -177,15 +177,15 @@ class Store:
         return await self._read(lambda: database.read_sequences(self._engine, wanted))
 
     async def path_locks(self) -> dict[str, bool]:
-        """Read whether hosts have locked or unlocked a path, by its name."""
+        """Read which paths hosts have locked or unlocked, by path name."""
         return await self._read(lambda: database.read_path_locks(self._engine))
 
     async def documents(self, kind: str) -> dict[str, str]:
-        """Read what hosts have put here of a kind, by name."""
+        """Read the documents of a kind that hosts have uploaded, by name."""
         return await self._read(lambda: read_documents(self._engine, kind))
 
     async def changes_after(self, number: int, limit: int) -> tuple[tuple[int, TransportOrder], ...]:
-        """Read the orders that have changed since this change, each with the number of its last one."""
+        """Read the orders changed since change ``number``, each with the number of its last change."""
         return await self._read(lambda: database.read_changes(self._engine, number, limit))
 
     async def _read(self, work: Callable[[], T]) -> T:
@@ -203,7 +203,7 @@ class Store:
             if changes:
                 await self._write(changes)
                 if self._lost():
-                    return  # what was committed is gone with its file, so it is not published
+                    return  # the commit is lost with its file, so it is not published
             for each in then:
                 self._publish(each)
         finally:
@@ -227,7 +227,7 @@ class Store:
                 return
 
     def _lost(self) -> str:
-        """Check the database file; return why it is not the one that was opened, empty if it is."""
+        """Check the database file; return why it is no longer the one that was opened, empty if it is."""
         if not self._loss and self._lock and (loss := self._lock.loss()):
             log.critical("accepting no more orders; the order service exits", reason=loss)
             self._loss = loss

@@ -1,4 +1,4 @@
-"""Generates C and Python sources from interface definitions, and compiles them."""
+"""Generate C and Python sources from interface definitions, and compile them."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Sources:
 
 
 def generate(definitions: Path, folder: Path) -> Sources:
-    """Generate the package that the folder ``definitions`` is named for: messages, services and actions."""
+    """Generate the package named like the folder ``definitions``: messages, services and actions."""
     sources = Sources(definitions.name, folder)
     # The generators find each other by this variable, and print what they read.
     os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix)

@@ -1,1 +1,1 @@
-"""Alembic: what brings the tables of a store from release to release."""
+"""Alembic migrations of the store's tables between releases."""

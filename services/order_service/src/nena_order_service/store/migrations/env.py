@@ -1,4 +1,4 @@
-"""Run by Alembic: migrates the tables of the given connection to the requested revision."""
+"""Migrate the tables of the given connection to the requested revision; run by Alembic."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""One step of the tables in each module."""
+"""One migration per module."""

@@ -1,4 +1,4 @@
-"""Orders, their histories and their missions: the tables of the first stores."""
+"""Create the tables of the first stores: orders, their histories and their missions."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ down_revision = None
 
 
 def upgrade() -> None:
-    """Make the tables."""
+    """Create the tables."""
     op.create_table(
         "transport_orders",
         sa.Column("number", sa.BigInteger(), primary_key=True, autoincrement=False),

@@ -1,4 +1,4 @@
-"""Change numbers for event streams, vehicles, locks of paths, and the active service of a shared store."""
+"""Add change numbers for event streams, vehicles, path locks, and the leader of a shared store."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ down_revision = "0001"
 
 
 def upgrade() -> None:
-    """Add them; existing orders count as changed in the order of their creation."""
+    """Add the tables; existing orders count as changed in the order of their creation."""
     op.add_column(
         "transport_orders", sa.Column("change_number", sa.BigInteger(), nullable=False, server_default="0")
     )

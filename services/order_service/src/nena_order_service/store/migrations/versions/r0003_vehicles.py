@@ -1,4 +1,4 @@
-"""Where each robot was at last, and what it does without an order."""
+"""Add the last known position of each robot, and what it does without an order."""
 
 from __future__ import annotations
 

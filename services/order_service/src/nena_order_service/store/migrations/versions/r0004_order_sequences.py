@@ -1,4 +1,4 @@
-"""Order sequences."""
+"""Add order sequences."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What hosts put here as a whole."""
+"""Add documents uploaded by hosts."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ down_revision = "0004"
 
 
 def upgrade() -> None:
-    """Add the table; until something is put, the plant model is that of the file."""
+    """Add the table; until a host uploads one, the plant model of the file is used."""
     op.create_table(
         "documents",
         sa.Column("kind", sa.String(20), primary_key=True),

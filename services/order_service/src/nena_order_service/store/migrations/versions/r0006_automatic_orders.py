@@ -1,4 +1,4 @@
-"""Marks the orders that the order service has created itself; before, only their names showed it."""
+"""Mark the orders that the order service created itself, which only their names showed before."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ revision = "0006"
 down_revision = "0005"
 
 NAMES = {"Park": re.compile(r"Park-[0-9a-f]{22}"), "Charge": re.compile(r"Recharge-[0-9a-f]{22}")}
-"""How the order service has named them, by their types."""
+"""Patterns of the names of automatic orders, by order type."""
 
 ORDERS = sa.table(
     "transport_orders",
@@ -47,7 +47,7 @@ def _note(connection: sa.Connection, number: int, status: Mapping[str, Any]) -> 
 
 
 def _is_automatic(status: Mapping[str, Any]) -> bool:
-    """Return whether no host can be meant: the name is a made one, and failing is all that is ever done."""
+    """Return whether no host created the order: its name is generated, and it is never retried."""
     name = NAMES.get(status["type"])
     measures = [step.get("do") for step in status.get("onFailure") or ()]
     return (
