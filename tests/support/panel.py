@@ -118,6 +118,13 @@ class Hall:
         """Start the aggregator that watches this hall."""
         return AggregatorProcess(*self.options, *options)
 
+    @asynccontextmanager
+    async def connected(self, *options: str) -> AsyncIterator[AggregatorProcess]:
+        """Start the aggregator and wait until it is connected to the broker."""
+        with self.aggregator(*options) as aggregator:
+            await aggregator.logged("broker connected")
+            yield aggregator
+
 
 @asynccontextmanager
 async def opened(

@@ -125,8 +125,7 @@ async def test_no_text_is_outside_the_catalogue(hall: Hall, browser: Browser) ->
         body = re.sub(r'": +"|":\n +"', lambda found: found.group() + "⟦", source).replace('",\n', '⟧",\n')
         await route.fulfill(body=body, content_type="text/javascript")
 
-    with hall.aggregator(*commanded()) as aggregator:
-        await aggregator.logged("broker connected")
+    async with hall.connected(*commanded()):
         populate(hall)
         async with opened(browser, hall.url, expected=NO_ORDER_SERVICE) as page:
             await page.route(re.compile(r"/texts/en[.]js"), marked)
@@ -154,8 +153,7 @@ async def test_no_text_is_outside_the_catalogue(hall: Hall, browser: Browser) ->
 async def test_the_browsers_language_is_taken(
     hall: Hall, browser: Browser, language: str, words: tuple[str, ...]
 ) -> None:
-    with hall.aggregator() as aggregator:
-        await aggregator.logged("broker connected")
+    async with hall.connected():
         populate(hall)
         async with opened(browser, hall.url, language=language) as page:
             await expect(page.locator("html")).to_have_attribute("lang", language[:2])
@@ -168,8 +166,7 @@ async def test_the_browsers_language_is_taken(
 
 
 async def test_the_language_is_switched_and_kept(hall: Hall, browser: Browser) -> None:
-    with hall.aggregator() as aggregator:
-        await aggregator.logged("broker connected")
+    async with hall.connected():
         populate(hall)
         async with opened(browser, hall.url + VIEWS["robot"]) as page:
             facts = page.locator("nena-robot-page .facts")
@@ -183,8 +180,7 @@ async def test_the_language_is_switched_and_kept(hall: Hall, browser: Browser) -
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 async def test_axe_finds_nothing_serious(hall: Hall, browser: Browser, *, dark: bool) -> None:
-    with hall.aggregator(*commanded()) as aggregator:
-        await aggregator.logged("broker connected")
+    async with hall.connected(*commanded()):
         populate(hall)
         async with opened(browser, hall.url, dark=dark, expected=NO_ORDER_SERVICE) as page:
             for view in VIEWS:
@@ -198,8 +194,7 @@ async def test_axe_finds_nothing_serious(hall: Hall, browser: Browser, *, dark: 
 
 @pytest.mark.parametrize("language", [pytest.param("en-GB", marks=pytest.mark.long), "de-DE"])
 async def test_no_view_is_wider_than_a_telephone(hall: Hall, browser: Browser, language: str) -> None:
-    with hall.aggregator(*commanded()) as aggregator:
-        await aggregator.logged("broker connected")
+    async with hall.connected(*commanded()):
         populate(hall)
         async with opened(browser, hall.url, width=390, language=language, expected=NO_ORDER_SERVICE) as page:
             for view in VIEWS:
@@ -214,8 +209,7 @@ async def test_no_view_is_wider_than_a_telephone(hall: Hall, browser: Browser, l
 
 
 async def test_a_robot_is_commanded_by_keys_alone(hall: Hall, browser: Browser) -> None:
-    with hall.aggregator(*commanded()) as aggregator:
-        await aggregator.logged("broker connected")
+    async with hall.connected(*commanded()):
         populate(hall)
         async with opened(browser, hall.url, expected=NO_ORDER_SERVICE) as page:
             link = page.get_by_role("link", name="Vehicle-1")
@@ -238,8 +232,7 @@ async def test_a_robot_is_commanded_by_keys_alone(hall: Hall, browser: Browser) 
 
 
 async def test_a_chain_of_causes_leads_from_one_robot_to_another(hall: Hall, browser: Browser) -> None:
-    with hall.aggregator() as aggregator:
-        await aggregator.logged("broker connected")
+    async with hall.connected():
         populate(hall)
         async with opened(browser, hall.url + VIEWS["order"]) as page:
             causes = page.locator("nena-order-page .causes li")

@@ -47,8 +47,7 @@ async def test_the_form_is_made_from_the_factsheet(hall: Hall, browser: Browser)
         done = {"actionId": "1", "actionType": "beep", "status": "FAILED", "reason": "no horn"}
         await route.fulfill(json=done)
 
-    with hall.aggregator("--order_service.url", f"http://127.0.0.1:{free_port()}") as aggregator:
-        await aggregator.logged("broker connected")
+    async with hall.connected("--order_service.url", f"http://127.0.0.1:{free_port()}"):
         hall.send(Topic.FACTSHEET, sheet(), retain=True)
         hall.send(Topic.STATE, state(at=seconds_now()))
         vehicle = vehicle_status().model_dump_json(by_alias=True)

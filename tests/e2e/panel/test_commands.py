@@ -225,8 +225,7 @@ async def test_the_initial_position_is_set(
 async def test_a_position_that_comes_later_is_filled_in_but_replaces_nothing_typed(
     hall: Hall, browser: Browser
 ) -> None:
-    with hall.aggregator("--order_service.url", f"http://127.0.0.1:{free_port()}") as aggregator:
-        await aggregator.logged("broker connected")
+    async with hall.connected("--order_service.url", f"http://127.0.0.1:{free_port()}"):
         hall.send(Topic.STATE, state(1, at=seconds_now(), mobile_robot_position=None))
         vehicle = vehicle_status().model_dump_json(by_alias=True)
         hall.peer.publish(hall.fleet.vehicle_status("r1"), vehicle, retain=True)

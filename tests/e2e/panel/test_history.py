@@ -42,8 +42,7 @@ async def positions(hall: Hall) -> list[str]:
 
 
 async def test_the_slider_shows_where_a_robot_was(hall: Hall, browser: Browser, tmp_path: Path) -> None:
-    with hall.aggregator("--history.url", f"sqlite:///{tmp_path}/history.db") as aggregator:
-        await aggregator.logged("broker connected")
+    async with hall.connected("--history.url", f"sqlite:///{tmp_path}/history.db"):
         hall.publish_plant()
         hall.send(Topic.CONNECTION, connection(), retain=True)
         for number, x in enumerate((3, 9, 15), start=1):
@@ -108,11 +107,12 @@ async def leaving_ends_the_load(page: Page) -> None:
 
 
 async def test_without_a_history_the_page_says_so(hall: Hall, browser: Browser) -> None:
-    with hall.aggregator("--history.url", "none") as aggregator:
-        await aggregator.logged("broker connected")
-        async with opened(browser, f"{hall.url}#/history", expected=("404",)) as page:
-            await expect(page.get_by_text("No history")).to_be_visible()
-            await expect(page.get_by_role("button", name="Play")).to_be_disabled()
+    async with (
+        hall.connected("--history.url", "none"),
+        opened(browser, f"{hall.url}#/history", expected=("404",)) as page,
+    ):
+        await expect(page.get_by_text("No history")).to_be_visible()
+        await expect(page.get_by_role("button", name="Play")).to_be_disabled()
 
 
 async def recorded(hall: Hall, code: str) -> int:
@@ -121,8 +121,7 @@ async def recorded(hall: Hall, code: str) -> int:
 
 
 async def test_events_are_filtered_grouped_and_linked(hall: Hall, browser: Browser, tmp_path: Path) -> None:
-    with hall.aggregator("--history.url", f"sqlite:///{tmp_path}/history.db") as aggregator:
-        await aggregator.logged("broker connected")
+    async with hall.connected("--history.url", f"sqlite:///{tmp_path}/history.db"):
         hall.publish_plant()
         error = {"error_type": "NODE_UNREACHABLE", "error_level": "WARNING", "error_description": "no way"}
         for robot, errors in ((ROBOT, (error,)), (OTHER, ())):

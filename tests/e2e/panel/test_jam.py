@@ -93,8 +93,7 @@ def row(page: Page, number: int) -> Any:
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 async def test_a_jam_is_led_to_its_head(hall: Hall, browser: Browser, *, dark: bool) -> None:
-    with hall.aggregator(*JAM) as aggregator:
-        await aggregator.logged("broker connected")
+    async with hall.connected(*JAM):
         jam(hall)
         async with opened(browser, hall.url, width=1600, height=1000, dark=dark) as page:
             header = page.locator("nena-fleet-summary")
@@ -130,8 +129,7 @@ async def test_a_jam_is_led_to_its_head(hall: Hall, browser: Browser, *, dark: b
 
 
 async def test_a_circle_is_named(hall: Hall, browser: Browser) -> None:
-    with hall.aggregator("--jam.robots", "2", "--jam.seconds", "0.1") as aggregator:
-        await aggregator.logged("broker connected")
+    async with hall.connected("--jam.robots", "2", "--jam.seconds", "0.1"):
         hall.publish_plant()
         for number, other in ((1, 2), (2, 3), (3, 1)):
             robot(hall, number, 3.0 * number, 7, other)
@@ -159,8 +157,7 @@ async def test_an_idle_robot_shows_no_old_goals_and_no_internal_orders(hall: Hal
         }
         for number, status in enumerate(("ABORTED", "ABORTED", "SUCCEEDED"))
     )
-    with hall.aggregator() as aggregator:
-        await aggregator.logged("broker connected")
+    async with hall.connected():
         hall.publish_plant()
         robot(hall, 1, 3, 7, order_id="evasion-7f37e9cd", information=goals)
         robot(hall, 2, 9, 7, order_id="vda-2", information=goals, **way("Middle 3"))
@@ -179,8 +176,7 @@ async def test_an_idle_robot_shows_no_old_goals_and_no_internal_orders(hall: Hal
 async def test_an_emergency_stop_among_many_robots_is_seen_at_once(
     hall: Hall, browser: Browser, width: int, height: int
 ) -> None:
-    with hall.aggregator() as aggregator:
-        await aggregator.logged("broker connected")
+    async with hall.connected():
         hall.publish_plant()
         for number in range(1, ROBOTS + 1):
             stop = STOP if number == ROBOTS else {}
@@ -265,8 +261,7 @@ async def test_a_robot_that_waits_for_a_paused_one_is_not_idle(
 
 
 async def test_reasons_of_a_dead_order_service_are_shown_as_old(hall: Hall, browser: Browser) -> None:
-    with hall.aggregator() as aggregator:
-        await aggregator.logged("broker connected")
+    async with hall.connected():
         jam(hall)
         dead = ServiceStatus(online=False, timestamp=START, store_ready=False)
         hall.peer.publish(hall.fleet.service_status, dead.model_dump_json(by_alias=True), retain=True)
@@ -299,8 +294,7 @@ async def test_reasons_of_a_dead_order_service_are_shown_as_old(hall: Hall, brow
 async def test_a_jam_is_told_in_the_users_language(
     hall: Hall, browser: Browser, language: str, words: tuple[str, ...]
 ) -> None:
-    with hall.aggregator(*JAM) as aggregator:
-        await aggregator.logged("broker connected")
+    async with hall.connected(*JAM):
         jam(hall)
         async with opened(browser, hall.url, width=390, language=language) as page:
             summary, urgent, waiting, head = words
@@ -322,8 +316,7 @@ async def test_a_jam_is_told_in_the_users_language(
 async def test_a_robot_that_waits_for_no_robot_says_why_in_one_language(
     hall: Hall, browser: Browser, language: str, words: str
 ) -> None:
-    with hall.aggregator() as aggregator:
-        await aggregator.logged("broker connected")
+    async with hall.connected():
         hall.publish_plant()
         robot(hall, 9, 3, 7)
         key, wait = RobotKey("ACME", "r09"), TrafficWait(reason="path A -- B is locked")

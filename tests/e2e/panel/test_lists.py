@@ -65,8 +65,7 @@ async def names(page: Page) -> list[str]:
 async def test_the_lists_are_sorted_and_filtered_and_the_address_keeps_it(
     hall: Hall, browser: Browser, width: int, height: int, *, dark: bool
 ) -> None:
-    with hall.aggregator() as aggregator:
-        await aggregator.logged("broker connected")
+    async with hall.connected():
         shift(hall)
         async with opened(browser, hall.url, width=width, height=height, dark=dark) as page:
             await expect(page.get_by_role("tab", name="Robots")).to_have_text("Robots (4)")
@@ -103,8 +102,7 @@ async def test_the_lists_are_sorted_and_filtered_and_the_address_keeps_it(
 
 
 async def test_rows_keep_their_order_while_the_pointer_is_over_them(hall: Hall, browser: Browser) -> None:
-    with hall.aggregator() as aggregator:
-        await aggregator.logged("broker connected")
+    async with hall.connected():
         shift(hall)
         async with opened(browser, hall.url, width=1600, height=1000) as page:
             last = page.locator("tr[data-robot='ACME/r004']")
@@ -120,8 +118,7 @@ async def test_rows_keep_their_order_while_the_pointer_is_over_them(hall: Hall, 
 
 
 async def test_one_search_finds_robots_orders_and_places(hall: Hall, browser: Browser) -> None:
-    with hall.aggregator() as aggregator:
-        await aggregator.logged("broker connected")
+    async with hall.connected():
         shift(hall)
         async with opened(browser, hall.url, width=1600, height=1000) as page:
             await expect(page.get_by_role("tab", name="Orders")).to_have_text("Orders (2)")
@@ -154,8 +151,7 @@ async def test_one_search_finds_robots_orders_and_places(hall: Hall, browser: Br
 
 
 async def test_the_tabs_are_moved_by_keys(hall: Hall, browser: Browser) -> None:
-    with hall.aggregator() as aggregator:
-        await aggregator.logged("broker connected")
+    async with hall.connected():
         shift(hall)
         async with opened(browser, hall.url) as page:
             await page.get_by_role("tab", name="Robots").focus()
@@ -184,8 +180,7 @@ async def test_several_robots_are_paused_at_once(hall: Hall, browser: Browser) -
         }
         await route.fulfill(json=done)
 
-    with hall.aggregator("--order_service.url", f"http://127.0.0.1:{free_port()}") as aggregator:
-        await aggregator.logged("broker connected")
+    async with hall.connected("--order_service.url", f"http://127.0.0.1:{free_port()}"):
         shift(hall)
         async with opened(browser, hall.url, width=1600, height=1000, expected=("502",)) as page:
             await page.route("**/instantActions", order_service)
@@ -216,8 +211,7 @@ async def test_several_robots_are_paused_at_once(hall: Hall, browser: Browser) -
 
 
 async def test_a_thousand_robots_stay_usable(hall: Hall, browser: Browser) -> None:
-    with hall.aggregator() as aggregator:
-        await aggregator.logged("broker connected")
+    async with hall.connected():
         hall.publish_plant()
         for number in range(1, MANY + 1):
             robot(hall, number, **(STOP if number == MANY else {}))
@@ -238,8 +232,7 @@ async def test_a_thousand_robots_stay_usable(hall: Hall, browser: Browser) -> No
 async def test_a_telephone_shows_who_needs_a_person_and_then_the_search(
     hall: Hall, browser: Browser, language: str, title: str
 ) -> None:
-    with hall.aggregator() as aggregator:
-        await aggregator.logged("broker connected")
+    async with hall.connected():
         shift(hall)
         async with opened(browser, hall.url, width=390, height=844, language=language) as page:
             needs = page.get_by_role("region", name=title)

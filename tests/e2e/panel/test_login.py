@@ -43,8 +43,7 @@ class Site:
     async def aggregator(self) -> AsyncIterator[None]:
         """Run the aggregator, with a robot in the hall."""
         options = ("--http.users", str(self.file), "--order_service.url", f"http://127.0.0.1:{free_port()}")
-        with self.hall.aggregator(*options) as aggregator:
-            await aggregator.logged("broker connected")
+        async with self.hall.connected(*options):
             self.hall.publish_plant()
             self.hall.send(Topic.CONNECTION, connection(), retain=True)
             here = state(at=seconds_now(), last_node_id="South 1", mobile_robot_position=position(5, 2))

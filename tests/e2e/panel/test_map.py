@@ -43,8 +43,7 @@ async def near(page: Page, x: float, y: float, colour: str) -> int:
 async def test_what_is_ahead_of_a_robot_is_drawn_and_layers_are_switched(
     hall: Hall, browser: Browser
 ) -> None:
-    with hall.aggregator() as aggregator:
-        await aggregator.logged("broker connected")
+    async with hall.connected():
         hall.publish_plant()
         busy_robot(hall)
         async with opened(browser, hall.url) as page:
@@ -66,8 +65,7 @@ async def test_what_is_ahead_of_a_robot_is_drawn_and_layers_are_switched(
 async def test_the_robots_own_map_lies_under_the_plan_and_is_switched_off(
     hall: Hall, browser: Browser
 ) -> None:
-    with hall.aggregator() as aggregator:
-        await aggregator.logged("broker connected")
+    async with hall.connected():
         hall.publish_plant()
         hall.publish_map()
         busy_robot(hall)
@@ -85,8 +83,7 @@ async def test_a_footprint_of_the_factsheet_is_drawn_as_it_is(hall: Hall, browse
     corners = [{"x": x, "y": y} for x, y in ((0.0, -0.5), (2.5, -0.5), (2.5, 0.5), (0.0, 0.5))]
     geometry = {"envelopes2d": ({"envelope2dId": "all", "vertices": corners},)}
     sheet = factsheet(at=seconds_now()).model_dump(by_alias=True)
-    with hall.aggregator() as aggregator:
-        await aggregator.logged("broker connected")
+    async with hall.connected():
         hall.publish_plant()
         hall.send(
             Topic.FACTSHEET,
@@ -100,8 +97,7 @@ async def test_a_footprint_of_the_factsheet_is_drawn_as_it_is(hall: Hall, browse
 
 
 async def test_the_map_follows_a_robot_until_it_is_moved_by_hand(hall: Hall, browser: Browser) -> None:
-    with hall.aggregator() as aggregator:
-        await aggregator.logged("broker connected")
+    async with hall.connected():
         hall.publish_plant()
         hall.send(Topic.STATE, state(at=seconds_now(), mobile_robot_position=position(5, 2)))
         async with opened(browser, hall.url) as page:
@@ -152,8 +148,7 @@ async def test_two_hundred_robots_at_two_hertz_are_drawn_smoothly(hall: Hall, br
 
     The cost of the states is the same however few frames the page draws, so it is counted separately.
     """
-    with hall.aggregator() as aggregator:
-        await aggregator.logged("broker connected")
+    async with hall.connected():
         hall.publish_plant()
         hall.publish_order(1, TransportOrderState.BEING_PROCESSED)
         hall.send(Topic.CONNECTION, connection(), robot=ROBOT)

@@ -28,57 +28,52 @@ OTHER = RobotKey("ACME", "r2")
 
 
 async def test_an_empty_page_says_what_to_do(hall: Hall, browser: Browser) -> None:
-    with hall.aggregator() as aggregator:
-        await aggregator.logged("broker connected")
-        async with opened(browser, hall.url) as page:
-            await expect(page.get_by_text("No plant model yet")).to_be_visible()
-            await expect(page.get_by_text("No robots yet")).to_be_visible()
-            await expect(page.get_by_text("Start an edge agent on the same broker")).to_be_visible()
-            await page.get_by_role("tab", name="Orders").click()
-            await expect(page.get_by_text("No transport orders yet")).to_be_visible()
-            await expect(page.locator("nena-link-banner")).to_be_hidden()
+    async with hall.connected(), opened(browser, hall.url) as page:
+        await expect(page.get_by_text("No plant model yet")).to_be_visible()
+        await expect(page.get_by_text("No robots yet")).to_be_visible()
+        await expect(page.get_by_text("Start an edge agent on the same broker")).to_be_visible()
+        await page.get_by_role("tab", name="Orders").click()
+        await expect(page.get_by_text("No transport orders yet")).to_be_visible()
+        await expect(page.locator("nena-link-banner")).to_be_hidden()
 
 
 async def test_robots_and_orders_live(hall: Hall, browser: Browser) -> None:
-    with hall.aggregator() as aggregator:
-        await aggregator.logged("broker connected")
-        async with opened(browser, hall.url) as page:
-            hall.publish_plant()
-            hall.send(Topic.CONNECTION, connection(), retain=True)
-            busy = state(
-                at=seconds_now(),
-                order_id="o1",
-                driving=True,
-                last_node_id="South 1",
-                last_node_sequence_id=2,
-                mobile_robot_position=position(5, 2),
-                **way("South 2", "South 3", "Middle 3", first=4),
-            )
-            hall.send(Topic.STATE, busy)
-            robot = page.get_by_role("row").filter(has_text="ACME")
-            await expect(robot).to_contain_text("Busy")
-            await expect(robot).to_contain_text("Driving to South 2.")
-            await expect(robot).to_contain_text("80 %")
-            await expect(robot.get_by_role("progressbar")).to_have_attribute("value", "25")
-            hall.publish_order(1, TransportOrderState.BEING_PROCESSED)
-            await page.get_by_role("tab", name="Orders").click()
-            order = page.locator("tr[data-order='TO-1']")
-            await expect(order).to_contain_text("In progress")
-            await expect(order).to_contain_text("Goods in: Load")
-            hall.publish_order(2, TransportOrderState.FINISHED)
-            await expect(order).to_contain_text("Finished")
-            vehicle = vehicle_status().model_dump_json(by_alias=True)
-            hall.peer.publish(hall.fleet.vehicle_status("r1"), vehicle, retain=True)
-            await page.get_by_role("tab", name="Robots").click()
-            await expect(page.get_by_role("link", name="Vehicle-1")).to_be_visible()
-            hall.send(Topic.CONNECTION, connection("CONNECTION_BROKEN"), retain=True)
-            await expect(page.locator("tr[data-robot='ACME/r1']")).to_contain_text("Connection broken")
-            await expect(page.locator("nena-fleet-summary")).to_contain_text("1 Connection broken")
+    async with hall.connected(), opened(browser, hall.url) as page:
+        hall.publish_plant()
+        hall.send(Topic.CONNECTION, connection(), retain=True)
+        busy = state(
+            at=seconds_now(),
+            order_id="o1",
+            driving=True,
+            last_node_id="South 1",
+            last_node_sequence_id=2,
+            mobile_robot_position=position(5, 2),
+            **way("South 2", "South 3", "Middle 3", first=4),
+        )
+        hall.send(Topic.STATE, busy)
+        robot = page.get_by_role("row").filter(has_text="ACME")
+        await expect(robot).to_contain_text("Busy")
+        await expect(robot).to_contain_text("Driving to South 2.")
+        await expect(robot).to_contain_text("80 %")
+        await expect(robot.get_by_role("progressbar")).to_have_attribute("value", "25")
+        hall.publish_order(1, TransportOrderState.BEING_PROCESSED)
+        await page.get_by_role("tab", name="Orders").click()
+        order = page.locator("tr[data-order='TO-1']")
+        await expect(order).to_contain_text("In progress")
+        await expect(order).to_contain_text("Goods in: Load")
+        hall.publish_order(2, TransportOrderState.FINISHED)
+        await expect(order).to_contain_text("Finished")
+        vehicle = vehicle_status().model_dump_json(by_alias=True)
+        hall.peer.publish(hall.fleet.vehicle_status("r1"), vehicle, retain=True)
+        await page.get_by_role("tab", name="Robots").click()
+        await expect(page.get_by_role("link", name="Vehicle-1")).to_be_visible()
+        hall.send(Topic.CONNECTION, connection("CONNECTION_BROKEN"), retain=True)
+        await expect(page.locator("tr[data-robot='ACME/r1']")).to_contain_text("Connection broken")
+        await expect(page.locator("nena-fleet-summary")).to_contain_text("1 Connection broken")
 
 
 async def test_a_robot_that_deviates_says_so(hall: Hall, browser: Browser) -> None:
-    with hall.aggregator() as aggregator:
-        await aggregator.logged("broker connected")
+    async with hall.connected():
         plain = CODEC.encode(state(at=seconds_now()))
         hall.peer.publish(hall.robots.of(ROBOT, Topic.STATE), plain.replace(b'"errors":[]', b'"errors":null'))
         async with opened(browser, hall.url) as page:
@@ -90,8 +85,7 @@ async def test_a_robot_that_deviates_says_so(hall: Hall, browser: Browser) -> No
 
 
 async def test_a_robot_is_picked_on_the_map_and_from_the_keyboard(hall: Hall, browser: Browser) -> None:
-    with hall.aggregator() as aggregator:
-        await aggregator.logged("broker connected")
+    async with hall.connected():
         hall.publish_plant()
         for robot, x in ((ROBOT, 5.0), (OTHER, 15.0)):
             here = state(robot=robot, at=seconds_now(), mobile_robot_position=position(x, 2))
@@ -118,8 +112,7 @@ async def test_a_robot_is_picked_on_the_map_and_from_the_keyboard(hall: Hall, br
 
 
 async def test_on_a_telephone_a_name_leads_to_the_robot_and_to_the_map(hall: Hall, browser: Browser) -> None:
-    with hall.aggregator() as aggregator:
-        await aggregator.logged("broker connected")
+    async with hall.connected():
         hall.publish_plant()
         for number in range(1, 6):
             robot = RobotKey("ACME", f"r{number}")
@@ -172,8 +165,7 @@ async def test_a_lost_broker_is_said(own_broker: Broker, browser: Browser) -> No
 
 @pytest.mark.parametrize("dark", [False, pytest.param(True, marks=pytest.mark.long)])
 async def test_nothing_sticks_out_of_a_telephone(hall: Hall, browser: Browser, *, dark: bool) -> None:
-    with hall.aggregator() as aggregator:
-        await aggregator.logged("broker connected")
+    async with hall.connected():
         hall.publish_plant()
         hall.publish_order(1, TransportOrderState.BEING_PROCESSED)
         long_text = "x" * 300

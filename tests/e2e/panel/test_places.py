@@ -82,8 +82,7 @@ async def test_a_path_is_locked_and_a_robot_sent_from_the_map(
 async def test_a_map_without_room_draws_nothing_and_full_screen_has_a_button(
     hall: Hall, browser: Browser
 ) -> None:
-    with hall.aggregator() as aggregator:
-        await aggregator.logged("broker connected")
+    async with hall.connected():
         hall.publish_plant()
         hall.publish_map()
         async with opened(browser, hall.url, width=390, height=844) as page:

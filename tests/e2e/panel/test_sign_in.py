@@ -36,8 +36,7 @@ async def aggregator(hall: Hall, issuer: OidcIssuer) -> AsyncIterator[None]:
     """Run the aggregator, with a robot in the hall."""
     oidc = issuer.settings_of(hall.url)
     options = [part for name, value in oidc.items() for part in (f"--http.oidc.{name}", value)]
-    with hall.aggregator(*options, "--order_service.url", f"http://127.0.0.1:{free_port()}") as program:
-        await program.logged("broker connected")
+    async with hall.connected(*options, "--order_service.url", f"http://127.0.0.1:{free_port()}"):
         hall.publish_plant()
         hall.send(Topic.CONNECTION, connection(), retain=True)
         here = state(at=seconds_now(), last_node_id="South 1", mobile_robot_position=position(5, 2))

@@ -67,6 +67,16 @@ async def under_way(
     return engine
 
 
+async def with_blocked_destination(fleet: ScriptedFleet, goal: str) -> Engine:
+    """Order V1 to a point on which V2 stands out of order, so that nothing is sent."""
+    engine = await make_engine(PLANT, MemoryStore(), fleet)
+    fleet.out_of_order.add("V2")
+    fleet.appear("V2", goal)
+    fleet.appear("V1", "A")
+    engine.create(request(goal, intendedVehicle="V1"), "T-1")
+    return engine
+
+
 def locked(*paths: str) -> dict[str, bool]:
     return {each.replace(" ", " --- "): True for each in paths}
 
@@ -184,11 +194,7 @@ async def test_order_whose_next_drive_order_is_locked_waits() -> None:
 
 async def test_wish_that_no_way_leads_to_any_more_waits_for_the_unlocking() -> None:
     fleet = ScriptedFleet({})
-    engine = await make_engine(PLANT, MemoryStore(), fleet)
-    fleet.out_of_order.add("V2")
-    fleet.appear("V2", "F")
-    fleet.appear("V1", "A")
-    engine.create(request("F", intendedVehicle="V1"), "T-1")
+    engine = await with_blocked_destination(fleet, "F")
     assert fleet.sent == []
     lock(engine, "E F")
     assert "waits until a path is unlocked" in order(engine).status.reason
@@ -294,11 +300,7 @@ async def test_who_has_no_order_or_is_away_is_not_rerouted() -> None:
 
 async def test_way_of_an_order_that_nothing_was_sent_of_is_chosen_when_it_departs() -> None:
     fleet = ScriptedFleet({})
-    engine = await make_engine(PLANT, MemoryStore(), fleet)
-    fleet.out_of_order.add("V2")
-    fleet.appear("V2", "E")
-    fleet.appear("V1", "A")
-    engine.create(request("E", intendedVehicle="V1"), "T-1")
+    engine = await with_blocked_destination(fleet, "E")
     assert reroute(engine, FORCED) == (ReroutingOutcome.UNCHANGED, "")
 
 

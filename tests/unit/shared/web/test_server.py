@@ -112,17 +112,6 @@ Line = tuple[asyncio.StreamReader, asyncio.StreamWriter]
 
 
 @asynccontextmanager
-async def serving_of_connection(settings: HttpSettings) -> AsyncIterator[HttpServer]:
-    server = HttpServer(PlainTextResponse("yes"), settings)
-    task = asyncio.create_task(server.run())
-    try:
-        yield server
-    finally:
-        server.stop()
-        await asyncio.wait_for(task, PATIENCE)
-
-
-@asynccontextmanager
 async def connected(server: HttpServer, source: str = "127.0.0.1") -> AsyncIterator[Line]:
     reader, writer = await asyncio.open_connection("127.0.0.1", server.port, local_addr=(source, 0))
     try:
@@ -153,13 +142,13 @@ async def is_closed(line: Line) -> bool:
 @pytest.mark.parametrize("begun", [b"", b"GET / HT"])
 async def test_who_sends_no_request_is_let_go(monkeypatch: pytest.MonkeyPatch, begun: bytes) -> None:
     monkeypatch.setattr(server_module, "HEAD_TIMEOUT", 0.05)
-    async with serving_of_connection(HttpSettings(port=0)) as server, connected(server) as line:
+    async with serving(HttpSettings(port=0)) as server, connected(server) as line:
         line[1].write(begun)
         assert await is_closed(line)
 
 
 async def test_the_next_request_has_its_time_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    async with serving_of_connection(HttpSettings(port=0)) as server, connected(server) as line:
+    async with serving(HttpSettings(port=0)) as server, connected(server) as line:
         assert await answered(line)
         monkeypatch.setattr(server_module, "HEAD_TIMEOUT", 0.05)
         line[1].write(REQUEST[:10])
@@ -175,7 +164,7 @@ async def test_an_answer_may_take_longer_than_the_head(monkeypatch: pytest.Monke
         await late.wait()
         await PlainTextResponse("yes")(scope, receive, send)
 
-    async with serving_of_connection(HttpSettings(port=0)) as server, connected(server) as line:
+    async with serving(HttpSettings(port=0)) as server, connected(server) as line:
         server.app = answer
         assert await answered(line)
 
@@ -183,7 +172,7 @@ async def test_an_answer_may_take_longer_than_the_head(monkeypatch: pytest.Monke
 async def test_an_address_has_a_bounded_number(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server_module, "PER_ADDRESS", 3)
     monkeypatch.setattr(server_module, "_logged", RateLimit(rate=1 / 60, burst=1))
-    async with serving_of_connection(HttpSettings(port=0)) as server, AsyncExitStack() as stack:
+    async with serving(HttpSettings(port=0)) as server, AsyncExitStack() as stack:
         told = stack.enter_context(capture_logs())
         lines = [await stack.enter_async_context(connected(server)) for _ in range(3)]
         assert all([await answered(each) for each in lines])
@@ -200,7 +189,7 @@ async def test_broken_requests_do_not_fill_the_log(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(server_module.SELDOM, "_passed", RateLimit(rate=1 / 60, burst=1))
-    async with serving_of_connection(HttpSettings(port=0)) as server:
+    async with serving(HttpSettings(port=0)) as server:
         for _ in range(3):
             async with connected(server) as line:
                 assert not await answered(line, b"\x16\x03\x01\r\n\r\n")
@@ -210,7 +199,7 @@ async def test_broken_requests_do_not_fill_the_log(
 async def test_those_of_a_proxy_are_not_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server_module, "PER_ADDRESS", 1)
     async with (
-        serving_of_connection(HttpSettings(port=0, reverse_proxy=True)) as server,
+        serving(HttpSettings(port=0, reverse_proxy=True)) as server,
         AsyncExitStack() as stack,
     ):
         lines = [await stack.enter_async_context(connected(server)) for _ in range(3)]
@@ -221,7 +210,7 @@ async def test_an_offer_of_another_protocol_is_answered_and_no_line_of_the_log(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     offer = b"Connection: Upgrade, HTTP2-Settings\r\nUpgrade: %b\r\nHTTP2-Settings: AA\r\n\r\n"
-    async with serving_of_connection(HttpSettings(port=0)) as server, connected(server) as line:
+    async with serving(HttpSettings(port=0)) as server, connected(server) as line:
         for protocol in (b"h2c", b"websocket"):
             assert await answered(line, REQUEST.removesuffix(b"\r\n") + offer % protocol)
     assert caplog.records == []
@@ -236,7 +225,7 @@ async def test_a_body_that_never_ends_is_not_waited_for(monkeypatch: pytest.Monk
             pass
         read.set()
 
-    async with serving_of_connection(HttpSettings(port=0)) as server, connected(server) as line:
+    async with serving(HttpSettings(port=0)) as server, connected(server) as line:
         server.app = answer
         line[1].write(b"POST / HTTP/1.1\r\nHost: a\r\nContent-Length: 9\r\n\r\nbo")
         assert await is_closed(line)
@@ -256,7 +245,7 @@ async def test_a_body_that_is_pipelined_behind_a_request_is_not_waited_for_eithe
         while (await receive())["type"] != "http.disconnect":
             pass
 
-    async with serving_of_connection(HttpSettings(port=0)) as server, connected(server) as line:
+    async with serving(HttpSettings(port=0)) as server, connected(server) as line:
         server.app = answer
         first = b"GET / HTTP/1.1\r\nHost: a\r\n\r\n"
         line[1].write(first + b"POST / HTTP/1.1\r\nHost: a\r\nContent-Length: 9\r\n\r\nbo")
@@ -277,7 +266,7 @@ async def test_who_begins_no_handshake_is_let_go_and_gives_its_place_back(
     monkeypatch.setattr(server_module, "HANDSHAKE_TIMEOUT", 0.1)
     monkeypatch.setattr(server_module, "PER_ADDRESS", 2)
     settings, ca = over_tls(tmp_path)
-    async with serving_of_connection(settings) as server, AsyncExitStack() as stack:
+    async with serving(settings) as server, AsyncExitStack() as stack:
         for begun in (b"", b"\x16\x03\x01"):
             line = await stack.enter_async_context(connected(server))
             line[1].write(begun)
@@ -298,7 +287,7 @@ async def test_silent_connections_of_one_address_keep_no_other_one_out(
     monkeypatch.setattr(server_module, "PER_ADDRESS", 3)
     settings, ca = over_tls(tmp_path)
     trusting = ssl.create_default_context(cafile=ca)
-    async with serving_of_connection(settings) as server, AsyncExitStack() as stack:
+    async with serving(settings) as server, AsyncExitStack() as stack:
         held = [await stack.enter_async_context(connected(server, "127.0.0.2")) for _ in range(3)]
         assert await is_closed(await stack.enter_async_context(connected(server, "127.0.0.2")))
         async with httpx.AsyncClient(verify=trusting, timeout=PATIENCE) as client:
@@ -321,7 +310,7 @@ async def test_silent_connections_of_one_address_keep_no_other_one_out(
 async def test_connections_leave_files_for_the_rest_of_the_process(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server_module, "most_connections", lambda: 2)
     async with (
-        serving_of_connection(HttpSettings(port=0, reverse_proxy=True)) as server,
+        serving(HttpSettings(port=0, reverse_proxy=True)) as server,
         AsyncExitStack() as stack,
     ):
         lines = [await stack.enter_async_context(connected(server)) for _ in range(3)]
