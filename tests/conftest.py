@@ -121,15 +121,6 @@ def interface_name() -> str:
 
 
 @pytest.fixture
-def unmeasured(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Disable coverage in the programs that a test starts; measuring it doubles their CPU time.
-
-    Use it in tests of whole sites, whose programs are measured by other tests.
-    """
-    monkeypatch.delenv("COVERAGE_PROCESS_CONFIG", raising=False)
-
-
-@pytest.fixture
 def domain_id() -> Iterator[int]:
     """Return a ROS domain id that no other test uses at the same time."""
     from support.ros import own_domain_id  # noqa: PLC0415 - loads rclpy, which unit tests do without

@@ -90,11 +90,6 @@ class Trial:
         return round(time.monotonic() - start, 1)
 
 
-@pytest.fixture(autouse=True)
-def _unmeasured(unmeasured: None) -> None:
-    """Disable coverage in the programs of every site."""
-
-
 @pytest.fixture
 def trial(tmp_path: Path, request: pytest.FixtureRequest) -> Callable[..., Any]:
     """Return a block that runs a site under orders, and checks the accounts at its end."""

@@ -28,7 +28,6 @@ pytestmark = [
     pytest.mark.e2e,
     pytest.mark.broker,
     pytest.mark.timeout(1800),
-    pytest.mark.usefixtures("unmeasured"),
 ]
 
 EXAMPLES = int(os.environ.get("NENA_FUZZ_EXAMPLES", "4"))

@@ -23,11 +23,6 @@ ARGUMENTS = [
 ]
 
 
-@pytest.fixture(autouse=True)
-def _unmeasured(unmeasured: None) -> None:
-    """Disable coverage in the programs behind the panel."""
-
-
 @pytest.fixture
 async def browser() -> AsyncIterator[Browser]:
     """Return the installed Chromium; skip the test where there is none."""

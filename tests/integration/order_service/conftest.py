@@ -52,8 +52,3 @@ def shared(fleet: Fleet, postgres: Postgres) -> Fleet:
     """Return a fleet whose store several order services may use."""
     fleet.store_url = postgres.url
     return fleet
-
-
-@pytest.fixture(autouse=True)
-def _unmeasured(unmeasured: None) -> None:
-    """Disable coverage in order services that run as programs; their code is measured in this process."""

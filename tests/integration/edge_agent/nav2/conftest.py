@@ -45,8 +45,3 @@ def unstopped() -> Iterator[None]:
     with capture_logs() as logs:
         yield
     assert [each["event"] for each in logs if "cancelled the goals of controller" in each["event"]] == []
-
-
-@pytest.fixture(autouse=True)
-def _unmeasured(unmeasured: None) -> None:
-    """Disable coverage in agents and simulators that run as programs; other tests measure their code."""
