@@ -19,7 +19,13 @@ from nena_edge_agent.driver.port import (
     PoseReport,
 )
 from nena_edge_agent.protocol.capabilities import Capabilities
-from nena_edge_agent.protocol.declaration import PREDEFINED, ActionDeclaration, Parameter, supported_actions
+from nena_edge_agent.protocol.declaration import (
+    POWER_ACTIONS,
+    PREDEFINED,
+    ActionDeclaration,
+    Parameter,
+    supported_actions,
+)
 from nena_edge_agent.protocol.events import (
     ActionReport,
     Drive,
@@ -149,9 +155,17 @@ def at(x: float, y: float = 0.0, theta: float = 0.0, *, localized: bool = True) 
 class Bench:
     """A core whose driver and plug-ins are the test's own hands."""
 
-    def __init__(self, *, memory: Memory | None = None, ready: bool = True, **capabilities: Any) -> None:
+    def __init__(
+        self,
+        *,
+        memory: Memory | None = None,
+        ready: bool = True,
+        power: frozenset[str] = frozenset(),
+        **capabilities: Any,
+    ) -> None:
+        """Make a robot that offers the actions ``power`` of hibernation and shutdown."""
         chosen = replace(CAPABILITIES, **capabilities)
-        self.capabilities = replace(chosen, actions=supported_actions(chosen.actions, chosen.rules))
+        self.capabilities = replace(chosen, actions=supported_actions(chosen.actions, chosen.rules, power))
         self.core = RobotCore(self.capabilities, memory)
         self.now = 100.0
         self.effects: list[Effect] = []
@@ -235,4 +249,5 @@ class Bench:
 def restarted(bench: Bench) -> Bench:
     """Return a robot that has read again what this one would have journalled."""
     kept = bench.core.memory().model_dump_json(exclude_defaults=True)
-    return Bench(memory=Memory.model_validate_json(kept), rules=bench.capabilities.rules)
+    power = POWER_ACTIONS & frozenset(bench.capabilities.actions)
+    return Bench(memory=Memory.model_validate_json(kept), rules=bench.capabilities.rules, power=power)

@@ -17,7 +17,7 @@ from nena_demo.plants import sample_plant_path
 from support.broker import Broker, free_port
 from support.order_service_fleet import Fleet, order_in, vehicle_idle
 from support.programs import Program
-from support.waiting import until
+from support.waiting import PATIENCE, awaited, until
 
 pytestmark = [pytest.mark.broker, pytest.mark.e2e]
 
@@ -173,6 +173,34 @@ async def test_zone_sets_are_put_enabled_and_deleted(fleet: Fleet) -> None:
     assert await nena.json("zones", "list") == [deleted]
     assert (await nena("zones", "enable", "day")).exit_code == 1
     assert (await nena("zones", "put", "nowhere.json")).exit_code == 2
+
+
+@pytest.mark.clause("6.2.3/hibernationAsked")
+async def test_a_vehicle_is_hibernated_woken_and_shut_down(fleet: Fleet) -> None:
+    client = await fleet.order_service().client()
+    nena = Nena(str(client.base_url))
+    content = fleet.agent_file(version="3.0.1")
+    robot = fleet.agent_of(content.replace("[loopback]", "[loopback]\npower = true"))
+    await vehicle_idle(client)
+    past = await nena("vehicles", "hibernate", "Robot-01", "--until", "2020-01-01T00:00:00")
+    assert past.exit_code == 1
+    assert "startHibernation of Robot-01 is FAILED: the wake-up time 20" in past.stderr
+
+    (slept,) = await nena.json("vehicles", "hibernate", "Robot-01", "--until", "2090-01-01T00:00:00")
+    assert (slept["actionType"], slept["status"]) == ("startHibernation", "FINISHED")
+    await awaited(
+        lambda: nena("vehicles", "show", "Robot-01"),
+        lambda shown: "HIBERNATING" in shown.stdout,
+        what="it sleeps",
+    )
+    refused = await nena("vehicles", "shutdown", "Robot-01")
+    assert (refused.exit_code, "HIBERNATING until stopHibernation" in refused.stderr) == (1, True)
+    woken = await nena("vehicles", "wake", "Robot-01")
+    assert (woken.exit_code, "FINISHED" in woken.stdout) == (0, True)
+    await vehicle_idle(client)
+    (gone,) = await nena.json("vehicles", "shutdown", "Robot-01")
+    assert gone["status"] == "FINISHED"
+    assert robot.process.wait(PATIENCE) == 0
 
 
 async def test_plant_model_is_put_in_use(fleet: Fleet) -> None:

@@ -12,7 +12,7 @@ import pytest
 from nena_conversations.checker import Checker
 from nena_conversations.recording import Entry
 from nena_conversations.rules import MESSAGES, Rule, Severity
-from nena_shared.vda5050.action import Action, InstantActions
+from nena_shared.vda5050.action import Action, ActionState, ActionStatus, InstantActions
 from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.factsheet import ActionScope, Factsheet, MobileRobotAction
 from nena_shared.vda5050.request import RequestStatus, ZoneRequest, ZoneRequestType
@@ -23,6 +23,8 @@ from support.fleet_examples import state as example_state
 from support.robot_core import action, order, position
 from support.talk import HEADER, START, VERSIONS, Talk
 from support.zones import responses
+
+IN_3 = ("3.0.0", "3.0.1")
 
 
 @pytest.mark.parametrize("version", VERSIONS)
@@ -326,6 +328,53 @@ def test_a_robot_that_is_away_sends_no_states(away: str, severity: Severity) -> 
 
     (finding,) = talk.findings
     assert (finding.rule, finding.severity, finding.number) == (Rule.CONNECTION, severity, 4)
+
+
+def hibernation(at: str = "2026-01-02T00:00:00.000Z") -> Action:
+    return action("s", "NONE", "startHibernation", wakeUpTime=at)
+
+
+def reported(status: str) -> tuple[ActionState, ...]:
+    return (ActionState(action_id="s", action_type="startHibernation", action_status=ActionStatus(status)),)
+
+
+@pytest.mark.parametrize("version", IN_3)
+def test_a_robot_hibernates_and_wakes_as_the_standard_has_it(version: str) -> None:
+    wake = action("w", "NONE", "stopHibernation")
+    awake = (*reported("FINISHED"), ActionState(action_id="w", action_status=ActionStatus.FINISHED))
+    talk = Talk(version).online().state("n0", of="").act(hibernation())
+    talk.state("n0", of="", instant_action_states=reported("FINISHED")).online("HIBERNATING").wait(4000)
+    talk.act(wake).wait(60).online().state("n0", of="", instant_action_states=awake)
+
+    assert talk.findings == []
+
+
+@pytest.mark.parametrize("status", ["RUNNING", None])
+def test_a_robot_that_hibernates_before_it_has_said_so_is_an_error(status: str | None) -> None:
+    talk = Talk().online().state("n0", of="").act(hibernation())
+    if status:
+        talk.state("n0", of="", instant_action_states=reported(status))
+
+    (finding,) = talk.online("HIBERNATING").findings
+    assert (finding.rule, finding.severity) == (Rule.CONNECTION, Severity.ERROR)
+    assert finding.text == "the robot hibernates before a state shows the end of 's'"
+
+
+def test_orders_and_other_instant_actions_to_a_hibernating_robot_are_told() -> None:
+    talk = Talk().online().state("n0", of="").online("HIBERNATING")
+    talk.act(action("i", "NONE", "stateRequest"), action("w", "NONE", "stopHibernation")).order("n0", "n1")
+
+    assert [(each.rule, each.severity) for each in talk.findings] == [(Rule.CONNECTION, Severity.WARNING)] * 2
+    assert "stateRequest is sent to a hibernating robot" in talk.texts
+    assert "order 'o1' is sent to a hibernating robot" in talk.texts
+
+
+@pytest.mark.parametrize("at", ["2026-01-02", "2026-01-02T00:00:00+01:00", "tomorrow"])
+def test_a_wake_up_time_is_written_in_utc(at: str) -> None:
+    (finding,) = Talk("3.0.1").online().state("n0", of="").act(hibernation(at)).findings
+
+    assert (finding.rule, finding.severity) == (Rule.SPELLING, Severity.WARNING)
+    assert repr(at) in finding.text
 
 
 def test_a_robot_whose_connection_was_not_heard_may_be_there() -> None:

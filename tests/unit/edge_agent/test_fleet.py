@@ -83,3 +83,16 @@ async def test_a_robot_that_cannot_be_made_is_no_worse() -> None:
         await asyncio.wait_for(fleet, PATIENCE)  # also while the other one waits for its next start
 
     assert not good.running
+
+
+async def test_a_robot_that_has_been_shut_down_stays_so_and_the_last_one_ends_the_program() -> None:
+    class ShutDown(Robot):
+        async def run(self, _: asyncio.Event) -> None:
+            self.running = False
+
+    first, second = ShutDown(0), ShutDown(0)
+    robots = {"first": first.make, "second": second.make}
+
+    await asyncio.wait_for(run_fleet(robots, asyncio.Event(), restarts=3, pause=0.01), PATIENCE)
+
+    assert (first.starts, second.starts) == (1, 1)

@@ -30,6 +30,7 @@ from nena_edge_agent.factsheet import make_capabilities
 from nena_edge_agent.journal import Journal, Recorder, check_frame, read_journal
 from nena_edge_agent.messages import InboxCounts, RobotMessages, client_id_of
 from nena_edge_agent.nav2.offers import NO_OFFERS, Nav2Offers
+from nena_edge_agent.power import WAKE_UP_VARIABLE, run_command
 from nena_edge_agent.protocol.conditions import journal_lost
 from nena_edge_agent.protocol.errors import error_key
 from nena_edge_agent.protocol.events import (
@@ -38,34 +39,44 @@ from nena_edge_agent.protocol.events import (
     Effect,
     ErrorSwitched,
     Event,
+    GoOnline,
     Halt,
+    Hibernate,
     JournalReport,
     KeepOut,
     LimitSpeed,
     LinkReport,
+    LogIgnored,
     MapsReport,
     OrderReceived,
     PauseAction,
     PluginsReport,
+    PowerCommand,
+    PowerReport,
     ReportState,
     ResumeAction,
     SendFactsheet,
     SetPosition,
+    ShutDown,
+    SignedOff,
     StartAction,
     Started,
     SubscriptionsReport,
     TimePassed,
+    Wake,
 )
 from nena_edge_agent.protocol.robot import RobotCore
+from nena_edge_agent.protocol.robot_state import PowerPhase
 from nena_edge_agent.protocol.state import as_recorded
 from nena_edge_agent.queues import Mailbox, Postponed, StateSchedule, VisualizationSchedule
 from nena_edge_agent.settings import EdgeAgentSettings
-from nena_shared.clock import Clock, ClockSkew
+from nena_shared.clock import Clock, ClockSkew, iso
 from nena_shared.fleet_api.plant import MapImage
 from nena_shared.histogram import Histogram
 from nena_shared.log import get_logger
 from nena_shared.mqtt import LinkHooks, MqttLink, Outbound
 from nena_shared.mqtt.link import LinkState
+from nena_shared.program import StartError
 from nena_shared.tasks import Supervisor, TaskFailedError
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.error import ErrorEntry
@@ -120,6 +131,8 @@ P = ParamSpec("P")
 
 DISCONNECT_TIMEOUT = 2.0
 """Timeout for the last messages to reach the broker, seconds."""
+COMMANDS_WAITING = 2
+"""Maximum waiting power commands: the wake command waits for the end of the hibernate command."""
 TIMEOUT_INTERVAL = 1.0
 """Seconds between two checks of running timeouts."""
 LONGEST_COLLECTING = 0.2
@@ -165,6 +178,8 @@ class RobotAgent:
 
     _logged_ends: frozenset[str] = frozenset()
     """Actions of the current order whose end has been logged."""
+    _shuts_down = False
+    """Whether fleet control shuts the robot down."""
 
     def __init__(
         self,
@@ -210,16 +225,18 @@ class RobotAgent:
             interval=settings.interval.visualization, now=clock.monotonic()
         )
         self._greeting = False
+        self._commands: asyncio.Queue[Hibernate | Wake] = asyncio.Queue(COMMANDS_WAITING)
+        self._ending = asyncio.Event()
         self._logged_errors: tuple[ErrorEntry, ...] = ()
         self._shown = self._core.state(self._messages.headers.form(0))
         self._map: Outbound | None = None
         self._link = self._connect(make_link)
 
     async def run(self, stop: asyncio.Event) -> None:
-        """Run until ``stop`` is set, then disconnect in order.
+        """Run until ``stop`` is set or fleet control shuts the robot down, then disconnect in order.
 
         Raises:
-            StartError: the driver cannot work here.
+            StartError: the driver cannot work here, or the shutdown command failed.
             TaskFailedError: a task of the robot failed.
 
         """
@@ -240,8 +257,9 @@ class RobotAgent:
             async with Supervisor() as supervisor:
                 supervisor.start(f"link {self.robot}", self._link.run())
                 supervisor.start(f"robot {self.robot}", self._serve())
+                ending = self._begin_power(supervisor, stop)
                 try:
-                    await supervisor.wait(stop)
+                    await supervisor.wait(ending)
                 except TaskFailedError:
                     await self._disconnect(ConnectionState.CONNECTION_BROKEN)
                     raise
@@ -249,6 +267,8 @@ class RobotAgent:
         finally:
             self._runner.close()
             await self._driver.stop()
+        if self._shuts_down:
+            await self._shut_down()
 
     def vitals(self) -> Vitals:
         """Return the current values for metrics."""
@@ -284,9 +304,48 @@ class RobotAgent:
             self._perform_all(self._others.sift(others, recorded=self._recorded))
             self._isolated(self._publish_due)
 
+    def _begin_power(self, supervisor: Supervisor, stop: asyncio.Event) -> asyncio.Event:
+        """Serve hibernation and shutdown if the robot offers them; return what ends the agent."""
+        if not self._settings.power_actions:
+            return stop
+        supervisor.start(f"power {self.robot}", self._serve_power())
+        supervisor.start(f"stop {self.robot}", self._end_with(stop), vital=False)
+        return self._ending
+
+    async def _end_with(self, stop: asyncio.Event) -> None:
+        await stop.wait()
+        self._ending.set()
+
+    async def _serve_power(self) -> None:
+        """Run the commands that hibernate and wake the robot, one after the other."""
+        settings = self._settings.power
+        while True:
+            effect = await self._commands.get()
+            kind, environment = PowerCommand.WAKE, {}
+            if isinstance(effect, Hibernate):
+                kind = PowerCommand.HIBERNATE
+                if effect.wake_up_at:
+                    environment = {WAKE_UP_VARIABLE: iso(effect.wake_up_at)}
+                await self._link.drain(DISCONNECT_TIMEOUT)  # the command may slow down the network
+            self._mailbox.put(PowerReport(kind, await run_command(settings, kind, environment)))
+
+    async def _shut_down(self) -> None:
+        """Run the shutdown command, now that the robot is offline and its driver has ended.
+
+        Raises:
+            StartError: it has failed; the robot has to be started again.
+
+        """
+        self._log.info("shutting down")
+        if problem := await run_command(self._settings.power, PowerCommand.SHUT_DOWN):
+            message = f"the robot could not be shut down: {problem}; check power.shutdown_command"
+            raise StartError(message)
+
     def _handle(self, events: list[Event]) -> list[Effect]:
         now = self._clock.monotonic()
-        if not events and self._core.waits:
+        if self._core.power is not PowerPhase.AWAKE:
+            events.append(TimePassed(self._clock.now()))  # a suspended computer loses count of the time
+        elif not events and self._core.waits:
             events = [TimePassed()]
         effects: list[Effect] = []
         for event in events:
@@ -349,6 +408,8 @@ class RobotAgent:
                 self._driver.initialize_position(pose)
             case SendFactsheet():
                 self._link.publish(self._messages.factsheet(self._core.robot.reports.limits))
+            case Hibernate() | Wake() | GoOnline() | ShutDown() | LogIgnored():
+                self._change_power(effect)
             case StartAction() | PauseAction() | ResumeAction() | CancelAction():
                 self._perform_action(effect)
 
@@ -362,6 +423,23 @@ class RobotAgent:
                 self._runner.resume(effect)
             case CancelAction():
                 self._runner.cancel(effect)
+
+    def _change_power(self, effect: Hibernate | Wake | GoOnline | ShutDown | LogIgnored) -> None:
+        match effect:
+            case Hibernate(wake_up_at):
+                self._log.info("hibernating", wake_up_at=wake_up_at and iso(wake_up_at))
+                self._link.publish(self._messages.connection(ConnectionState.HIBERNATING))
+                self._commands.put_nowait(effect)
+            case Wake():
+                self._commands.put_nowait(effect)
+            case GoOnline():
+                self._log.info("awake")
+                self._link.publish(self._messages.connection(ConnectionState.ONLINE))
+            case ShutDown():
+                self._shuts_down = True
+                self._ending.set()
+            case LogIgnored(message):
+                self._log.info("ignored while hibernating or shutting down", message=message)
 
     def _drive(self, goal: DriveGoal) -> None:
         try:
@@ -379,17 +457,24 @@ class RobotAgent:
             log.exception("a step failed", robot=str(self.robot))
 
     def _next_due(self) -> float:
+        if self._core.power.silent:
+            return self._clock.monotonic() + TIMEOUT_INTERVAL
         due = min(self._states.due, self._visualizations.due)
         waits = self._core.waits or not self._recorded
         return min(due, self._clock.monotonic() + TIMEOUT_INTERVAL) if waits else due
 
     def _publish_due(self) -> None:
         now = self._clock.monotonic()
+        if self._core.power.silent:
+            self._greeting = False
+            return
         if not self._mailbox.empty and now - self._states.due < LONGEST_COLLECTING:
             return  # include it in the same message
         if self._greeting or self._states.due <= now:
             self._publish_state()
             self._states.sent(now)
+            if self._core.power.signs_off and self._recorded and self._link.state.connected:
+                self._mailbox.put(SignedOff())
         if self._visualizations.due <= now:
             if self._link.state.connected and self._core.robot.reports.pose is not None:
                 self._link.publish(self._messages.visualization(self._visualization()))
@@ -438,7 +523,8 @@ class RobotAgent:
 
     def _greet(self) -> Iterator[Outbound]:
         """Yield what is published first on each connection; the robot's task publishes the state."""
-        yield self._messages.connection(ConnectionState.ONLINE)
+        sleeps = self._core.power.silent
+        yield self._messages.connection(ConnectionState.HIBERNATING if sleeps else ConnectionState.ONLINE)
         yield self._messages.factsheet(self._core.robot.reports.limits)
         if self._map:
             yield self._map

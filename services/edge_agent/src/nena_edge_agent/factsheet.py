@@ -59,7 +59,7 @@ def make_capabilities(
     return Capabilities(
         map_id=settings.map_id,
         map_version=settings.map_version,
-        actions=supported_actions(registry.declarations, RULES[settings.version]),
+        actions=supported_actions(registry.declarations, RULES[settings.version], settings.power_actions),
         maximum_speed=settings.description.maximum_speed,
         limits_speed=offers.limits_speed if by_nav2 else True,
         keeps_out=offers.keeps_out,

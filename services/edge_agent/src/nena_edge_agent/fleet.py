@@ -30,35 +30,43 @@ async def run_fleet(
     """Run the robots by their names until ``stop`` is set; each start makes a new one.
 
     A robot that fails is started again up to ``restarts`` times, the first time after ``pause`` s, then after
-    twice as long, and so on.
+    twice as long, and so on. One that has been shut down stays so.
 
     Raises:
-        StartError: none of them works any more.
+        StartError: none of them works any more, and at least one has failed.
 
     """
+    abandoned: list[str] = []
+
+    async def keep_up(name: str, make: Callable[[], Robot]) -> None:
+        if not await _keep_up(name, make, stop, restarts, pause):
+            abandoned.append(name)
+
     async with Supervisor() as supervisor:
         tasks = [
-            supervisor.start(f"agent {name}", _keep_up(name, make, stop, restarts, pause), vital=False)
+            supervisor.start(f"agent {name}", keep_up(name, make), vital=False)
             for name, make in makers.items()
         ]
         await asyncio.gather(*tasks)
-    if not stop.is_set():
+    if abandoned and not stop.is_set():
         message = "no robot is running; see the log for the reasons"
         raise StartError(message)
 
 
 async def _keep_up(
     name: str, make: Callable[[], Robot], stop: asyncio.Event, restarts: int, pause: float
-) -> None:
+) -> bool:
+    """Run the robot until it ends; return whether it has ended in order."""
     for attempt in range(restarts + 1):
         if await _run(name, make, stop):
-            return
+            return True
         if attempt < restarts:
             seconds = min(pause * 2**attempt, LONGEST_PAUSE)
             log.info("restarting robot", robot=name, in_seconds=seconds, restarts_left=restarts - attempt)
             if await set_within(stop, seconds):
-                return
+                return True
     log.error("robot abandoned; the others continue", robot=name, starts=restarts + 1)
+    return False
 
 
 async def _run(name: str, make: Callable[[], Robot], stop: asyncio.Event) -> bool:

@@ -12,6 +12,7 @@ from nena_edge_agent.actions.settings import ActionSettings, AnyOperation, defau
 from nena_edge_agent.download import DownloadSettings
 from nena_edge_agent.loopback.settings import LoopbackSettings
 from nena_edge_agent.nav2.settings import Navigation, RosSettings
+from nena_edge_agent.power import PowerSettings
 from nena_edge_agent.protocol.capabilities import TOLERABLE, DriveStrategy, ExternalGoals, LinkLossPolicy
 from nena_shared.plant.geometry import parse_transform
 from nena_shared.settings import ServiceSettings, SettingsGroup, TopicPrefix
@@ -216,6 +217,9 @@ class EdgeAgentSettings(ServiceSettings):
     metrics: MetricsSettings = Field(
         default_factory=MetricsSettings, description="Metrics for Prometheus; needs the extra `metrics`."
     )
+    power: PowerSettings = Field(
+        default_factory=PowerSettings, description="Hibernation and shutdown, with VDA 5050 3.0."
+    )
     log_report: LogReportSettings = Field(
         default_factory=LogReportSettings, description="The action logReport."
     )
@@ -234,6 +238,11 @@ class EdgeAgentSettings(ServiceSettings):
     def drives_ahead(self) -> bool:
         """Return whether the driver passes several nodes with one goal."""
         return self.driver == "nav2" and self.ros.navigation is Navigation.THROUGH_POSES
+
+    @property
+    def power_actions(self) -> frozenset[str]:
+        """The actions of hibernation and shutdown that the robot offers, if its version has them."""
+        return self.power.offered(rehearsed=self.driver == "loopback" and self.loopback.power)
 
     @property
     def serial_numbers(self) -> tuple[str, ...]:

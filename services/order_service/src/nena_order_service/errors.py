@@ -134,6 +134,15 @@ class VehicleNotReachedError(RefusedError):
         super().__init__(f"Vehicle {name!r} cannot be reached: {reason}. Retry when it is online.")
 
 
+class VehicleBusyError(RefusedError):
+    """The vehicle has an order, which the request would end."""
+
+    refusal = Refusal.VEHICLE_BUSY
+
+    def __init__(self, name: str, order: str) -> None:
+        super().__init__(f"Vehicle {name!r} works on order {order!r}. Wait for its end, or withdraw it.")
+
+
 class NotReroutableError(RefusedError):
     """The vehicle has no order that can be rerouted."""
 

@@ -80,6 +80,7 @@ class Refusal(Enum):
     VERSION_CHANGED = HTTPStatus.PRECONDITION_FAILED, "The object has another version."
     UNKNOWN_VEHICLE = HTTPStatus.NOT_FOUND, "Unknown vehicle."
     NOT_REACHED = HTTPStatus.CONFLICT, "The vehicle cannot be reached."
+    VEHICLE_BUSY = HTTPStatus.CONFLICT, "The vehicle has an order."
     NOT_REROUTABLE = HTTPStatus.CONFLICT, "The vehicle has no order that can be rerouted."
     UNKNOWN_PATH = HTTPStatus.NOT_FOUND, "Unknown path."
     UNKNOWN_ZONE_SET = HTTPStatus.NOT_FOUND, "Unknown zone set."
@@ -414,7 +415,7 @@ INSTANT_ACTION = Operation(
     subject="vehicle",
     result="instant_action",
     opentcs=(f"PUT {VEHICLES}/{{name}}/paused",),
-    refusals=(Refusal.UNKNOWN_VEHICLE, Refusal.NOT_REACHED),
+    refusals=(Refusal.UNKNOWN_VEHICLE, Refusal.NOT_REACHED, Refusal.VEHICLE_BUSY),
 )
 REROUTE = Operation(
     "reroute",

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
+from datetime import datetime
 from enum import StrEnum
 from typing import Annotated, Final
 
@@ -15,6 +17,12 @@ LOAD_HANDLING_DEVICE: Final = ("loadHandlingDevice", "lhd")
 """What 3.0.1 and the versions before call the parameter of pick and drop for the load handling device."""
 
 STATION_ACTIONS: Final = frozenset({"pick", "drop"})
+
+START_HIBERNATION: Final = "startHibernation"
+STOP_HIBERNATION: Final = "stopHibernation"
+SHUTDOWN: Final = "shutdown"
+WAKE_UP_TIME: Final = "wakeUpTime"
+"""Parameter of startHibernation: ISO 8601 in UTC, ``YYYY-MM-DDTHH:mm:ss.fffZ`` (section 6.2.3)."""
 
 
 class BlockingType(StrEnum):
@@ -90,6 +98,20 @@ class Action(WireObject):
             for new, each in zip(values, self.action_parameters, strict=True)
         )
         return self.model_copy(update={"action_parameters": parameters})
+
+
+_UTC: Final = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d{1,9})?Z", re.ASCII)
+
+
+def wake_up_time(action: Action) -> datetime | None:
+    """Return when a hibernation is to end; None unless it is a time as 3.0.1 writes it (section 6.2.3)."""
+    value = action.parameter(WAKE_UP_TIME)
+    if not isinstance(value, str) or not _UTC.fullmatch(value):
+        return None
+    try:
+        return datetime.fromisoformat(value)
+    except ValueError:
+        return None
 
 
 class ActionState(WireObject):

@@ -36,6 +36,8 @@ class Rules:
     """A robot reports its maps and changes them by actions (section 6.3)."""
     zones: bool
     """There are zone sets, requests and responses (sections 6.4 and 6.9)."""
+    hibernation: bool
+    """Fleet control may hibernate, wake and shut down a robot (section 6.2.3)."""
     wrong_stitching_node: ErrorType
     """The neutral error of an update that does not begin at the decision point; no version names it, and 2.x
     has one name for all errors of updates."""

@@ -6,7 +6,7 @@ from itertools import count
 
 import pytest
 
-from nena_order_service.fleet.instant_actions import CLEARING_PAUSE, InstantActionManager
+from nena_order_service.fleet.instant_actions import CLEARING_PAUSE, LEAVING_WITHIN, InstantActionManager
 from nena_order_service.fleet.outputs import InstantActionEnded, PublishInstantActions
 from nena_order_service.fleet.robot import INSTANT_ACTIONS_LIMIT, Robot
 from nena_order_service.fleet.settings import FleetSettings
@@ -438,3 +438,83 @@ def test_what_the_robot_can_do_is_not_asked_before_its_factsheet_is_there() -> N
     bench.instruct(action("sing"))
     assert bench.instants_sent() == ["factsheetRequest", "sing"]
     assert bench.told(InstantActionEnded) == []
+
+
+# Hibernation and shutdown
+
+
+def hibernate(bench: Bench) -> None:
+    """Have the robot report the end of startHibernation, then hibernate."""
+    bench.instruct(action("startHibernation", "s"))
+    bench.lose()
+    bench.robot.instants["s"] = (action("startHibernation", "s"), ActionStatus.FINISHED)
+    bench.report()
+    bench.wait(1)
+    bench.connection(ConnectionState.HIBERNATING)
+
+
+@pytest.mark.clause("6.2.3/hibernationAsked")
+@pytest.mark.parametrize("leaving", ["startHibernation", "shutdown"])
+def test_a_robot_that_is_about_to_leave_gets_no_order_until_its_connection_shows_it(leaving: str) -> None:
+    bench = Bench().online()
+    bench.instruct(action(leaving))
+    assert bench.view().availability.reason == "is about to hibernate or to shut down"
+    bench.robot.instants["i1"] = (action(leaving), ActionStatus.FINISHED)
+    bench.lose()
+    bench.report()
+    assert ended(bench).status is ActionStatus.FINISHED
+    assert bench.view().availability.reason == "is about to hibernate or to shut down"
+    bench.start(make_vda_order("m", "A", "B"))
+    assert bench.orders_sent() == []
+
+    bench.connection(ConnectionState.HIBERNATING)
+    assert bench.view().availability.reason == "is hibernating"
+
+
+@pytest.mark.clause("6.2.3/hibernationAsked")
+@pytest.mark.parametrize("stays", ["it failed", "its connection does not change"])
+def test_a_robot_that_does_not_leave_gets_orders_again(stays: str) -> None:
+    bench = Bench().online()
+    bench.instruct(action("startHibernation"))
+    failed = stays == "it failed"
+    status = ActionStatus.FAILED if failed else ActionStatus.FINISHED
+    bench.robot.instants["i1"] = (action("startHibernation"), status)
+    bench.report()
+    assert bench.view().availability.can_take_order is failed
+
+    bench.wait(LEAVING_WITHIN, reporting=True)
+    assert bench.view().availability.can_take_order
+
+
+@pytest.mark.clause("6.2.3/hibernationAsked")
+def test_a_hibernating_robot_is_sent_stop_hibernation_alone() -> None:
+    bench = Bench().online()
+    hibernate(bench)
+    before = bench.instants_sent()
+
+    bench.instruct(action("startPause", "p"))
+    refused = bench.told(InstantActionEnded)[-1]
+    assert refused.reason == "not sent: the robot is hibernating"
+    bench.instruct(action("stopHibernation", "w"))
+    assert bench.instants_sent() == [*before, "stopHibernation"]
+
+    bench.wait(1)
+    bench.connection(ConnectionState.ONLINE)
+    bench.robot.instants["w"] = (action("stopHibernation", "w"), ActionStatus.FINISHED)
+    bench.report()
+    assert bench.told(InstantActionEnded)[-1].status is ActionStatus.FINISHED
+    assert bench.view().availability.can_take_order
+
+
+@pytest.mark.clause("6.2.3/hibernationAsked")
+def test_a_robot_may_take_long_to_wake() -> None:
+    bench = Bench(FleetSettings(instant_action_limit=100)).online()
+    hibernate(bench)
+    count = len(bench.told(InstantActionEnded))
+
+    bench.instruct(action("stopHibernation", "w"))
+    bench.wait(99)
+    assert len(bench.told(InstantActionEnded)) == count
+    assert bench.instants_sent().count("stopHibernation") == 6
+    bench.wait(2)
+    assert bench.told(InstantActionEnded)[-1].reason == "sent 6 times, but the robot never reported it"

@@ -9,6 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from nena_shared.fleet_api.plant import ZoneSetStatus
+from nena_shared.fleet_api.requests import InstantActionAnswer
 from nena_shared.fleet_api.traffic import TrafficPlan, VehiclePlan
 from nena_shared.fleet_api.transport_order import (
     DeliveryStatus,
@@ -224,6 +225,13 @@ def rerouting_table(done: ReroutingAnswer) -> Table:
     table = Table("vehicle", "order", "outcome", "route", "reason")
     route = " > ".join(done.route)
     table.add_row(*map(Text, (done.vehicle, done.transport_order, done.outcome, route, done.reason)))
+    return table
+
+
+def instant_action_table(vehicle: str, done: InstantActionAnswer) -> Table:
+    """Return what became of an instant action."""
+    table = Table("vehicle", "action", "status", "reason")
+    table.add_row(*map(Text, (vehicle, done.action_type, done.status, done.result or done.reason)))
     return table
 
 

@@ -1,7 +1,8 @@
-"""``nena vehicles``: list, show, watch; ``nena dispatch``; and ``nena traffic``."""
+"""``nena vehicles``: list, show, watch, hibernate, wake; ``nena dispatch``; and ``nena traffic``."""
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from functools import partial
 from typing import Annotated
 
@@ -12,9 +13,12 @@ from nena_cli import arguments as option
 from nena_cli import tables
 from nena_cli.arguments import COORDINATE, parse_coordinate
 from nena_cli.orders import Board, print_or_watch, watch
+from nena_cli.output import REFUSED, fail
 from nena_cli.service import Service, of_service
+from nena_shared.clock import iso
 from nena_shared.fleet_api.operations import (
     DISPATCH,
+    INSTANT_ACTION,
     LIST_VEHICLES,
     ORDER_TYPES,
     REROUTE,
@@ -22,6 +26,13 @@ from nena_shared.fleet_api.operations import (
     SHOW_VEHICLE,
 )
 from nena_shared.fleet_api.vehicle import ReroutingType, VehicleState, VehicleStatus
+from nena_shared.vda5050.action import (
+    SHUTDOWN,
+    START_HIBERNATION,
+    STOP_HIBERNATION,
+    WAKE_UP_TIME,
+    ActionStatus,
+)
 
 app = typer.Typer(help="Vehicles.", no_args_is_help=True)
 
@@ -114,6 +125,43 @@ def reroute(
     with service.connected() as connection:
         done = connection.call(REROUTE, name, body={"type": kind.value})
     service.print_one(done, tables.rerouting_table(done))
+
+
+@app.command()
+@of_service
+def hibernate(
+    service: Service,
+    name: Name,
+    *,
+    until: Annotated[datetime, typer.Option(help="Wake-up time in local time.")],
+) -> None:
+    """Put an idle vehicle into its low-power mode until it is woken or its wake-up time (VDA 5050 3.0)."""
+    _act(service, name, START_HIBERNATION, {WAKE_UP_TIME: iso(until.astimezone(UTC))})
+
+
+@app.command()
+@of_service
+def wake(service: Service, name: Name) -> None:
+    """Wake a hibernating vehicle (VDA 5050 3.0)."""
+    _act(service, name, STOP_HIBERNATION, {})
+
+
+@app.command()
+@of_service
+def shutdown(service: Service, name: Name) -> None:
+    """Shut an idle vehicle down; it has to be switched on by hand (VDA 5050 3.0)."""
+    _act(service, name, SHUTDOWN, {})
+
+
+def _act(service: Service, name: str, action_type: str, parameters: dict[str, JsonValue]) -> None:
+    """Send an instant action and print its result; exit with status 1 unless it has succeeded or runs."""
+    listed: list[JsonValue] = [{"key": key, "value": value} for key, value in parameters.items()]
+    body: dict[str, JsonValue] = {"actionType": action_type, "parameters": listed}
+    with service.connected() as connection:
+        answer = connection.call(INSTANT_ACTION, name, body=body)
+    service.print_one(answer, tables.instant_action_table(name, answer))
+    if answer.status not in (ActionStatus.FINISHED, "PENDING"):
+        fail(f"{action_type} of {name} is {answer.status}: {answer.result or answer.reason}", REFUSED)
 
 
 @of_service

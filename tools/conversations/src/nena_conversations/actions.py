@@ -11,7 +11,16 @@ from nena_conversations.message import ReceivedMessage
 from nena_conversations.orders import StitchedOrder
 from nena_conversations.pending import BoundedDict, Unanswered
 from nena_conversations.rules import Problem, Rule, Severity
-from nena_shared.vda5050.action import Action, ActionState, ActionStatus, BlockingType, InstantActions
+from nena_shared.vda5050.action import (
+    START_HIBERNATION,
+    WAKE_UP_TIME,
+    Action,
+    ActionState,
+    ActionStatus,
+    BlockingType,
+    InstantActions,
+    wake_up_time,
+)
 from nena_shared.vda5050.state import OperatingMode, State
 
 S = ActionStatus
@@ -107,7 +116,7 @@ def _blocking(now: State, running: list[Action]) -> Iterator[Problem]:
 
 
 CANCEL_ORDER: Final = "cancelOrder"
-ENDS_ORDER: Final = frozenset({CANCEL_ORDER, "startHibernation"})
+ENDS_ORDER: Final = frozenset({CANCEL_ORDER, START_HIBERNATION})
 ENDINGS: Final = 50
 """Remembered actions that end an order."""
 HARMLESS: Final = frozenset({"stateRequest", "factsheetRequest"})
@@ -150,6 +159,10 @@ class InstantConversation:
             if state and not _allowed(action.action_type, state.operating_mode):
                 text = f"{action.action_type} is sent to a robot in the mode {state.operating_mode}"
                 yield Rule.MODE, Severity.ERROR, text
+            if action.action_type == START_HIBERNATION and wake_up_time(action) is None:
+                given = action.parameter(WAKE_UP_TIME)
+                text = f"{WAKE_UP_TIME} of {START_HIBERNATION} is {given!r}, not YYYY-MM-DDTHH:mm:ss.fffZ"
+                yield Rule.SPELLING, Severity.WARNING, text
 
     def on_state(self, state: State) -> Iterator[Problem]:
         """Check the instant actions of a state."""
@@ -170,6 +183,14 @@ class InstantConversation:
         """Return whether an instant action ends or ended the order."""
         endings = (each for each in self._ending.values() if order_id in each.order_ids)
         return any(each.status is not ActionStatus.FAILED for each in endings)
+
+    def on_hibernation(self) -> Iterator[Problem]:
+        """Check that the robot has reported the end of startHibernation before it hibernates (6.2.3)."""
+        for action_id, ending in self._ending.items():
+            ended = ending.status is not None and ending.status.ended
+            if self._types.get(action_id) == START_HIBERNATION and not ended:
+                text = f"the robot hibernates before a state shows the end of '{action_id}'"
+                yield Rule.CONNECTION, Severity.ERROR, text
 
     def _end_problems(self, state: State, action_id: str) -> Iterator[Problem]:
         name = f"{self._types[action_id]} '{action_id}' is FINISHED, and"

@@ -15,7 +15,7 @@ from nena_conversations.orders import OrderConversation, actions_of
 from nena_conversations.pending import BoundedDict
 from nena_conversations.recording import Entry
 from nena_conversations.rules import Finding, Problem, Rule, Severity
-from nena_shared.vda5050.action import Action, InstantActions
+from nena_shared.vda5050.action import STOP_HIBERNATION, Action, InstantActions
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.codec import KINDS
 from nena_shared.vda5050.connection import Connection, ConnectionState
@@ -147,6 +147,14 @@ class ConnectionChecks:
         self._last = None
         self._reported = False
 
+    def on_request(self, *requests: str) -> Iterator[Problem]:
+        """Check what is sent to a robot: while it hibernates, it answers only stopHibernation (6.2.3)."""
+        if self._connection is ConnectionState.HIBERNATING:
+            for each in requests:
+                if each != STOP_HIBERNATION:
+                    text = f"{each} is sent to a hibernating robot, which answers only {STOP_HIBERNATION}"
+                    yield Rule.CONNECTION, Severity.WARNING, text
+
     def on_state(self, received: ReceivedMessage) -> Iterator[Problem]:
         """Yield problems of the time at which a state arrives."""
         if received.retained:
@@ -262,6 +270,7 @@ class RobotConversation:
             case InstantActions():
                 yield from self._action_ids.check(message.actions, "instantActions")
                 yield from self._factsheet.check(message.actions, ActionScope.INSTANT)
+                yield from self._connection.on_request(*(each.action_type for each in message.actions))
                 newest = self._orders.newest
                 yield from self._instants.on_instant_actions(received, message, self._state, newest)
             case Responses():
@@ -270,12 +279,15 @@ class RobotConversation:
                 yield from self._on_state(received, message)
             case Connection():
                 self._connection.on_connection(message)
+                if message.connection_state is ConnectionState.HIBERNATING:
+                    yield from self._instants.on_hibernation()
             case Factsheet():
                 self._factsheet.on_factsheet(message)
 
     def _order(self, received: ReceivedMessage, order: Order) -> Iterator[Problem]:
         yield from self._action_ids.check(actions_of(order), f"order '{order.order_id}'")
         yield from self._factsheet.on_order(order)
+        yield from self._connection.on_request(f"order '{order.order_id}'")
         cancelled = self._instants.ends(order.order_id)
         yield from self._orders.on_order(received, order, self._state, cancelled=cancelled)
 

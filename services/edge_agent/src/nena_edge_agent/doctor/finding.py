@@ -19,6 +19,7 @@ class Link(StrEnum):
     NAVIGATION = "Nav2"
     MAP = "map"
     CLOCK = "clock"
+    POWER = "power"
 
 
 class LinkVerdict(StrEnum):

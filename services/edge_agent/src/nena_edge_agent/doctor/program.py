@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from nena_edge_agent.actions.ros_session import session_switch
 from nena_edge_agent.doctor.broker import examine_broker
-from nena_edge_agent.doctor.finding import Link, LinkFinding, LinkVerdict, missing, report, unknown
+from nena_edge_agent.doctor.finding import Link, LinkFinding, LinkVerdict, missing, ok, report, unknown
 from nena_edge_agent.doctor.navigation import (
     ROS_LINKS,
     RosView,
@@ -24,6 +24,7 @@ from nena_shared import log
 from nena_shared.program import EXIT_FAILED, EXIT_MISCONFIGURED
 from nena_shared.settings import ConfigurationError, LogSettings, load
 from nena_shared.vda5050.topics import RobotKey
+from nena_shared.vda5050.versions import RULES
 
 PROGRAM = "nena-edge-agent doctor"
 DESCRIPTION = (
@@ -59,7 +60,20 @@ async def examine(settings: EdgeAgentSettings) -> list[LinkFinding]:
     clock = judge_clock(kept=kernel_keeps_time(), ros_offset=view.clock_offset)
     looked_at = None if settings.driver == "loopback" else view
     place = judge_map(looked_at, settings.ros, settings.map_id, broker.plant_maps)
-    return [*broker.findings, *robot, place, clock]
+    return [*broker.findings, *robot, place, clock, *judge_power(settings)]
+
+
+def judge_power(settings: EdgeAgentSettings) -> list[LinkFinding]:
+    """Check the commands that hibernate and shut down the robot; none if it has none."""
+    if not settings.power_actions:
+        return []
+    if not RULES[settings.version].hibernation:
+        text = f"VDA 5050 {settings.version} has no hibernation and no shutdown: they are not offered"
+        return [LinkFinding(Link.POWER, LinkVerdict.DOUBTFUL, text, "set version to 3.0.1, or remove them")]
+    if problems := settings.power.problems():
+        text = "; ".join(f"power.{kind}: {problem}" for kind, problem in problems.items())
+        return [missing(Link.POWER, text, "correct the command, or install the program")]
+    return [ok(Link.POWER, f"offers {', '.join(sorted(settings.power_actions))}")]
 
 
 def _as_kept(settings: EdgeAgentSettings) -> RosSettings:

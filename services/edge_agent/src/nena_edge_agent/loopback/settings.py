@@ -52,6 +52,10 @@ class LoopbackSettings(SettingsGroup):
     rehearsal: bool = Field(
         default=False, description="Add simulated actions: some fail, or need a parameter."
     )
+    power: bool = Field(
+        default=False,
+        description="Offer hibernation and shutdown (VDA 5050 3.0), also without commands in `power`.",
+    )
     restarts: int = Field(5, ge=0, le=1000, description="Maximum restarts of a failed robot of a fleet.")
     restart_pause: Positive = Field(
         1.0, description="Delay before the first restart, seconds; doubles each time."

@@ -8,7 +8,12 @@ from nena_edge_agent.driver.port import PoseReport, SessionReport, SessionState
 from nena_edge_agent.protocol import following
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.geometry import radius
-from nena_edge_agent.protocol.robot_state import INSTANT_ACTIONS_SHOWN, NOT_REPORTED, RobotState
+from nena_edge_agent.protocol.robot_state import (
+    INSTANT_ACTIONS_SHOWN,
+    NOT_REPORTED,
+    PowerPhase,
+    RobotState,
+)
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference, ErrorType, error
 from nena_shared.vda5050.own_actions import CONFIGURE_ROS_SESSION, ROS_SESSION, STOP_ROS_SESSION
 from nena_shared.vda5050.state import InfoLevel, Information
@@ -50,7 +55,7 @@ def check_conditions(robot: RobotState) -> None:
     robot.errors.set_condition(ACTION_PLUGIN_UNUSABLE, _plugins(robot))
     robot.errors.set_condition(ErrorType.INSTANT_ACTION_STATES_FULL, _instant_actions(robot))
     takes_orders = robot.next_mode.takes_orders and not switched_off(robot)
-    if takes_orders and not robot.fatal:
+    if takes_orders and robot.power is PowerPhase.AWAKE and not robot.fatal:
         robot.errors.end(Until.AVAILABLE)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from math import isfinite
 from sys import float_info
@@ -14,10 +14,15 @@ from pydantic import JsonValue
 
 from nena_shared.vda5050.action import (
     LOAD_HANDLING_DEVICE,
+    SHUTDOWN,
+    START_HIBERNATION,
     STATION_ACTIONS,
+    STOP_HIBERNATION,
+    WAKE_UP_TIME,
     Action,
     ActionStatus,
     BlockingType,
+    wake_up_time,
 )
 from nena_shared.vda5050.factsheet import ActionScope, ValueDataType
 from nena_shared.vda5050.rules import Rules
@@ -242,6 +247,9 @@ DOWNLOAD_MAP = "downloadMap"
 ENABLE_MAP = "enableMap"
 DELETE_MAP = "deleteMap"
 MAP_ACTIONS = frozenset({DOWNLOAD_MAP, ENABLE_MAP, DELETE_MAP})
+HIBERNATION = frozenset({START_HIBERNATION, STOP_HIBERNATION})
+POWER_ACTIONS = HIBERNATION | {SHUTDOWN}
+"""Offered only by a robot that is set up for them."""
 TRIGGER_TYPE = "triggerType"
 
 _POSITION = (
@@ -257,6 +265,13 @@ _WHICH = (Parameter("actionId", ValueDataType.STRING, description="of the RETRIA
 
 
 _ZONE_SET = (Parameter("zoneSetId", ValueDataType.STRING),)
+
+
+def _wake_up_problem(action: Action) -> str | None:
+    if wake_up_time(action) is not None:
+        return None
+    given = str(action.parameter(WAKE_UP_TIME))[:40]
+    return f"parameter '{WAKE_UP_TIME}' is '{given}', not a UTC time such as 2026-01-31T05:30:00.000Z"
 
 
 def _instant(action_type: str, description: str, parameters: tuple[Parameter, ...] = ()) -> ActionDeclaration:
@@ -297,6 +312,16 @@ PREDEFINED: dict[str, ActionDeclaration] = {
         _instant(RETRY, "Starts a RETRIABLE action again.", _WHICH),
         _instant(SKIP_RETRY, "Ends a RETRIABLE action as FAILED.", _WHICH),
         _instant(TRIGGER, "Releases the actions that wait for fleet control."),
+        replace(
+            _instant(
+                START_HIBERNATION,
+                "Ends the order, reports it, and goes to a low-power mode without states.",
+                (Parameter(WAKE_UP_TIME, ValueDataType.STRING, description="UTC, ISO 8601"),),
+            ),
+            check=_wake_up_problem,
+        ),
+        _instant(STOP_HIBERNATION, "Wakes the robot."),
+        replace(_instant(SHUTDOWN, "Disconnects and shuts the robot down."), needs_idle=True),
         ActionDeclaration(
             WAIT_FOR_TRIGGER,
             scopes=(ActionScope.NODE,),
@@ -312,10 +337,13 @@ PREDEFINED: dict[str, ActionDeclaration] = {
 
 
 def supported_actions(
-    declarations: Mapping[str, ActionDeclaration], rules: Rules
+    declarations: Mapping[str, ActionDeclaration], rules: Rules, power: frozenset[str] = frozenset()
 ) -> dict[str, ActionDeclaration]:
-    """Remove the predefined actions that a version of the standard does not have (section 6.2.3)."""
-    unknown: set[str] = set()
+    """Remove the predefined actions that a version of the standard does not have (section 6.2.3).
+
+    Of hibernation and shutdown, keep those of ``power``.
+    """
+    unknown = set(POWER_ACTIONS - power if rules.hibernation else POWER_ACTIONS)
     if ActionStatus.RETRIABLE not in rules.action_statuses:
         unknown |= {RETRY, SKIP_RETRY}
     if not rules.instant_states_until_cleared:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import datetime
+from enum import StrEnum
 
 from nena_edge_agent.driver.port import Area, DriveGoal, DriverEvent, Pose
 from nena_edge_agent.protocol.errors import Until
@@ -177,7 +178,33 @@ class LinkReport:
 
 @dataclass(frozen=True, slots=True)
 class TimePassed:
-    """Only time has passed: a timeout may have expired."""
+    """Only time has passed: a timeout may have expired.
+
+    ``utc`` is the time of day, if known; a computer that was suspended has lost count of it.
+    """
+
+    utc: datetime | None = None
+
+
+class PowerCommand(StrEnum):
+    """A command of the settings that changes the robot's power."""
+
+    HIBERNATE = "hibernate_command"
+    WAKE = "wake_command"
+    SHUT_DOWN = "shutdown_command"
+
+
+@dataclass(frozen=True, slots=True)
+class SignedOff:
+    """The state with the end of startHibernation or shutdown was sent: no other one follows (6.2.3)."""
+
+
+@dataclass(frozen=True, slots=True)
+class PowerReport:
+    """A power command has ended; ``problem`` is empty if it has succeeded."""
+
+    command: PowerCommand
+    problem: str = ""
 
 
 Event = (
@@ -200,6 +227,8 @@ Event = (
     | SubscriptionsReport
     | LinkReport
     | TimePassed
+    | SignedOff
+    | PowerReport
     | DriverEvent
 )
 
@@ -272,6 +301,35 @@ class SendFactsheet:
 
 
 @dataclass(frozen=True, slots=True)
+class Hibernate:
+    """Report the connection state HIBERNATING, send no more states, and run the hibernate command (6.5)."""
+
+    wake_up_at: datetime | None
+
+
+@dataclass(frozen=True, slots=True)
+class Wake:
+    """Run the wake command."""
+
+
+@dataclass(frozen=True, slots=True)
+class GoOnline:
+    """Report the connection state ONLINE (section 6.5); states follow."""
+
+
+@dataclass(frozen=True, slots=True)
+class ShutDown:
+    """Disconnect, and run the shutdown command."""
+
+
+@dataclass(frozen=True, slots=True)
+class LogIgnored:
+    """Log a message of fleet control that a hibernating robot does not act on."""
+
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
 class ReportState:
     """Publish a state, as soon as the minimum interval allows (section 6.6.1)."""
 
@@ -287,5 +345,10 @@ Effect = (
     | ResumeAction
     | CancelAction
     | SendFactsheet
+    | Hibernate
+    | Wake
+    | GoOnline
+    | ShutDown
+    | LogIgnored
     | ReportState
 )

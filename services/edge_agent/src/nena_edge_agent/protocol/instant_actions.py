@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from nena_edge_agent.driver.port import Pose, PositionInitialized
-from nena_edge_agent.protocol import actions, driving, orders, zones
+from nena_edge_agent.protocol import actions, driving, orders, power, zones
 from nena_edge_agent.protocol.action_states import ActionRecord
 from nena_edge_agent.protocol.declaration import (
     CANCEL_ORDER,
@@ -28,7 +28,14 @@ from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.events import SendFactsheet, SetPosition, StartAction
 from nena_edge_agent.protocol.order_acceptance import EPOCH_HINT, map_list
 from nena_edge_agent.protocol.robot_state import INSTANT_ACTIONS_SHOWN, PositionRequest, RobotState
-from nena_shared.vda5050.action import Action, ActionStatus, InstantActions
+from nena_shared.vda5050.action import (
+    SHUTDOWN,
+    START_HIBERNATION,
+    STOP_HIBERNATION,
+    Action,
+    ActionStatus,
+    InstantActions,
+)
 from nena_shared.vda5050.base import ANGLE_LIMIT
 from nena_shared.vda5050.error import ErrorType, error
 from nena_shared.vda5050.factsheet import ActionScope
@@ -98,7 +105,7 @@ def _order_problem(robot: RobotState) -> str | None:
 def _mode_problem(robot: RobotState, action: Action) -> str | None:
     """Return why fleet control may not send this while a person controls the robot (section 6.6.6)."""
     mode = robot.next_mode
-    if mode.fleet_controls or action.action_type in IN_EVERY_MODE:
+    if mode.fleet_controls or action.action_type in IN_EVERY_MODE or robot.power.silent:
         return None
     if mode.takes_orders and action.action_type == CANCEL_ORDER:
         return None
@@ -309,6 +316,16 @@ def _finish_retry(robot: RobotState, action: Action, problem: str | None) -> Non
         robot.instant_actions.change(action.action_id, ActionStatus.FINISHED)
 
 
+def _start_hibernation(robot: RobotState, action: Action) -> None:
+    if problem := power.start_hibernation(robot, action):
+        _refuse(robot, action, problem, hint="send a later wakeUpTime, and check the clocks")
+
+
+def _shut_down(robot: RobotState, action: Action) -> None:
+    if problem := power.shut_down(robot, action):
+        _refuse(robot, action, problem, hint="the robot's state shows what it does")
+
+
 def _state_request(robot: RobotState, action: Action) -> None:
     robot.instant_actions.change(action.action_id, ActionStatus.FINISHED)  # each message is answered by one
 
@@ -343,5 +360,8 @@ _CORE_ACTIONS: dict[str, Callable[[RobotState, Action], None]] = {
     RETRY: _retry,
     SKIP_RETRY: _skip_retry,
     TRIGGER: _trigger,
+    START_HIBERNATION: _start_hibernation,
+    STOP_HIBERNATION: power.stop_hibernation,
+    SHUTDOWN: _shut_down,
 }
 """Instant actions that the core executes, by action type."""

@@ -11,7 +11,7 @@ from nena_edge_agent.driver.port import OwnGoals, Pose
 from nena_edge_agent.protocol.action_states import ActionRecord
 from nena_edge_agent.protocol.capabilities import Capabilities
 from nena_edge_agent.protocol.order_progress import BasePath, OrderHeader, OrderHistory, OrderProgress
-from nena_edge_agent.protocol.robot_state import RobotState
+from nena_edge_agent.protocol.robot_state import PowerPhase, RobotState
 from nena_edge_agent.protocol.zone_sets import AccessRequest, ZoneRequests
 from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.factsheet import ActionScope
@@ -145,6 +145,8 @@ class Memory(BaseModel):
     ended_orders: tuple[str, ...] = ()
     """Digests of the orders that have ended; the field is that of ``OrderHistory``."""
     last_order_header: OrderHeaderMemory | None = None
+    power: PowerPhase = PowerPhase.AWAKE
+    wake_up_at: datetime | None = None
     header_ids: tuple[tuple[Topic, int], ...] = ()
     """The headerId of each topic from which the next run of the program counts on."""
 
@@ -171,6 +173,8 @@ def memory_of(robot: RobotState) -> Memory:
         own_goals=OwnGoalsMemory.model_validate(robot.goal.own) if robot.goal.own else None,
         ended_orders=robot.history.ended,
         last_order_header=OrderHeaderMemory.model_validate(last_header) if last_header else None,
+        power=robot.power,
+        wake_up_at=robot.wake_up_at,
         header_ids=robot.header_ids,
         frame=robot.capabilities.frame,
     )
@@ -194,6 +198,8 @@ def restored(memory: Memory, capabilities: Capabilities) -> RobotState:
         loads=memory.loads,
         operating_mode=memory.operating_mode,
         wanted_mode=memory.wanted_mode,
+        power=PowerPhase.AWAKE if memory.power is PowerPhase.SHUTTING_DOWN else memory.power,
+        wake_up_at=memory.wake_up_at,
         header_ids=memory.header_ids,
         zone_requests=ZoneRequests(
             (AccessRequest(**dict(each)) for each in memory.zone_requests), memory.last_zone_request

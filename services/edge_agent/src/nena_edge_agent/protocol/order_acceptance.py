@@ -19,7 +19,7 @@ from nena_edge_agent.protocol.declaration import ENABLE_MAP
 from nena_edge_agent.protocol.geometry import distance, in_place, radius
 from nena_edge_agent.protocol.order_progress import HeldContent, OrderHistory, fingerprint
 from nena_edge_agent.protocol.zone_sets import EnabledZone, first_closed, zones_in
-from nena_shared.vda5050.action import Action
+from nena_shared.vda5050.action import STOP_HIBERNATION, Action
 from nena_shared.vda5050.error import ErrorEntry, ErrorType, error
 from nena_shared.vda5050.factsheet import ActionScope
 from nena_shared.vda5050.order import Edge, Node, NodePosition, Order
@@ -38,7 +38,8 @@ class Situation:
     the robot has a map of, ``closed`` the zones that it must not drive in. ``stands_on`` is the node that the
     robot has reached and not left, or empty. ``loaded``: whether it will carry something at the end of its
     base. ``history`` has the orders that have ended. ``dated``: the timestamp of the order at hand could be
-    read. ``tolerance`` is that of navigation at a goal, m; None: unknown.
+    read. ``tolerance`` is that of navigation at a goal, m; None: unknown. ``falls_asleep``: it is about to
+    hibernate.
     """
 
     operating_mode: OperatingMode
@@ -62,6 +63,7 @@ class Situation:
     history: OrderHistory = field(default_factory=OrderHistory)
     dated: bool = True
     tolerance: float | None = None
+    falls_asleep: bool = False
 
 
 EPOCH_HINT = "stop the order service that was replaced; if none was, compare the clocks of their machines"
@@ -82,6 +84,13 @@ def general_fault(order: Order, situation: Situation, capabilities: Capabilities
 
 def _mode_fault(order: Order, situation: Situation) -> ErrorEntry | None:
     """Check 2."""
+    if situation.falls_asleep:
+        return refusal(
+            ErrorType.MOBILE_ROBOT_NOT_AVAILABLE,
+            order,
+            "the robot is about to hibernate and accepts no orders",
+            hint=f"wake it by the instant action {STOP_HIBERNATION}",
+        )
     if situation.operating_mode.takes_orders:
         return _off_fault(order, situation) or (_fatal_fault(order) if situation.fatal else None)
     return refusal(

@@ -22,7 +22,7 @@ from nena_edge_agent.protocol.order_acceptance import (
     Verdict,
     judge,
 )
-from nena_edge_agent.protocol.robot_state import RobotState
+from nena_edge_agent.protocol.robot_state import PowerPhase, RobotState
 from nena_edge_agent.protocol.zone_sets import CLOSED
 from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.error import ErrorType, error
@@ -88,6 +88,7 @@ def _situation(robot: RobotState, *, dated: bool) -> Situation:
         history=robot.history,
         dated=dated,
         tolerance=robot.reports.limits.tolerance if robot.reports.limits else None,
+        falls_asleep=robot.power is PowerPhase.FALLING_ASLEEP,
     )
 
 
@@ -155,7 +156,7 @@ def cancel(robot: RobotState, action: Action) -> None:
         _refuse_cancel(robot, action)
         return
     robot.instant_actions.change(action.action_id, ActionStatus.RUNNING)
-    _begin_clearing(robot)
+    begin_clearing(robot)
 
 
 def _order_to_cancel(robot: RobotState, action: Action) -> JsonValue:
@@ -177,10 +178,10 @@ def _refuse_cancel(robot: RobotState, action: Action) -> None:
     robot.errors.report(entry, Until.ORDER_ACCEPTED)
 
 
-# Clearing, by a cancel or an operating mode (section 6.6.7)
+# Clearing, by a cancel, an operating mode or hibernation (section 6.6.7)
 
 
-def _begin_clearing(robot: RobotState) -> None:
+def begin_clearing(robot: RobotState) -> None:
     """Stop the robot and its actions; one that cannot be cancelled runs to its end."""
     if not robot.clearing:
         robot.clearing = True
@@ -217,7 +218,7 @@ def switch_mode(robot: RobotState, event: OperatingModeSwitched) -> None:
         return
     robot.wanted_mode = event.mode
     if event.mode.clears_order:
-        _begin_clearing(robot)
+        begin_clearing(robot)
     if not event.mode.fleet_controls:
         robot.progress.leave_node()  # a person may move the robot, and no driver reports it
     advance_mode(robot)

@@ -34,6 +34,7 @@ from nena_edge_agent.protocol import (
     driving,
     instant_actions,
     orders,
+    power,
     route_progress,
     zones,
 )
@@ -58,17 +59,19 @@ from nena_edge_agent.protocol.events import (
     OrderReceived,
     PauseButton,
     PluginsReport,
+    PowerReport,
     ReportState,
     ResponsesReceived,
     SafetyReport,
     SendFactsheet,
+    SignedOff,
     Started,
     SubscriptionsReport,
     TimePassed,
     ZoneSetReceived,
 )
 from nena_edge_agent.protocol.memory import Memory, memory_of, restored
-from nena_edge_agent.protocol.robot_state import RobotState
+from nena_edge_agent.protocol.robot_state import PowerPhase, RobotState
 from nena_edge_agent.protocol.state import make_state, make_visualization
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.state import State
@@ -99,6 +102,7 @@ class RobotCore:
         """Handle ``event`` at the monotonic time ``now`` in s, and return its effects."""
         robot = self._robot
         robot.now, robot.effects = now, []
+        event = power.heard(robot, event)
         _HANDLERS[type(event)](robot, event)
         instant_actions.apply_hold(robot)
         zones.expire(robot)
@@ -107,12 +111,15 @@ class RobotCore:
         orders.advance_clearing(robot)
         orders.advance_mode(robot)
         instant_actions.advance_position(robot)
+        power.advance(robot)
         zones.advance(robot)
         zones.keep_out(robot)
         driving.limit_speed(robot)
         route_progress.advance(robot)
         check_conditions(robot)
         shown = self._visible()
+        if robot.power.silent:
+            return tuple(robot.effects)
         if shown != self._shown or isinstance(event, REQUESTS):
             self._shown = shown
             robot.effects.append(ReportState())
@@ -156,9 +163,16 @@ class RobotCore:
         self._robot.header_ids = header_ids
 
     @property
+    def power(self) -> PowerPhase:
+        """How far the robot is on its way into hibernation and back."""
+        return self._robot.power
+
+    @property
     def waits(self) -> bool:
         """Whether a timeout is running; then :class:`TimePassed` events are needed."""
         robot = self._robot
+        if robot.power is not PowerPhase.AWAKE:
+            return True
         retries = robot.goal.retry_at is not None
         own = robot.goal.halting or retries or robot.link.waits
         return own or robot.position_request is not None or robot.zone_requests.waits
@@ -183,6 +197,8 @@ class RobotCore:
             robot.charging,
             robot.paused,
             robot.clearing,
+            robot.power,
+            robot.wake_up_at,
             robot.operating_mode,
             robot.wanted_mode,
             robot.zone_sets.revision,
@@ -217,6 +233,7 @@ def _started(robot: RobotState, event: Started) -> None:
     instant_actions.position_interrupted(robot)
     if robot.clearing or robot.paused or driving.has_leftover_goal(robot):
         driving.request_halt(robot)
+    power.continue_after_restart(robot)
     actions.continue_after_restart(robot)
     actions.schedule(robot)
 
@@ -272,6 +289,8 @@ def _subscriptions_reported(robot: RobotState, event: SubscriptionsReport) -> No
 
 def _link_reported(robot: RobotState, event: LinkReport) -> None:
     robot.link.lost_since = None if event.connected else robot.now
+    if event.connected and robot.power.signs_off:
+        robot.effects.append(ReportState())  # the last one may not have been sent
 
 
 def _safety_reported(robot: RobotState, event: SafetyReport) -> None:
@@ -293,8 +312,10 @@ def _local_trigger(robot: RobotState, event: LocalTrigger) -> None:
     actions.release(robot, event.trigger_type)
 
 
-def _time_passed(_: RobotState, __: TimePassed) -> None:
-    """Only the time has changed."""
+def _time_passed(robot: RobotState, event: TimePassed) -> None:
+    """Note the time of day; otherwise only the time has changed."""
+    if event.utc:
+        robot.utc = (event.utc, robot.now)
 
 
 def _halted(robot: RobotState, _: Halted) -> None:
@@ -319,6 +340,7 @@ def _halt_failed(robot: RobotState, event: HaltFailed) -> None:
     driving.halt_failed(robot, event.description)
     for action_type in (CANCEL_ORDER, START_PAUSE):
         robot.end_instant_actions(action_type, ActionStatus.FAILED, event.description)
+    power.halt_failed(robot, event.description)
 
 
 def _battery_reported(robot: RobotState, event: BatteryReport) -> None:
@@ -386,6 +408,8 @@ _HANDLERS: dict[type, Callable[[RobotState, Any], None]] = {
     ErrorSwitched: _error_switched,
     LocalTrigger: _local_trigger,
     TimePassed: _time_passed,
+    SignedOff: power.signed_off,
+    PowerReport: power.command_ended,
     Arrived: driving.arrived,
     DriveFailed: driving.failed,
     Halted: _halted,

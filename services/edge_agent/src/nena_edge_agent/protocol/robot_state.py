@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
+from enum import StrEnum
 
 from nena_edge_agent.driver.port import (
     Area,
@@ -216,6 +217,31 @@ class PositionRequest:
     requested_at: float
 
 
+class PowerPhase(StrEnum):
+    """How far the robot is on its way into hibernation and back, or to its shutdown (section 6.2.3)."""
+
+    AWAKE = "AWAKE"
+    FALLING_ASLEEP = "FALLING_ASLEEP"
+    """startHibernation is running: the order is being cleared, the robot stops."""
+    SIGNING_OFF = "SIGNING_OFF"
+    """startHibernation is FINISHED; the state that reports it must still be sent."""
+    HIBERNATING = "HIBERNATING"
+    WAKING = "WAKING"
+    """The wake command is running."""
+    SHUTTING_DOWN = "SHUTTING_DOWN"
+    """shutdown is FINISHED; the state that reports it must still be sent."""
+
+    @property
+    def silent(self) -> bool:
+        """Return whether no states are sent (section 6.5)."""
+        return self in (PowerPhase.HIBERNATING, PowerPhase.WAKING)
+
+    @property
+    def signs_off(self) -> bool:
+        """Return whether the next state is the last one."""
+        return self in (PowerPhase.SIGNING_OFF, PowerPhase.SHUTTING_DOWN)
+
+
 @dataclass(slots=True)
 class RobotState:
     """The state of one robot, and the effects of the current event.
@@ -227,7 +253,8 @@ class RobotState:
     in m/s is what the zones allow, ``areas`` are those that navigation plans around, of the zone sets as they
     were at ``areas_revision``. ``maps`` are those on the robot. ``header_ids`` are those from which the next
     run of the program continues to count. ``interrupted`` are actions that a restart has ended during a
-    pause; they start again after it. ``zones_checked``: zones mattered at the last event.
+    pause; they start again after it. ``zones_checked``: zones mattered at the last event. ``wake_up_at``: the
+    end of the hibernation.
     """
 
     capabilities: Capabilities
@@ -250,6 +277,8 @@ class RobotState:
     paused: bool = False
     hold_applied: bool = False
     clearing: bool = False
+    power: PowerPhase = PowerPhase.AWAKE
+    wake_up_at: datetime | None = None
     journal_problem: str = ""
     header_ids: tuple[tuple[Topic, int], ...] = ()
     refused_topics: tuple[str, ...] = ()

@@ -23,9 +23,11 @@ from nena_order_service.errors import (
     UnknownOrderError,
     UnknownSequenceError,
     UnknownVehicleError,
+    VehicleBusyError,
     VehicleNotReachedError,
     VersionChangedError,
 )
+from nena_order_service.fleet.instant_actions import LEAVES
 from nena_order_service.fleet.outputs import InstantActionEnded
 from nena_order_service.fleet.robot import LinkStatus, RobotView, VdaOrderPhase
 from nena_order_service.fleet.vda_order import fresh_id, order_id
@@ -56,7 +58,7 @@ from nena_shared.fleet_api.vehicle import (
 )
 from nena_shared.log import get_logger
 from nena_shared.plant import MapPose, PlantPose, Point
-from nena_shared.vda5050.action import Action, ActionParameter, BlockingType
+from nena_shared.vda5050.action import STOP_HIBERNATION, Action, ActionParameter, BlockingType
 
 ANY = "*"
 
@@ -327,8 +329,12 @@ class HostRequests:
         """Send an instant action to a vehicle and wait briefly for its end; None: it is still running."""
         vehicle = self._vehicle(name)
         link = self._engine.view(vehicle).link
-        if link is not LinkStatus.ONLINE:
+        if link is LinkStatus.HIBERNATING and action_type != STOP_HIBERNATION:
+            raise VehicleNotReachedError(name, f"it is {link} until {STOP_HIBERNATION} or its wake-up time")
+        if link not in (LinkStatus.ONLINE, LinkStatus.HIBERNATING):
             raise VehicleNotReachedError(name, f"it is {link}")
+        if action_type in LEAVES and self._engine.works(vehicle):
+            raise VehicleBusyError(name, self._engine.status(vehicle).transport_order or "")
         action = Action(
             action_type=action_type,
             action_id=fresh_id(),

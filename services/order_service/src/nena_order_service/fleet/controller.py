@@ -305,6 +305,8 @@ class RobotControl:
             return "has not reported its state since it connected"
         if self._instant_actions.cancelling:
             return "has not yet confirmed a cancelOrder"
+        if self._instant_actions.leaving:
+            return "is about to hibernate or to shut down"
         if self._instant_actions.awaits_factsheet(now):
             return "has not sent its factsheet yet"
         occupied = availability.occupied(state, self._instant_actions.ids)

@@ -13,13 +13,24 @@ from nena_order_service.fleet.feasibility import fitted_action, instant_action_p
 from nena_order_service.fleet.outputs import FleetOutput, InstantActionEnded, PublishInstantActions
 from nena_order_service.fleet.robot import INSTANT_ACTIONS_LIMIT, REPORTS_NOTHING, LinkStatus, Robot
 from nena_order_service.fleet.settings import FleetSettings
-from nena_shared.vda5050.action import Action, ActionParameter, ActionState, ActionStatus, BlockingType
+from nena_shared.vda5050.action import (
+    SHUTDOWN,
+    START_HIBERNATION,
+    STOP_HIBERNATION,
+    Action,
+    ActionParameter,
+    ActionState,
+    ActionStatus,
+    BlockingType,
+)
 from nena_shared.vda5050.state import OperatingMode, State
 
 RETRY: Final = "retry"
 CANCEL_ORDER: Final = "cancelOrder"
 CLEAR_INSTANT_ACTIONS: Final = "clearInstantActions"
 FACTSHEET_REQUEST: Final = "factsheetRequest"
+LEAVES: Final = frozenset({START_HIBERNATION, SHUTDOWN})
+"""Types after which a robot takes no orders."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +54,7 @@ class InstantRun:
         self.outcome: Outcome | None = None
         self._settings = settings
         self._delivery = Delivery(settings)
+        self._first_sent_at: float | None = None
         self._seen_at: float | None = None
 
     @property
@@ -70,16 +82,27 @@ class InstantRun:
         if self._seen_at is not None or not self._delivery.due(now):
             return False
         self._delivery.sent(now)
+        if self._first_sent_at is None:
+            self._first_sent_at = now
         return True
 
     def on_tick(self, now: float) -> None:
         """End instant actions that take too long at a robot that can be reached."""
         if self._seen_at is None and self._delivery.failed(now):
+            if self._may_wake(now):
+                return
             reason = f"sent {self._delivery.sendings} times, but the robot never reported it"
             self.outcome = Outcome(None, reason)
         elif self._seen_at is not None and now - self._seen_at > self._settings.instant_action_limit:
             limit = f"{self._settings.instant_action_limit:g}"
             self.outcome = Outcome(None, f"the robot did not finish it within {limit} s")
+
+    def _may_wake(self, now: float) -> bool:
+        """Return whether a robot may still be waking: until then it reports nothing (section 6.2.3)."""
+        since = self._first_sent_at
+        if since is None or self.action.action_type != STOP_HIBERNATION:
+            return False
+        return now - since < self._settings.instant_action_limit
 
     def hold(self, reason: str, now: float) -> None:
         """Stop the action's timeout while it cannot be sent, for ``reason``.
@@ -135,6 +158,9 @@ ALWAYS_ALLOWED: Final = frozenset({"stateRequest", "factsheetRequest"})
 CLEARING_PAUSE: Final = 30.0
 """Seconds between tries to have a robot clear its ended instant actions."""
 
+LEAVING_WITHIN: Final = 30.0
+"""Seconds within which a robot that has reported its hibernation or shutdown changes its connection."""
+
 FACTSHEET_TIMEOUT: Final = 2.0
 """Seconds that orders wait for a requested factsheet."""
 
@@ -158,11 +184,20 @@ class InstantActionManager:
         self._next_clearing = 0.0
         self._asked: InstantRun | None = None
         self._asked_at = 0.0
+        self._left_at: float | None = None
+        """When the robot has reported its hibernation or shutdown, until its connection shows it."""
 
     @property
     def busy(self) -> bool:
         """Whether any is active."""
-        return bool(self._runs)
+        return bool(self._runs) or self._left_at is not None
+
+    @property
+    def leaving(self) -> bool:
+        """Whether the robot is about to hibernate or to shut down."""
+        return self._left_at is not None or any(
+            each.action.action_type in LEAVES for each in self._runs.values()
+        )
 
     @property
     def cancelling(self) -> bool:
@@ -173,6 +208,8 @@ class InstantActionManager:
         """Return why the robot must not be sent such an instant action now; None if it may."""
         link = self._robot.link(now)
         if link in REPORTS_NOTHING and self._robot.reachable:
+            link = LinkStatus.ONLINE
+        if link is LinkStatus.HIBERNATING and action_type == STOP_HIBERNATION:
             link = LinkStatus.ONLINE
         away = availability.away(link, self._robot.unreadable, broker=self.broker)
         state = self._robot.state
@@ -212,6 +249,7 @@ class InstantActionManager:
     def reconnected(self) -> None:
         """Handle a new connection: what did not arrive over the last one is requested again."""
         self._asked = None
+        self._left_at = None
 
     def awaits_factsheet(self, now: float) -> bool:
         """Return whether the robot's factsheet was just requested, and may still arrive."""
@@ -229,19 +267,21 @@ class InstantActionManager:
             }
             for run in self._runs.values():
                 run.on_states(reported, now)
-            yield from self._drop_ended()
+            yield from self._drop_ended(now)
         self._ask_for_factsheet(now)
         self._clear_ended(state, now)
 
     def on_tick(self, now: float) -> Iterator[FleetOutput]:
         """Fail the instant actions that take too long."""
+        if self._left_at is not None and now - self._left_at >= LEAVING_WITHIN:
+            self._left_at = None
         for run in self._runs.values():
             reason = self.unsendable(run.action.action_type, now)
             if reason is None:
                 run.on_tick(now)
             else:
                 run.hold(f"the robot {reason}", now)
-        yield from self._drop_ended()
+        yield from self._drop_ended(now)
 
     def send(self, now: float) -> Iterator[FleetOutput]:
         """Send what is due, in messages as short as the robot wants them."""
@@ -293,9 +333,12 @@ class InstantActionManager:
             self._next_clearing = now + CLEARING_PAUSE
             self._begin(action, requested=False)
 
-    def _drop_ended(self) -> Iterator[FleetOutput]:
+    def _drop_ended(self, now: float) -> Iterator[FleetOutput]:
         for run in [each for each in self._runs.values() if each.outcome]:
             del self._runs[run.action.action_id]
+            finished = run.outcome is not None and run.outcome.status is ActionStatus.FINISHED
+            if finished and run.action.action_type in LEAVES:
+                self._left_at = now
             if run.requested and run.outcome:
                 ended = run.outcome
                 yield InstantActionEnded(

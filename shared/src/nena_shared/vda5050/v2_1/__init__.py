@@ -27,6 +27,7 @@ RULES: Final = Rules(
     trigger_by_action=False,
     maps=True,
     zones=False,
+    hibernation=False,
     wrong_stitching_node=ErrorType.OUTDATED_ORDER_UPDATE,
 )
 """What this version means by its messages."""

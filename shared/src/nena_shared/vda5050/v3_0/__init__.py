@@ -36,6 +36,7 @@ RULES: Final = Rules(
     trigger_by_action=True,
     maps=True,
     zones=True,
+    hibernation=True,
     wrong_stitching_node=ErrorType.VALIDATION_FAILURE,
     node_forgotten_in=frozenset({OperatingMode.STARTUP, OperatingMode.SERVICE, OperatingMode.TEACH_IN}),
     node_left_in=frozenset({OperatingMode.MANUAL}),

@@ -1,0 +1,137 @@
+"""The commands of the settings that hibernate, wake and shut down the robot."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import shutil
+import signal
+from collections.abc import Mapping
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import IO, Annotated, Self
+
+from pydantic import Field, model_validator
+
+from nena_edge_agent.protocol.declaration import HIBERNATION, POWER_ACTIONS
+from nena_edge_agent.protocol.events import PowerCommand
+from nena_shared.log import get_logger
+from nena_shared.settings import SettingsGroup
+from nena_shared.vda5050.action import SHUTDOWN
+
+log = get_logger(__name__)
+
+WAKE_UP_VARIABLE = "NENA_WAKE_UP_TIME"
+"""Environment variable of the hibernate command: its wakeUpTime."""
+OUTPUT_LOGGED = 4000
+"""Bytes at the end of a failed command's output that are logged."""
+
+Command = tuple[Annotated[str, Field(min_length=1, max_length=4096)], ...]
+
+
+class PowerSettings(SettingsGroup):
+    """Commands that hibernate, wake and shut down the robot (VDA 5050 3.0): program and arguments."""
+
+    hibernate_command: Command = Field(
+        (),
+        description="Command that puts the robot into its low-power mode, as a list: "
+        '["systemctl", "start", "robot-sleep.service"]. The agent and its network must keep running. '
+        "Unset: the robot does not offer hibernation.",
+    )
+    wake_command: Command = Field(
+        (), description="Command that ends the low-power mode. Unset: none is needed."
+    )
+    shutdown_command: Command = Field(
+        (), description="Command that shuts the robot down. Unset: the robot does not offer shutdown."
+    )
+    command_timeout: float = Field(
+        60.0, gt=0, le=3600, allow_inf_nan=False, description="Timeout of each command, seconds."
+    )
+
+    @model_validator(mode="after")
+    def _in_pairs(self) -> Self:
+        if self.wake_command and not self.hibernate_command:
+            message = "wake_command needs a hibernate_command"
+            raise ValueError(message)
+        return self
+
+    def offered(self, *, rehearsed: bool) -> frozenset[str]:
+        """Return the actions that the robot offers; ``rehearsed``: all, also without commands."""
+        if rehearsed:
+            return POWER_ACTIONS
+        sleeps = HIBERNATION if self.hibernate_command else frozenset()
+        return sleeps | (frozenset({SHUTDOWN}) if self.shutdown_command else frozenset())
+
+    def command(self, kind: PowerCommand) -> Command:
+        """Return the command of this kind; empty: there is nothing to run."""
+        found: Command = getattr(self, kind.value)
+        return found
+
+    def problems(self) -> dict[PowerCommand, str]:
+        """Return what is wrong with the commands, by their settings: a program that cannot be run."""
+        found = {kind: _problem(self.command(kind)) for kind in PowerCommand}
+        return {kind: problem for kind, problem in found.items() if problem}
+
+
+def _problem(command: Command) -> str:
+    if not command or shutil.which(command[0]):
+        return ""
+    if Path(command[0]).exists():
+        return f"{command[0]} is not an executable program"
+    return f"there is no program {command[0]}"
+
+
+async def run_command(
+    settings: PowerSettings, kind: PowerCommand, environment: Mapping[str, str] | None = None
+) -> str:
+    """Run a command to its end, if there is one; return what has failed, empty if nothing has.
+
+    Its output is logged if it fails. At the timeout, or if the task is cancelled, it is killed.
+    """
+    command = settings.command(kind)
+    if not command:
+        return ""
+    with TemporaryFile() as output:
+        problem = await _run(settings, command, output, {**os.environ, **(environment or {})})
+        if problem:
+            log.warning(
+                "power command failed", setting=f"power.{kind}", problem=problem, output=_tail(output)
+            )
+        else:
+            log.info("power command ended", setting=f"power.{kind}")
+    return problem
+
+
+async def _run(
+    settings: PowerSettings, command: Command, output: IO[bytes], environment: Mapping[str, str]
+) -> str:
+    try:
+        process = await asyncio.create_subprocess_exec(
+            *command,
+            stdin=asyncio.subprocess.DEVNULL,
+            stdout=output,
+            stderr=output,
+            env=environment,
+            start_new_session=True,
+        )
+    except OSError as error:
+        return f"{command[0]} cannot be started: {error.strerror}"
+    try:
+        async with asyncio.timeout(settings.command_timeout):
+            code = await process.wait()
+    except TimeoutError:
+        return f"{command[0]} has not ended in {settings.command_timeout:g} s"
+    finally:
+        if process.returncode is None:
+            os.killpg(process.pid, signal.SIGKILL)
+            await process.wait()
+    if code < 0:
+        return f"{command[0]} was ended by signal {-code}"
+    return f"{command[0]} ended with exit code {code}" if code else ""
+
+
+def _tail(output: IO[bytes]) -> str:
+    """Return the end of what a command has written."""
+    size = output.seek(0, os.SEEK_END)
+    output.seek(max(0, size - OUTPUT_LOGGED))
+    return output.read().decode(errors="replace").strip()

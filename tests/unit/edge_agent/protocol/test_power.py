@@ -1,0 +1,438 @@
+"""Hibernation and shutdown (section 6.2.3), and what a robot does in between."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import pytest
+
+from nena_edge_agent.driver.port import HaltFailed
+from nena_edge_agent.protocol.declaration import HIBERNATION, POWER_ACTIONS, PREDEFINED, supported_actions
+from nena_edge_agent.protocol.events import (
+    Event,
+    GoOnline,
+    Halt,
+    Hibernate,
+    LinkReport,
+    LogIgnored,
+    MessageRefused,
+    OperatingModeSwitched,
+    OrderReceived,
+    PowerCommand,
+    PowerReport,
+    ReportState,
+    ResponsesReceived,
+    ShutDown,
+    SignedOff,
+    StartAction,
+    Started,
+    TimePassed,
+    Wake,
+    ZoneSetReceived,
+)
+from nena_edge_agent.protocol.robot_state import PowerPhase
+from nena_shared.vda5050.error import ErrorType, error
+from nena_shared.vda5050.state import OperatingMode
+from nena_shared.vda5050.versions import RULES
+from support.robot_core import Bench, action, instant, order, restarted
+from support.zones import responses, transfer, zone
+
+NOON = datetime(2026, 1, 1, 12, tzinfo=UTC)
+AT_SIX = "2026-01-01T18:00:00.000Z"
+SIX = datetime(2026, 1, 1, 18, tzinfo=UTC)
+HAS_SLEPT = PowerReport(PowerCommand.HIBERNATE)
+HAS_WOKEN = PowerReport(PowerCommand.WAKE)
+IN_3 = ("3.0.0", "3.0.1")
+
+
+def sleep(action_id: str = "s", at: Any = AT_SIX) -> Event:
+    return instant(action(action_id, "NONE", "startHibernation", wakeUpTime=at))
+
+
+def wake(action_id: str = "w") -> Event:
+    return instant(action(action_id, "NONE", "stopHibernation"))
+
+
+def shutdown() -> Event:
+    return instant(action("d", "NONE", "shutdown"))
+
+
+def robot(version: str = "3.0.1") -> Bench:
+    bench = Bench(rules=RULES[version], power=POWER_ACTIONS)
+    bench.do(TimePassed(NOON))
+    return bench
+
+
+def hibernating(version: str = "3.0.1") -> Bench:
+    bench = robot(version)
+    bench.do(sleep(), SignedOff(), HAS_SLEPT)
+    assert bench.core.power is PowerPhase.HIBERNATING
+    bench.effects.clear()
+    return bench
+
+
+def kinds(effects: list[Any]) -> list[type]:
+    return [type(each) for each in effects]
+
+
+@pytest.mark.clause("6.2.3/startHibernation", "6.2.3/shutdown")
+@pytest.mark.parametrize("version", RULES)
+@pytest.mark.parametrize("power", [frozenset(), HIBERNATION, frozenset({"shutdown"}), POWER_ACTIONS])
+def test_a_robot_offers_what_it_is_set_up_for_if_its_version_has_it(
+    version: str, power: frozenset[str]
+) -> None:
+    offered = set(supported_actions(PREDEFINED, RULES[version], power)) & POWER_ACTIONS
+
+    assert offered == (power if version in IN_3 else frozenset())
+
+
+@pytest.mark.clause("6.2.3/startHibernation")
+@pytest.mark.parametrize("version", IN_3)
+def test_the_order_ends_and_the_robot_stands_before_it_signs_off(version: str) -> None:
+    bench = robot(version)
+    bench.send(order("n0", "n1", "n2", node_actions={"n2": [action("later", "HARD")]}))
+
+    assert Halt in kinds(bench.do(sleep()))
+    assert bench.status("s") == "RUNNING"
+    assert bench.core.power is PowerPhase.FALLING_ASLEEP
+    bench.do(OrderReceived(order("n0", "n1", order_id="o2")))
+    assert bench.errors == ["MOBILE_ROBOT_NOT_AVAILABLE"]
+
+    assert kinds(bench.halted()) == [ReportState]
+    assert (bench.status("s"), bench.statuses()["later"], bench.nodes) == ("FINISHED", "FAILED", [])
+    assert (bench.state.order_id, bench.state.last_node_id) == ("o1", "n0")
+    assert bench.do(SignedOff()) == [Hibernate(SIX)]
+    assert not bench.do(HAS_SLEPT)
+
+
+@pytest.mark.clause("6.2.3/startHibernation")
+def test_an_action_that_cannot_be_cancelled_runs_to_its_end_first() -> None:
+    bench = robot()
+    bench.send(order("n0", node_actions={"n0": [action("p", "HARD", "press")]}))
+    bench.runs("p")
+
+    bench.do(sleep())
+    assert bench.status("s") == "RUNNING"
+    bench.finishes("p")
+    assert bench.status("s") == "FINISHED"
+
+
+@pytest.mark.clause("6.2.3/startHibernation")
+@pytest.mark.parametrize("version", IN_3)
+@pytest.mark.parametrize(
+    "at",
+    [
+        "tomorrow",
+        "2026-01-01T18:00:00.000",
+        "2026-01-01T18:00:00.000+00:00",
+        "2026-01-01T18:00:00+01:00",
+        "20260101T180000Z",
+        "2026-13-01T18:00:00Z",
+        "2026-01-01",
+        "",
+        1767290400,
+        "2026-01-01T11:59:59.999Z",
+    ],
+)
+def test_a_wake_up_time_that_is_no_coming_time_in_utc_is_refused(version: str, at: Any) -> None:
+    bench = robot(version)
+
+    bench.do(sleep(at=at))
+
+    assert bench.status("s") == "FAILED"
+    assert bench.errors == ["INVALID_INSTANT_ACTION"]
+    assert bench.core.power is PowerPhase.AWAKE
+
+
+@pytest.mark.clause("6.2.3/startHibernation")
+def test_a_wake_up_time_is_needed() -> None:
+    bench = robot()
+
+    bench.instant(action("s", "NONE", "startHibernation"))
+
+    assert (bench.status("s"), bench.errors) == ("FAILED", ["INVALID_INSTANT_ACTION"])
+
+
+@pytest.mark.parametrize("at", [AT_SIX, "2026-01-01T18:00:00Z", "2026-01-01T18:00:00.000000000Z"])
+def test_decimals_of_a_second_may_be_any(at: str) -> None:
+    bench = robot()
+
+    bench.do(sleep(at=at))
+
+    assert bench.do(SignedOff()) == [Hibernate(SIX)]
+
+
+@pytest.mark.clause("6.2.3/startHibernation")
+@pytest.mark.parametrize(
+    "message",
+    [
+        OrderReceived(order("n0", "n1")),
+        instant(action("i", "NONE", "stateRequest")),
+        instant(action("i", "NONE", "shutdown")),
+        sleep("again"),
+        ZoneSetReceived(transfer(zone("gate", "RELEASE", 13, 17))),
+        ResponsesReceived(responses("r1", "GRANTED"), NOON),
+        MessageRefused(error(ErrorType.VALIDATION_FAILURE, "unreadable")),
+    ],
+    ids=lambda event: type(event).__name__,
+)
+def test_a_hibernating_robot_ignores_all_messages_but_stop_hibernation(message: Event) -> None:
+    bench = hibernating()
+    before = bench.state
+
+    assert kinds(bench.do(message)) == [LogIgnored]
+    assert bench.state == before
+
+
+@pytest.mark.clause("6.2.3/startHibernation")
+def test_nothing_that_happens_meanwhile_is_reported_before_it_wakes() -> None:
+    bench = hibernating()
+
+    bench.do(OperatingModeSwitched(OperatingMode.MANUAL), LinkReport(connected=True), TimePassed(NOON))
+    assert not bench.effects
+
+    bench.do(wake(), HAS_WOKEN)
+    assert kinds(bench.effects) == [Wake, GoOnline, ReportState]
+    assert bench.state.operating_mode is OperatingMode.MANUAL
+
+
+@pytest.mark.clause("6.2.3/startHibernation")
+@pytest.mark.parametrize("version", IN_3)
+def test_stop_hibernation_wakes_it_and_finishes_with_the_first_state(version: str) -> None:
+    bench = hibernating(version)
+
+    effects = bench.do(instant(action("i", "NONE", "stateRequest"), action("w", "NONE", "stopHibernation")))
+    assert kinds(effects) == [LogIgnored, Wake]
+    assert not bench.do(wake("w2"))
+    assert bench.status("w") == "RUNNING"
+
+    assert kinds(bench.do(HAS_WOKEN)) == [GoOnline, ReportState]
+    assert (bench.status("w"), bench.status("w2"), bench.status("s")) == ("FINISHED",) * 3
+    bench.do(instant(action("i", "NONE", "stateRequest")))
+    assert bench.status("i") == "FINISHED"
+    bench.send(order("n0", "n1", order_id="o2"))
+    assert bench.goals
+
+
+@pytest.mark.clause("6.2.3/startHibernation")
+def test_it_wakes_at_its_wake_up_time() -> None:
+    bench = hibernating()
+
+    assert not bench.do(TimePassed(SIX - timedelta(seconds=1)))
+    assert bench.do(TimePassed(SIX)) == [Wake()]
+    assert not bench.do(TimePassed(SIX + timedelta(seconds=1)))
+    assert kinds(bench.do(HAS_WOKEN)) == [GoOnline, ReportState]
+    assert bench.core.power is PowerPhase.AWAKE
+
+
+@pytest.mark.parametrize("reach", [lambda _: None, lambda bench: bench.do(SignedOff(), HAS_SLEPT)])
+def test_stop_hibernation_also_finishes_at_a_robot_that_is_awake(reach: Callable[[Bench], object]) -> None:
+    bench = robot()
+    reach(bench)
+
+    bench.do(wake())
+
+    assert bench.status("w") == "FINISHED"
+    assert bench.core.power is PowerPhase.AWAKE
+
+
+@pytest.mark.parametrize("stands", [True, False])
+def test_stop_hibernation_revokes_one_that_has_not_begun(*, stands: bool) -> None:
+    bench = robot()
+    bench.send(order("n0", "n1"))
+    bench.do(sleep())
+    if stands:
+        bench.halted()
+
+    bench.do(wake(), SignedOff())
+    bench.halted()
+
+    assert bench.status("s") == ("FINISHED" if stands else "FAILED")
+    assert bench.status("w") == "FINISHED"
+    assert bench.core.power is PowerPhase.AWAKE
+    assert not bench.effects_of(Hibernate)
+
+
+def test_a_second_request_joins_the_first_with_its_own_wake_up_time() -> None:
+    bench = robot()
+    bench.send(order("n0", "n1"))
+    bench.do(sleep("first", "2026-01-01T13:00:00.000Z"), sleep("second"))
+
+    bench.halted()
+
+    assert (bench.status("first"), bench.status("second")) == ("FINISHED", "FINISHED")
+    assert bench.do(SignedOff()) == [Hibernate(SIX)]
+
+
+@pytest.mark.parametrize("stands", [True, False])
+def test_a_wake_up_time_that_passes_before_it_sleeps_keeps_it_awake(*, stands: bool) -> None:
+    bench = robot()
+    bench.send(order("n0", "n1"))
+    bench.do(sleep())
+    if stands:
+        bench.halted()
+
+    bench.do(TimePassed(SIX), SignedOff())
+
+    assert bench.status("s") == ("FINISHED" if stands else "FAILED")
+    assert bench.core.power is PowerPhase.AWAKE
+    assert not bench.effects_of(Hibernate)
+
+
+def test_a_robot_whose_standstill_is_not_confirmed_stays_awake() -> None:
+    bench = robot()
+    bench.send(order("n0", "n1"))
+    bench.do(sleep())
+
+    bench.do(HaltFailed("odometry still shows 0.3 m/s"))
+
+    assert bench.status("s") == "FAILED"
+    assert bench.core.power is PowerPhase.AWAKE
+
+
+@pytest.mark.clause("6.2.3/startHibernation")
+def test_a_robot_that_cannot_hibernate_wakes_and_says_why() -> None:
+    bench = robot()
+    bench.do(sleep(), SignedOff())
+
+    effects = bench.do(PowerReport(PowerCommand.HIBERNATE, "sleep.sh ended with exit code 3"))
+    assert effects == [Wake()]
+    bench.do(HAS_WOKEN)
+
+    (entry,) = bench.state.errors
+    assert (entry.error_type, entry.error_level) == ("POWER_COMMAND_FAILED", "WARNING")
+    assert "power.hibernate_command" in (entry.error_description or "")
+    assert "exit code 3" in (entry.error_description or "")
+    bench.send(order("n0", "n1"))
+    assert not bench.errors
+
+
+@pytest.mark.clause("6.2.3/startHibernation")
+def test_a_robot_that_cannot_wake_is_awake_anyway() -> None:
+    bench = hibernating()
+
+    bench.do(wake(), PowerReport(PowerCommand.WAKE, "wake.sh has not ended in 60 s"))
+
+    assert bench.core.power is PowerPhase.AWAKE
+    assert bench.status("w") == "FAILED"
+    assert bench.errors == ["POWER_COMMAND_FAILED"]
+    (shown,) = (each for each in bench.state.instant_action_states or () if each.action_id == "w")
+    assert shown.action_result == "wake.sh has not ended in 60 s"
+
+
+@pytest.mark.clause("6.2.3/startHibernation", "6.6/restart")
+@pytest.mark.parametrize(
+    ("events", "phase", "effects"),
+    [
+        ((), PowerPhase.SIGNING_OFF, []),
+        ((SignedOff(),), PowerPhase.HIBERNATING, []),
+        ((SignedOff(), HAS_SLEPT), PowerPhase.HIBERNATING, []),
+        ((SignedOff(), HAS_SLEPT, wake()), PowerPhase.WAKING, [Wake()]),
+    ],
+)
+def test_a_restarted_agent_goes_on_hibernating(
+    events: tuple[Event, ...], phase: PowerPhase, effects: list[object]
+) -> None:
+    bench = robot()
+    bench.do(sleep(), *events)
+
+    again = restarted(bench)
+    again.effects.clear()
+    again.do(Started(NOON))
+
+    assert again.core.power is phase
+    assert again.core.waits
+    assert [each for each in again.effects if isinstance(each, Wake | Hibernate)] == effects
+    if phase is PowerPhase.HIBERNATING:
+        assert again.do(TimePassed(SIX)) == [Wake()]
+
+
+@pytest.mark.clause("6.6/restart")
+def test_a_restart_while_the_order_is_cleared_still_leads_to_sleep() -> None:
+    bench = robot()
+    bench.send(order("n0", "n1"))
+    bench.do(sleep())
+
+    again = restarted(bench)
+    again.halted()
+
+    assert again.status("s") == "FINISHED"
+    assert again.core.power is PowerPhase.SIGNING_OFF
+
+
+@pytest.mark.parametrize("events", [(sleep(),), (sleep(), SignedOff()), (sleep(), SignedOff(), wake())])
+def test_a_robot_whose_settings_do_not_offer_hibernation_any_more_is_awake(events: tuple[Event, ...]) -> None:
+    bench = robot()
+    bench.do(*events)
+
+    again = Bench(memory=bench.core.memory(), rules=RULES["3.0.1"])
+
+    assert again.core.power is PowerPhase.AWAKE
+    assert kinds(again.effects)[:2] == [GoOnline, ReportState]
+    again.send(order("n0", "n1"))
+    assert again.goals
+
+
+@pytest.mark.clause("6.2.3/shutdown")
+@pytest.mark.parametrize("version", IN_3)
+def test_an_idle_robot_shuts_down_once_that_is_reported(version: str) -> None:
+    bench = robot(version)
+
+    assert kinds(bench.do(shutdown())) == [ReportState]
+    assert bench.status("d") == "FINISHED"
+    assert kinds(bench.do(OrderReceived(order("n0", "n1")))) == [LogIgnored]
+    assert kinds(bench.do(wake())) == [LogIgnored, ReportState]
+    assert bench.do(SignedOff()) == [ShutDown()]
+
+
+@pytest.mark.clause("6.2.3/shutdown")
+@pytest.mark.parametrize(
+    "begin",
+    [
+        lambda bench: bench.send(order("n0", "n1")),
+        lambda bench: bench.do(instant(action("busy"))),
+        lambda bench: bench.do(instant(action("busy", "NONE", "press"))),
+        lambda bench: (bench.send(order("n0", "n1")), bench.do(sleep())),
+    ],
+    ids=["order", "instant action", "one that cannot be cancelled", "about to hibernate"],
+)
+def test_a_robot_that_is_not_idle_does_not_shut_down(begin: Callable[[Bench], object]) -> None:
+    bench = robot()
+    begin(bench)
+
+    bench.do(shutdown())
+
+    assert bench.status("d") == "FAILED"
+    assert "INVALID_INSTANT_ACTION" in bench.errors
+    assert not bench.effects_of(ShutDown)
+
+
+def test_a_robot_that_was_started_again_after_its_shutdown_is_awake() -> None:
+    bench = robot()
+    bench.do(shutdown(), SignedOff())
+
+    again = restarted(bench)
+
+    assert again.core.power is PowerPhase.AWAKE
+    assert again.status("d") == "FINISHED"
+    again.send(order("n0", "n1"))
+    assert again.goals
+
+
+def test_the_last_state_is_sent_again_over_a_new_connection() -> None:
+    bench = robot()
+    bench.do(sleep())
+
+    assert kinds(bench.do(LinkReport(connected=False))) == []
+    assert kinds(bench.do(LinkReport(connected=True))) == [ReportState]
+
+
+@pytest.mark.parametrize("name", sorted(POWER_ACTIONS))
+def test_none_of_them_reaches_a_plug_in(name: str) -> None:
+    bench = robot()
+
+    bench.instant(action("i", "NONE", name, wakeUpTime=AT_SIX))
+
+    assert not bench.effects_of(StartAction)
