@@ -3,12 +3,42 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import AsyncIterator, Iterator
+from dataclasses import dataclass
 from typing import Any
 
 from pydantic import BaseModel
+from pydantic_core import to_json
 
 SLICE = 25
 """Number of list items encoded at once: orders, the longest items, take about 0.2 ms each."""
+
+
+@dataclass(frozen=True, slots=True)
+class EncodedPage:
+    """A page of a list whose objects are JSON already: as models they would take five times the memory."""
+
+    name: str
+    """Of the field that holds the objects."""
+    objects: tuple[bytes, ...]
+    next: str | None
+    """Value of ``after`` for the next page; None: this is the last one."""
+
+    @property
+    def size(self) -> int:
+        """Length of the whole JSON, bytes."""
+        return sum(map(len, self._parts()))
+
+    async def parts(self) -> AsyncIterator[bytes]:
+        """Yield the JSON in parts, so that it is in memory only once."""
+        for each in self._parts():
+            yield each
+
+    def _parts(self) -> Iterator[bytes]:
+        yield b'{"%s":[' % self.name.encode()
+        for place, each in enumerate(self.objects):
+            yield b",%s" % each if place else each
+        yield b'],"next":%s}' % to_json(self.next)
 
 
 async def encode(body: BaseModel, *, exclude_none: bool = False) -> bytes:

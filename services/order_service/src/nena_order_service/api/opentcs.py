@@ -446,8 +446,8 @@ def _add_orders(app: FastAPI, requests: HostRequests) -> None:
     ) -> Response:
         if intended_vehicle is not None:
             requests.vehicle(intended_vehicle)
-        found = await requests.orders(OrderFilter(intended_vehicle=intended_vehicle, limit=LISTED))
-        orders = [TransportOrderState.of(each.status) for each in found]
+        wanted = OrderFilter(intended_vehicle=intended_vehicle, limit=LISTED)
+        orders = [TransportOrderState.of(each.status) async for each in requests.orders(wanted)]
         return Response(_ORDERS.dump_json(orders, by_alias=True), media_type="application/json")
 
     @_serve(app, table.SHOW_ORDER, response_model=TransportOrderState)

@@ -9,6 +9,7 @@ from typing import Any, Generic, TypeVar
 
 from pydantic import BaseModel
 
+from nena_order_service.api.encoding import EncodedPage
 from nena_order_service.api.host_requests import ETag, HostServices
 from nena_order_service.fleet.outputs import InstantActionEnded
 from nena_order_service.store.database import OrderFilter, SequenceFilter
@@ -28,7 +29,6 @@ from nena_shared.fleet_api.requests import (
     PathLockRequest,
     ReroutingRequest,
     ResumeRequest,
-    TransportOrderPage,
     TransportOrdersQuery,
     VehicleList,
     VehiclesQuery,
@@ -63,7 +63,7 @@ class Call(Generic[R]):
 class Reply:
     """The answer to a successful request."""
 
-    body: BaseModel
+    body: BaseModel | EncodedPage
     status: HTTPStatus = HTTPStatus.OK
 
 
@@ -110,12 +110,16 @@ class HostOperations:
     async def _list_orders(self, call: Call[TransportOrdersQuery]) -> Reply:
         query = call.request
         states, before = tuple(query.state or ()), _number(query.after)
-        found = await self._orders.orders(
-            OrderFilter(states, query.intended_vehicle, before, query.limit + 1)
-        )
-        page = found[: query.limit]
-        following = str(page[-1].number) if len(found) > query.limit else None
-        return Reply(TransportOrderPage(transport_orders=tuple(each.status for each in page), next=following))
+        wanted = OrderFilter(states, query.intended_vehicle, before, query.limit + 1)
+        encoded: list[bytes] = []
+        last, following = 0, None
+        async for order in self._orders.orders(wanted):
+            if len(encoded) < query.limit:
+                encoded.append(order.status.model_dump_json(by_alias=True).encode())
+                last = order.number
+            else:
+                following = str(last)
+        return Reply(EncodedPage("transportOrders", tuple(encoded), following))
 
     @_does(table.SHOW_ORDER)
     async def _show_order(self, call: Call[None]) -> Reply:

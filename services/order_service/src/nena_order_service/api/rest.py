@@ -22,7 +22,7 @@ from starlette.routing import Mount
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from nena_order_service.api import problems
-from nena_order_service.api.encoding import encode
+from nena_order_service.api.encoding import EncodedPage, encode
 from nena_order_service.api.events import EventKind, EventStream, Interest
 from nena_order_service.api.host_requests import ETag
 from nena_order_service.api.operations import Call, Handler, HostOperations, Reply
@@ -219,6 +219,9 @@ def _call(operation: Operation[Any], http: Request, given: Mapping[str, Any]) ->
 async def _response(operation: Operation[Any], reply: Reply, *, known: ETag | None) -> Response:
     headers: dict[str, str] = {}
     body: Any = reply.body
+    if isinstance(body, EncodedPage):
+        headers["Content-Length"] = str(body.size)
+        return StreamingResponse(body.parts(), reply.status, headers, "application/json")
     if operation.versioned or operation.creates:
         headers["ETag"] = ETag.of(body.version).value
         if known and known.fits(body.version):
