@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, HTTPServer
+from ipaddress import ip_address
 from pathlib import Path
 from threading import Thread
 from typing import Any
@@ -19,6 +20,7 @@ from typing import Any
 import pytest
 import yaml  # type: ignore[import-untyped]  # its stubs would be one more dependency
 
+from nena_shared.web.settings import HttpSettings
 from support.certificates import Authority, Files
 from support.waiting import PATIENCE
 
@@ -167,6 +169,32 @@ def test_no_password_stands_in_the_file() -> None:
     text = (ROOT / "docker-compose.yml").read_text()
 
     assert set(re.findall(r"PASSWORD: (.*)", text)) == {"${POSTGRES_PASSWORD:-}"}
+
+
+def test_each_image_of_others_has_a_version() -> None:
+    images = [re.sub(r"\$\{\w+:-(.*)\}", r"\1", SERVICES[name]["image"]) for name in OF_OTHERS]
+
+    assert [each for each in images if not re.fullmatch(r"[\w./-]+:v?\d[\w.-]*", each)] == []
+
+
+def test_whoever_comes_through_a_published_port_is_not_believed_to_be_a_proxy() -> None:
+    """Requests come from the bridge's address; no proxy stands there that would replace X-Forwarded-For."""
+    of_http = {name: value for name, value in COMPOSE["x-http"].items() if name.startswith("NENA_HTTP__")}
+    fields = {name.removeprefix("NENA_HTTP__").lower(): value for name, value in of_http.items()}
+    http = HttpSettings.model_validate({"port": 0, **fields})
+
+    assert http.reverse_proxy
+    for bridge in ("172.17.0.1", "172.18.0.1", "192.168.16.1", "10.0.0.1"):
+        assert not [each for each in http.trusted_proxies if ip_address(bridge) in each]
+
+
+def test_the_services_are_no_superuser_of_the_database() -> None:
+    text, postgres = (ROOT / "docker-compose.yml").read_text(), SERVICES["postgres"]
+    users = set(re.findall(r"postgresql(?:\+psycopg)?://(\w+)@postgres/", text))
+
+    assert users == {"nena"}
+    assert postgres["environment"]["POSTGRES_USER"] not in users
+    assert "./deploy/containers/postgres:/docker-entrypoint-initdb.d:ro" in postgres["volumes"]
 
 
 def test_each_base_image_can_be_pinned() -> None:

@@ -8,6 +8,7 @@ import tomllib
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 from typing import Any
+from urllib.parse import urlsplit
 
 import kubernetes_validate  # type: ignore[import-untyped]  # it has no types
 import pytest
@@ -171,9 +172,9 @@ def test_ports_and_probes_meet_the_program(name: str) -> None:
     assert exposed == [str(port["containerPort"])]
     probes = {key: value["httpGet"] for key, value in container.items() if key.endswith("Probe")}
     assert probes == {
-        "startupProbe": {"path": "/healthz", "port": port["name"]},
-        "livenessProbe": {"path": "/healthz", "port": port["name"]},
-        "readinessProbe": {"path": "/readyz", "port": port["name"]},
+        "startupProbe": {"path": "/healthz", "port": port["name"], "scheme": "HTTPS"},
+        "livenessProbe": {"path": "/healthz", "port": port["name"], "scheme": "HTTPS"},
+        "readinessProbe": {"path": "/readyz", "port": port["name"], "scheme": "HTTPS"},
     }
     for service in manifests("Service"):
         if service["spec"]["selector"][NAME] == name:
@@ -258,9 +259,35 @@ def test_a_standby_reaches_the_active_one_by_name() -> None:
     service = named("Service", spec["serviceName"])
 
     assert service["spec"]["publishNotReadyAddresses"] is True
-    assert environment("order-service")["NENA_PUBLIC_URL"] == f"http://pod-1.{spec['serviceName']}:55200"
+    assert environment("order-service")["NENA_PUBLIC_URL"] == f"https://pod-1.{spec['serviceName']}:55200"
     assert spec["podManagementPolicy"] == "Parallel", "one of them is never ready"
     assert named("PodDisruptionBudget", "order-service")["spec"]["minAvailable"] == 0
+
+
+def names_certified_by_the_guide(service: str) -> set[str]:
+    """Return the names for which the guide makes the certificate of a service."""
+    (command,) = re.findall(rf"^nena-deploy https site {service} (.*)$", GUIDE, re.MULTILINE)
+    return set(re.findall(r"--host (\S+)", command))
+
+
+def test_no_token_crosses_the_cluster_unencrypted() -> None:
+    """From the ingress and from the aggregators on, requests are encrypted, and the services identified."""
+    for name in PROGRAMS:
+        assert {"NENA_HTTP__TLS_CERTIFICATE", "NENA_HTTP__TLS_KEY"} <= environment(name).keys()
+    spec, variables = named("StatefulSet", "order-service")["spec"], environment("status-aggregator")
+    pods = {f"order-service-{each}.{spec['serviceName']}" for each in range(spec["replicas"])}
+    certified = names_certified_by_the_guide("order-service")
+    assert pods | {urlsplit(variables["NENA_ORDER_SERVICE__URL"]).hostname} <= certified
+    assert not [value for name in PROGRAMS for value in environment(name).values() if "http://" in value]
+    assert variables["NENA_ORDER_SERVICE__CA"] in files_of("status-aggregator")
+
+    asked = named("Ingress", "nena")["metadata"]["annotations"]
+    prefix = "nginx.ingress.kubernetes.io"
+    assert (asked[f"{prefix}/backend-protocol"], asked[f"{prefix}/proxy-ssl-verify"]) == ("HTTPS", "on")
+    assert all(asked[f"{prefix}/proxy-ssl-name"] in names_certified_by_the_guide(each) for each in PROGRAMS)
+    namespace, _, secret = asked[f"{prefix}/proxy-ssl-secret"].partition("/")
+    assert namespace == KUSTOMIZATION["namespace"]
+    assert (secret, "ca.crt") in set(files_made_by_the_guide())
 
 
 def test_policies_let_through_what_the_settings_need() -> None:

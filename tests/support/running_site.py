@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import getpass
+import re
 import signal
 import subprocess
 from collections.abc import AsyncIterator
@@ -81,6 +82,14 @@ class RunningSite:
         """End the broker, and start it with what the site has now."""
         self.end()
         self.process = self._start()
+
+    def limit_memory(self, limit: int) -> None:
+        """Restart the broker with another memory limit than the site's, bytes."""
+        limits = re.compile(r"^memory_limit \d+$", re.MULTILINE)
+        text, found = limits.subn(f"memory_limit {limit}", self._configuration.read_text())
+        assert found == 1, "the site limits the broker's memory"
+        self._configuration.write_text(text)
+        self.restart()
 
     def end(self) -> None:
         self.process.send_signal(signal.SIGTERM)

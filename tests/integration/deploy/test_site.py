@@ -8,11 +8,12 @@ import signal
 import ssl
 from pathlib import Path
 
+import psutil
 import pytest
 from typer.testing import CliRunner
 
 from nena_deploy.commands import app
-from nena_deploy.identities import Kind
+from nena_deploy.identities import Kind, SiteTopics, topics_of_robot
 from nena_deploy.site import Site
 from nena_edge_agent.messages import client_id_of
 from nena_shared.mqtt import Outbound
@@ -212,6 +213,30 @@ async def test_a_robot_leaves_no_messages_under_topics_that_it_invents(running: 
         await until(lambda: watcher.came)
 
         assert watcher.topics == [own]
+
+
+MEGABYTE = 1024 * 1024
+LONGEST = 16 * MEGABYTE - 1000
+"""Bytes of a message that the broker just accepts."""
+
+
+async def test_what_a_robot_may_leave_does_not_take_all_memory(running: RunningSite) -> None:
+    """The longest messages on all its topics: the broker refuses what is beyond its limit, and continues."""
+    running.limit_memory(64 * MEGABYTE)
+    topics = [*topics_of_robot(RobotKey("ACME", "1"), SiteTopics())]
+    async with (
+        running.client(ORDER_SERVICE, "uagv/v2/+/+/connection") as service,
+        running.client(ROBOT_2) as neighbour,
+    ):
+        async with connected(Client(running.settings_in(running.folder_of(*ROBOT_1)), "flood")) as flood:
+            for topic in topics:
+                flood.link.publish(Outbound(topic, bytes(LONGEST), qos=1, retain=True))
+            await until(lambda: flood.link.state.connects > 1, what="the broker refuses a message")
+        neighbour.publish("uagv/v2/ACME/2/connection")
+        await until(lambda: "uagv/v2/ACME/2/connection" in service.topics)
+
+        assert psutil.Process(running.process.pid).memory_info().rss < 100 * MEGABYTE
+        assert (service.link.state.connects, neighbour.link.state.connects) == (1, 1)
 
 
 async def test_what_the_broker_retains_of_a_robot_goes_with_it(running: RunningSite) -> None:

@@ -2,11 +2,13 @@ from __future__ import annotations
 
 import grp
 import os
+import ssl
 import stat
 import subprocess
 import sys
 import tomllib
 from base64 import b64decode, b64encode
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -50,6 +52,44 @@ def test_a_broker_may_have_a_long_name(tmp_path: Path) -> None:
     done = run("init", tmp_path / "site", "--host", name)
     assert done.exit_code == 0, done.stderr
     assert f'host = "{name}"' in (tmp_path / "site" / "order-service" / "mqtt.toml").read_text()
+
+
+def shake_hands(files: Path, name: str) -> None:
+    """Connect by TLS as Python 3.13 does; raises SSLError if the server is not trusted under the name."""
+    client, server = (
+        ssl.create_default_context(cafile=files / "ca.pem"),
+        ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER),
+    )
+    client.verify_flags |= ssl.VERIFY_X509_STRICT
+    server.load_cert_chain(files / "certificate.pem", files / "key.pem")
+    up, down = ssl.MemoryBIO(), ssl.MemoryBIO()
+    ends = [
+        client.wrap_bio(down, up, server_hostname=name),
+        server.wrap_bio(up, down, server_side=True),
+    ]
+    while ends:
+        for end in tuple(ends):
+            with suppress(ssl.SSLWantReadError):
+                end.do_handshake()
+                ends.remove(end)
+
+
+def test_a_service_serves_https_under_the_names_it_was_given(site: Path) -> None:
+    done = run("https", site, "order-service", "--host", "order-service", "--host", "192.0.2.2")
+    assert done.exit_code == 0, done.stderr
+    made = site / "https" / "order-service"
+    assert (made / "key.pem").stat().st_mode & 0o077 == 0
+    for name in ("order-service", "192.0.2.2"):
+        shake_hands(made, name)
+    with pytest.raises(ssl.SSLError, match=r"192\.0\.2\.3"):
+        shake_hands(made, "192.0.2.3")
+
+
+def test_a_service_has_no_certificate_of_a_host_that_is_no_name(site: Path) -> None:
+    done = run("https", site, "order-service", "--host", "büro.example")
+    assert (done.exit_code, done.stderr.count("\n")) == (2, 1)
+    assert "--host büro.example" in done.stderr
+    assert not (site / "https").exists()
 
 
 def test_a_host_that_is_no_name_leaves_nothing_behind(tmp_path: Path) -> None:

@@ -114,6 +114,30 @@ def list_(folder: Folder) -> None:
     Console(soft_wrap=True).print(table)
 
 
+class ServiceName(StrEnum):
+    """Services that serve HTTPS."""
+
+    ORDER_SERVICE = Kind.ORDER_SERVICE
+    STATUS_AGGREGATOR = Kind.STATUS_AGGREGATOR
+
+
+@app.command("https")
+def certify_https(
+    folder: Folder,
+    service: ServiceName,
+    *,
+    host: Annotated[
+        list[str], typer.Option(help="Host name or IP address under which it is reached; repeatable.")
+    ],
+    days: Days = 825,
+) -> None:
+    """Create the certificate with which a service serves HTTPS, or replace it."""
+    with errors_reported(), locked(folder):
+        made = Site.open(folder).certify_https(Kind(service), tuple(host), days=days)
+    say(f"Certificate and key of the {service} are in {made}: http.tls_certificate and http.tls_key.")
+    say("Clients trust it by ca.pem. The service reads its files at its start. Do not share key.pem.")
+
+
 @robot.command("add")
 def add_robot(folder: Folder, manufacturer: str, serial_number: str, *, days: Days = 825) -> None:
     """Create a robot's identity, or replace its certificate."""

@@ -258,6 +258,22 @@ class Site:
         self._save()
         return folder
 
+    def certify_https(self, service: Kind, hosts: tuple[str, ...], *, days: int) -> Path:
+        """Create the certificate with which a service serves HTTPS, or replace it; return its folder.
+
+        Raises:
+            SiteError: a host is neither a name nor an address.
+
+        """
+        try:
+            pair = self._authority.for_server(hosts, utc_now(), days)
+        except ValueError as error:
+            raise SiteError(_no_host(hosts, error)) from error
+        folder = self.folder / "https" / service
+        folder.mkdir(parents=True, exist_ok=True)
+        self._write_pair(folder, pair)
+        return folder
+
     async def clear(self, robot: RobotKey) -> None:
         """Clear the broker's retained messages of ``robot``, with a one-time certificate of the same name.
 
@@ -313,12 +329,15 @@ class Site:
             self._register.revoked.append(found.certificate)
 
     def _fill(self, folder: Path, identity: Identity, pair: Pair) -> None:
-        (folder / "ca.pem").write_bytes(self._authority.pem)
-        (folder / "certificate.pem").write_bytes(pair.certificate)
-        write_secret(folder / "key.pem", pair.key)
+        self._write_pair(folder, pair)
         host, port = self._register.hosts[0], self._register.port
         text = SETTINGS.format(name=identity.name, host=host, port=port, folder="/etc/nena")
         (folder / "mqtt.toml").write_text(text)
+
+    def _write_pair(self, folder: Path, pair: Pair) -> None:
+        (folder / "ca.pem").write_bytes(self._authority.pem)
+        (folder / "certificate.pem").write_bytes(pair.certificate)
+        write_secret(folder / "key.pem", pair.key)
 
     def _save(self) -> None:
         """Write the broker's files before our own, so that an interrupted change can be repeated."""
@@ -368,5 +387,8 @@ def _certify(hosts: tuple[str, ...], days: int) -> tuple[Authority, Pair]:
         authority = Authority.new(f"NeNa at {hosts[0]}", now)
         return authority, authority.for_server(hosts, now, days)
     except ValueError as error:
-        message = f"--host {' --host '.join(hosts)}: {error}. Use ASCII names (xn--...) or IP addresses."
-        raise SiteError(message) from error
+        raise SiteError(_no_host(hosts, error)) from error
+
+
+def _no_host(hosts: tuple[str, ...], error: ValueError) -> str:
+    return f"--host {' --host '.join(hosts)}: {error}. Use ASCII names (xn--...) or IP addresses."
