@@ -518,3 +518,15 @@ def test_a_robot_may_take_long_to_wake() -> None:
     assert bench.instants_sent().count("stopHibernation") == 6
     bench.wait(2)
     assert bench.told(InstantActionEnded)[-1].reason == "sent 6 times, but the robot never reported it"
+
+
+@pytest.mark.clause("6.2.3/hibernationAsked")
+def test_an_order_service_that_has_taken_over_wakes_a_robot_that_reports_nothing_to_it() -> None:
+    bench = Bench().online()
+    hibernate(bench)
+    bench.take(bench.fleet.on_broker(connected=True, now=bench.now, unread=True))
+    assert bench.view().availability.reason == "is hibernating"
+
+    bench.instruct(action("stopHibernation", "w"))
+
+    assert bench.instants_sent()[-1] == "stopHibernation"

@@ -25,7 +25,7 @@ def away(link: LinkStatus, unreadable: str = "", *, broker: bool, unread: bool =
     ``unreadable`` is the problem of its messages, ``broker`` whether our own link is up. ``unread``: the
     robot has to report before anything is sent to it, see :meth:`FleetController.on_broker`.
     """
-    if unread:
+    if unread and link is not LinkStatus.HIBERNATING:
         return "has not reported its state since the order service took over"
     if not broker:
         return "cannot be reached: the order service has no connection to the MQTT broker"

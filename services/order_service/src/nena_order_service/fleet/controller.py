@@ -58,8 +58,6 @@ class RobotControl:
         self._reported_link = LinkStatus.UNKNOWN
         self._changes = 0
         """Number of possible changes."""
-        self._unread = False
-        """Whether nothing is sent before the robot's next state, see :meth:`on_broker`."""
         self._mattered: tuple[object, ...] = ()
         """The significant fields of the last state."""
         self._left_at = -1
@@ -68,8 +66,8 @@ class RobotControl:
 
     def on_broker(self, *, connected: bool, now: float, unread: bool) -> Iterator[FleetOutput]:
         """Handle our own link; with ``unread`` the robot is out of reach until its next state."""
-        self._unread = connected and unread
-        self._instant_actions.broker = connected and not unread
+        self._instant_actions.broker = connected
+        self._instant_actions.unread = connected and unread
         yield from self._advance(now)
 
     def on_connection(self, message: Connection, now: float) -> Iterator[FleetOutput]:
@@ -98,8 +96,8 @@ class RobotControl:
             return
         if self.robot.placed != placed:
             self._changes += 1
-        if self._unread:
-            self._unread, self._instant_actions.broker = False, True
+        if self._instant_actions.unread:
+            self._instant_actions.unread = False
             self._changes += 1
         if self._says_nothing_new(message):
             self._changes += 1
@@ -317,8 +315,8 @@ class RobotControl:
         return self._away_by(self.robot.link(now))
 
     def _away_by(self, link: LinkStatus) -> str | None:
-        broker = self._instant_actions.broker
-        return availability.away(link, self.robot.unreadable, broker=broker, unread=self._unread)
+        ours = self._instant_actions
+        return availability.away(link, self.robot.unreadable, broker=ours.broker, unread=ours.unread)
 
     def _availability(self, now: float) -> Availability:
         state = self.robot.state

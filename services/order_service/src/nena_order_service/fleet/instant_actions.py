@@ -168,13 +168,15 @@ FACTSHEET_TIMEOUT: Final = 2.0
 class InstantActionManager:
     """Sends instant actions and follows each to its end (section 6.2.1).
 
-    ``broker`` is whether our own link is up.
+    ``broker`` is whether our own link is up. ``unread``: nothing is sent before the robot's next state, see
+    :meth:`FleetController.on_broker`.
     """
 
     def __init__(
         self, robot: Robot, settings: FleetSettings, new_id: Callable[[], str], *, broker: bool
     ) -> None:
         self.broker = broker
+        self.unread = False
         self.ids: deque[str] = deque(maxlen=INSTANT_IDS_KEPT)
         """Ids of the last ones, those that have ended included."""
         self._robot = robot
@@ -209,9 +211,10 @@ class InstantActionManager:
         link = self._robot.link(now)
         if link in REPORTS_NOTHING and self._robot.reachable:
             link = LinkStatus.ONLINE
+        unread = self.unread
         if link is LinkStatus.HIBERNATING and action_type == STOP_HIBERNATION:
-            link = LinkStatus.ONLINE
-        away = availability.away(link, self._robot.unreadable, broker=self.broker)
+            link, unread = LinkStatus.ONLINE, False  # it reports no state before it is awake
+        away = availability.away(link, self._robot.unreadable, broker=self.broker, unread=unread)
         state = self._robot.state
         if away or state is None or state.operating_mode.fleet_controls:
             return away

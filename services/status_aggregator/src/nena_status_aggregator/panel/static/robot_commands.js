@@ -193,7 +193,9 @@ class RobotCommands extends HTMLElement {
     this.pause = this.#direct("pause", () => this.#act("pause", "pause"));
     this.resume = this.#direct("resume", () => this.#act("resume", "resume"));
     this.cancel = this.#opener("command.cancel", () => this.#cancelForm());
+    this.wake = this.#direct("wake", () => this.#act("stopHibernation", "wake"));
     this.buttons = [
+      this.wake,
       this.#opener("command.dispatch", () => dispatchForm(this.#vehicle, plant)),
       this.#opener("command.position", () => positionForm(this.#vehicle, this.#robot.position)),
       this.pause,
@@ -223,6 +225,7 @@ class RobotCommands extends HTMLElement {
     this.#updatePause();
     this.#updateSession();
     this.cancel.disabled = !this.#order;
+    this.wake.hidden = this.#robot?.connection !== "HIBERNATING";
     this.note.hidden = possible;
     this.note.textContent = t(this.noCommands ?? "command.unknownVehicle");
   }
