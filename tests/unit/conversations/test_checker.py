@@ -374,7 +374,7 @@ def test_a_wake_up_time_is_written_in_utc(at: str) -> None:
     (finding,) = Talk("3.0.1").online().state("n0", of="").act(hibernation(at)).findings
 
     assert (finding.rule, finding.severity) == (Rule.SPELLING, Severity.WARNING)
-    assert repr(at) in finding.text
+    assert f'"{at}"' in finding.text
 
 
 def test_a_robot_whose_connection_was_not_heard_may_be_there() -> None:

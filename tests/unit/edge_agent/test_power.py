@@ -70,7 +70,7 @@ def _runs(stat: Path) -> bool:
 
 
 async def test_a_child_that_goes_on_does_not_delay_the_end() -> None:
-    leaving = power("sh", "-c", "sleep 5 &")
+    leaving = power("sh", "-c", "sleep 40 &", timeout=20.0)
 
     assert await run_command(leaving, PowerCommand.SHUT_DOWN) == ""
 

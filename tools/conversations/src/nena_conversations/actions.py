@@ -21,6 +21,7 @@ from nena_shared.vda5050.action import (
     InstantActions,
     wake_up_time,
 )
+from nena_shared.vda5050.malformed import quoted
 from nena_shared.vda5050.state import OperatingMode, State
 
 S = ActionStatus
@@ -160,8 +161,8 @@ class InstantConversation:
                 text = f"{action.action_type} is sent to a robot in the mode {state.operating_mode}"
                 yield Rule.MODE, Severity.ERROR, text
             if action.action_type == START_HIBERNATION and wake_up_time(action) is None:
-                given = action.parameter(WAKE_UP_TIME)
-                text = f"{WAKE_UP_TIME} of {START_HIBERNATION} is {given!r}, not YYYY-MM-DDTHH:mm:ss.fffZ"
+                given = quoted(action.parameter(WAKE_UP_TIME))
+                text = f"{WAKE_UP_TIME} of {START_HIBERNATION} is {given}, not YYYY-MM-DDTHH:mm:ss.fffZ"
                 yield Rule.SPELLING, Severity.WARNING, text
 
     def on_state(self, state: State) -> Iterator[Problem]:
