@@ -7,8 +7,10 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from nena_edge_agent.driver.port import HaltFailed
+from nena_edge_agent.driver.port import Halted, HaltFailed
 from nena_edge_agent.protocol.declaration import HIBERNATION, POWER_ACTIONS, PREDEFINED, supported_actions
 from nena_edge_agent.protocol.events import (
     Event,
@@ -436,3 +438,56 @@ def test_none_of_them_reaches_a_plug_in(name: str) -> None:
     bench.instant(action("i", "NONE", name, wakeUpTime=AT_SIX))
 
     assert not bench.effects_of(StartAction)
+
+
+EVENTS = st.sampled_from(
+    [
+        sleep(),
+        sleep("s2", "2026-01-01T13:00:00.000Z"),
+        wake(),
+        wake("w2"),
+        OrderReceived(order("n0", "n1")),
+        instant(action("i", "NONE", "stateRequest")),
+        instant(action("c", "NONE", "cancelOrder")),
+        Halted(),
+        HaltFailed("still moving"),
+        SignedOff(),
+        SignedOff(),
+        HAS_SLEPT,
+        PowerReport(PowerCommand.HIBERNATE, "exit code 1"),
+        HAS_WOKEN,
+        PowerReport(PowerCommand.WAKE, "exit code 1"),
+        TimePassed(NOON + timedelta(minutes=90)),
+        TimePassed(SIX),
+        OperatingModeSwitched(OperatingMode.MANUAL),
+        OperatingModeSwitched(OperatingMode.AUTOMATIC),
+        None,
+    ]
+)
+"""None: the agent is restarted."""
+
+
+@pytest.mark.clause("6.2.3/startHibernation", "6.5")
+@given(events=st.lists(EVENTS, max_size=25))
+def test_a_sleeping_robot_is_silent_says_when_it_wakes_and_can_always_be_woken(
+    events: list[Event | None],
+) -> None:
+    bench = robot()
+    for event in events:
+        slept = bench.core.power.silent
+        effects = kinds(bench.do(event)) if event else []
+        if event is None:
+            bench = restarted(bench)
+            effects = kinds(bench.effects)
+        silent = bench.core.power.silent
+        assert not silent or ReportState not in effects
+        assert (Hibernate in effects) == (silent and not slept and event is not None)
+        assert (GoOnline in effects) == (slept and not silent)
+        if silent:
+            assert not bench.nodes
+
+    bench.do(OperatingModeSwitched(OperatingMode.AUTOMATIC), Halted(), SignedOff(), HAS_SLEPT)
+    bench.do(wake("last"), HAS_WOKEN, Halted())
+    assert bench.core.power is PowerPhase.AWAKE
+    assert bench.status("last") == "FINISHED"
+    assert all(each.status.ended for each in bench.core.robot.instant_actions)
