@@ -10,6 +10,8 @@ from itertools import count
 from math import dist
 from typing import Any
 
+from lifecycle_msgs.srv import GetState
+
 from nena_shared.vda5050.order import NodePosition
 from support.edge_agent import FleetControl, ended, status_of
 from support.nav2_agent import ROS, Bench, ready
@@ -73,8 +75,21 @@ class Nav2Site:
         await self._run(self.kill, server)
 
     async def live(self, server: str) -> None:
-        """Restart the process; raises as :meth:`die`."""
+        """Restart the process, and wait until it is active; raises as :meth:`die`."""
         await self._run(self.revive, server)
+        await self._brought_up(server)
+
+    async def _brought_up(self, server: str) -> None:
+        """Wait until a server's lifecycle manager has activated it, which has no lifecycle of its own."""
+        if server.startswith("lifecycle_manager"):
+            return
+        name = f"{self.namespace.rstrip('/')}/{server}/get_state"
+        client = self.bench.ros.client(GetState, name)
+        await until(
+            lambda: self.bench.ros.call(client, GetState.Request()).current_state.label == "active",
+            timeout=60.0,
+            what=f"{server} active",
+        )
 
     async def close_in(self) -> None:
         """Make ``course.obstacle`` a place without a way, where that is not so already."""
@@ -185,6 +200,7 @@ class SimulatedSite(Nav2Site):
 
     async def live(self, server: str) -> None:
         self.bench.fault("server_died", server=server, active=False)
+        await self._brought_up(server)
 
     async def close_in(self) -> None:
         if self.course.obstacle is not None:

@@ -13,3 +13,7 @@ needs_nav2_types = pytest.mark.skipif(
 )
 """For tests that need messages and services of Nav2 and of transforms beside its actions."""
 needs_action_types = pytest.mark.skipif(not HERE, reason=WHY_NOT)
+needs_commander_types = pytest.mark.skipif(
+    not HERE or find_spec("nav2_msgs.srv._manage_lifecycle_nodes") is None, reason=WHY_NOT
+)
+"""For tests that need all that nav2_simple_commander uses."""

@@ -20,6 +20,8 @@ from support.waiting import wait_until
 
 ALLOWANCE = Duration(sec=10)
 """Time for a behaviour, the default of BasicNavigator."""
+MANAGERS = 2
+"""Lifecycle managers of a Nav2."""
 ATTEMPT = 1.0
 """Seconds between two attempts to set the initial pose."""
 
@@ -66,6 +68,68 @@ class SimpleCommander:
         kind: Any = interface("nav2_msgs/action/BackUp")
         request = kind.Goal(target=Point(x=distance), speed=speed, time_allowance=ALLOWANCE)
         return self._do("backup", kind, request)
+
+    def drive_on_heading(self, distance: float, speed: float) -> bool:
+        kind: Any = interface("nav2_msgs/action/DriveOnHeading")
+        request = kind.Goal(target=Point(x=distance), speed=speed, time_allowance=ALLOWANCE)
+        return self._do("drive_on_heading", kind, request)
+
+    def dock(self, dock_id: str) -> bool:
+        kind: Any = interface("nav2_msgs/action/DockRobot")
+        return self._do("dock_robot", kind, kind.Goal(use_dock_id=True, dock_id=dock_id))
+
+    def undock(self) -> bool:
+        kind: Any = interface("nav2_msgs/action/UndockRobot")
+        return self._do("undock_robot", kind, kind.Goal())
+
+    def follow_waypoints(self, *places: tuple[float, float]) -> bool:
+        kind: Any = interface("nav2_msgs/action/FollowWaypoints")
+        return self._do("follow_waypoints", kind, kind.Goal(poses=[goal(x, y) for x, y in places]))
+
+    @property
+    def missed_waypoints(self) -> list[int]:
+        """Return the places that followWaypoints() has missed, by their number."""
+        return [each.index for each in answer_of(self._result).result.missed_waypoints]
+
+    def get_path(self, start: tuple[float, float] | None, end: tuple[float, float]) -> Any | None:
+        """Plan a path from ``start``, None: from where the robot is."""
+        kind: Any = interface("nav2_msgs/action/ComputePathToPose")
+        request = kind.Goal(start=goal(*start or (0.0, 0.0)), goal=goal(*end), use_start=start is not None)
+        return self._planned("compute_path_to_pose", kind, request)
+
+    def get_path_through_poses(self, *places: tuple[float, float]) -> Any | None:
+        kind: Any = interface("nav2_msgs/action/ComputePathThroughPoses")
+        request = kind.Goal(goals=[goal(x, y) for x, y in places])
+        return self._planned("compute_path_through_poses", kind, request)
+
+    def get_costmap(self, name: str) -> Any:
+        """Read the global or the local costmap."""
+        kind: Any = interface("nav2_msgs/srv/GetCostmap")
+        return self._peer.call(self._peer.client(kind, f"{name}/get_costmap"), kind.Request()).map
+
+    def lifecycle_startup(self) -> list[bool]:
+        """Start all lifecycle managers' servers; return the answers, which the original does not look at."""
+        return self._manage("STARTUP")
+
+    def lifecycle_shutdown(self) -> list[bool]:
+        return self._manage("SHUTDOWN")
+
+    def _manage(self, command: str) -> list[bool]:
+        kind: Any = interface("nav2_msgs/srv/ManageLifecycleNodes")
+        request = kind.Request(command=getattr(kind.Request, command))
+
+        def found() -> list[str]:
+            services = self._peer.node.get_service_names_and_types()
+            return [name for name, types in services if types[0] == "nav2_msgs/srv/ManageLifecycleNodes"]
+
+        wait_until(lambda: len(found()) == MANAGERS, what="the lifecycle managers")
+        return [bool(self._peer.call(self._peer.client(kind, name), request).success) for name in found()]
+
+    def _planned(self, name: str, kind: Any, request: Any) -> Any | None:
+        if not self._do(name, kind, request):
+            return None
+        ended = answer_of(self._result)
+        return ended.result.path if ended.status == GoalStatus.STATUS_SUCCEEDED else None
 
     def clear_all_costmaps(self) -> None:
         kind: Any = interface("nav2_msgs/srv/ClearEntireCostmap")

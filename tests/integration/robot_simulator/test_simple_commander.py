@@ -14,8 +14,8 @@ from std_srvs.srv import Trigger
 
 from nena_robot_simulator.action_server import action_types
 from nena_robot_simulator.goals import Action
-from nena_robot_simulator.servers import Transition
-from support.action_types import needs_action_types, needs_nav2_types
+from nena_robot_simulator.servers import Server, Transition
+from support.action_types import needs_action_types, needs_commander_types, needs_nav2_types
 from support.ros import BEST_EFFORT, RosPeer
 from support.simple_commander import SimpleCommander
 from support.simulator import heard, publisher_to, simulated_robot
@@ -67,6 +67,72 @@ def test_a_simple_commander_uses_the_behaviours_the_controller_and_the_maps(
         write_map(tmp_path)
         assert commander.change_map(f"{tmp_path}/map.yaml")
         assert not commander.change_map(f"{tmp_path}/missing.yaml")
+
+
+@needs_commander_types
+def test_a_simple_commander_asks_for_paths_and_costmaps(domain_id: int, peer: RosPeer) -> None:
+    with simulated_robot(domain_id, start={"x": 1.0, "y": 1.0}):
+        commander = SimpleCommander(peer)
+        path = commander.get_path(None, (4.0, 1.0))
+        assert path is not None
+        assert [round(each.pose.position.x, 2) for each in (path.poses[0], path.poses[-1])] == [1.0, 4.0]
+        assert path.header.frame_id == "map"
+        path = commander.get_path((2.0, 2.0), (2.0, 5.0))
+        assert path is not None
+        assert path.poses[0].pose.position.y == 2.0
+        path = commander.get_path_through_poses((4.0, 1.0), (4.0, 4.0))
+        assert path is not None
+        assert any(each.pose.position.x == 4.0 and each.pose.position.y == 1.0 for each in path.poses)
+        assert commander.get_path(None, (-60.0, 0.0)) is None, "it is outside of the map"
+        assert commander.follow_path((1.0, 1.0), (2.0, 1.0)), "the controller takes a path of a client"
+        for name in ("global_costmap", "local_costmap"):
+            costmap = commander.get_costmap(name)
+            assert len(costmap.data) == costmap.metadata.size_x * costmap.metadata.size_y
+            assert set(costmap.data) == {0, 254}
+
+
+@needs_commander_types
+def test_a_simple_commander_follows_waypoints_docks_and_undocks(domain_id: int, peer: RosPeer) -> None:
+    with simulated_robot(domain_id):
+        commander = SimpleCommander(peer)
+        assert commander.follow_waypoints((1.0, 0.0), (-60.0, 0.0), (2.0, 0.0))
+        wait_until(commander.is_task_complete, what="the last waypoint")
+        assert (commander.result(), commander.missed_waypoints) == ("SUCCEEDED", [1])
+        told = [each.current_waypoint for each in commander.feedback.messages]
+        assert (told[0], told[-1]) == (0, 2)
+        assert commander.follow_waypoints((35.0, 0.0))
+        commander.cancel_task()
+        assert commander.result() == "CANCELED"
+        begins: tuple[Callable[[], bool], ...] = (
+            lambda: commander.dock("dock"),
+            commander.undock,
+            lambda: commander.drive_on_heading(0.3, 0.2),
+        )
+        for begin in begins:
+            assert begin()
+            wait_until(commander.is_task_complete, what="its end")
+            assert commander.result() == "SUCCEEDED"
+
+
+@needs_commander_types
+def test_a_simple_commander_shuts_nav2_down_and_starts_it(domain_id: int, peer: RosPeer) -> None:
+    with simulated_robot(domain_id):
+        commander = SimpleCommander(peer, start=(1.0, 1.0))
+        assert commander.go_to_pose(35.0, 1.0)
+        assert commander.lifecycle_shutdown() == [True, True]
+        assert commander.result() == "FAILED"
+        wait_until(lambda: not peer.node.count_publishers("amcl_pose"), what="all servers down")
+        assert commander.lifecycle_startup() == [False, False], "its processes have to be started again"
+        fault = publisher_to(peer, String, "simulator/fault")
+        for server in Server:
+            fault.publish(String(data=f'{{"kind": "server_died", "server": "{server}"}}'))
+        services = peer.node.get_service_names_and_types
+        wait_until(lambda: not any("get_state" in name for name, _ in services()), what="no processes")
+        for server in Server:
+            fault.publish(String(data=f'{{"kind": "server_died", "server": "{server}", "active": false}}'))
+        wait_until(lambda: peer.node.count_publishers("amcl_pose") == 1, what="its bring-up")
+        commander.wait_until_nav2_active()
+        assert commander.go_to_pose(4.0, 1.0)
 
 
 def write_map(folder: Path) -> None:
@@ -123,6 +189,19 @@ def test_a_process_that_dies_takes_its_endpoints_along(
         wait_until(lambda: not offered(), what=f"{service} gone")
         fault.publish(String(data=f'{{"kind": "server_died", "server": "{server}", "active": false}}'))
         wait_until(offered, what=f"{service} back")
+
+
+def test_a_process_that_comes_back_is_unconfigured_until_it_is_brought_up(
+    domain_id: int, peer: RosPeer
+) -> None:
+    with simulated_robot(domain_id):
+        events = peer.subscribe(TransitionEvent, "planner_server/transition_event")
+        fault = publisher_to(peer, String, "simulator/fault")
+        fault.publish(String(data='{"kind": "server_died", "server": "planner_server"}'))
+        fault.publish(String(data='{"kind": "server_died", "server": "planner_server", "active": false}'))
+        events.wait_for(lambda event: event.goal_state.label == "active", what="the bring-up")
+        steps = [(each.start_state.label, each.goal_state.label) for each in events.messages]
+        assert steps == [("unconfigured", "inactive"), ("inactive", "active")]
 
 
 def test_a_lifecycle_manager_tells_of_a_server_that_is_missing(domain_id: int, peer: RosPeer) -> None:

@@ -13,9 +13,24 @@ from nena_robot_simulator import faults
 from nena_robot_simulator.goals import Action
 from nena_robot_simulator.motion import Pose
 from nena_robot_simulator.robot import Feedback
-from nena_robot_simulator.servers import BOND_TIMEOUT, LifecycleState, Server, Servers, Transition
+from nena_robot_simulator.servers import (
+    BOND_TIMEOUT,
+    CLEANING,
+    MANAGED,
+    RESPAWN_CHECK,
+    RESPAWN_WAIT,
+    Command,
+    LifecycleState,
+    Server,
+    Servers,
+    Transition,
+)
 from support.timed_robot import A, B, Bench
 
+BRING_UP = BOND_TIMEOUT + RESPAWN_CHECK + 0.5
+"""Seconds after which a server that has died and come back works again."""
+AWAY = 0.5
+"""Seconds for which a server is away that comes back at once."""
 WALLED_IN = faults.Unreachable(error_code=208)
 
 
@@ -24,6 +39,12 @@ def driving(goal_id: UUID = A, **settings: Any) -> Bench:
     bench.take(goal_id, 15.0, 0.0)
     bench.run(3.0)
     return bench
+
+
+def die_and_come_back(bench: Bench, server: Server) -> None:
+    bench.apply(faults.ServerDied(server=server))
+    bench.run(AWAY)
+    bench.apply(faults.ServerDied(server=server, active=False))
 
 
 def ended(bench: Bench, goal_id: UUID = A) -> tuple[int, int]:
@@ -76,8 +97,8 @@ def test_without_a_localisation_the_controller_gives_up_after_a_second() -> None
 def test_a_localisation_that_comes_back_knows_no_pose() -> None:
     bench = Bench()
     assert bench.robot.scan() is not None
-    bench.apply(faults.ServerDied(server=Server.LOCALISATION))
-    bench.apply(faults.ServerDied(server=Server.LOCALISATION, active=False))
+    die_and_come_back(bench, Server.LOCALISATION)
+    bench.run(BRING_UP)
     bench.robot.force_estimate()
     assert bench.robot.scan() is None
     bench.take(A, 3.0, 0.0)
@@ -85,6 +106,88 @@ def test_a_localisation_that_comes_back_knows_no_pose() -> None:
     assert ended(bench)[0] == 6
     bench.robot.take_initial_pose(Pose(0, 0, 0))
     assert bench.robot.scan() is not None
+
+
+@pytest.mark.parametrize("server", [Server.NAVIGATOR, Server.CONTROLLER, Server.PLANNER, Server.BEHAVIOURS])
+def test_a_server_that_comes_back_is_unconfigured_until_its_manager_brings_it_up(server: Server) -> None:
+    bench = Bench()
+    servers = bench.robot.servers
+    die_and_come_back(bench, server)
+    assert servers.state(server) is LifecycleState.UNCONFIGURED
+    assert not servers.works(server)
+    bench.run(BOND_TIMEOUT - AWAY - 0.1)
+    assert servers.state(server) is LifecycleState.UNCONFIGURED
+    assert servers.group_active(Server.MANAGER), "its bond has not broken yet"
+    bench.run(0.2)
+    group = MANAGED[Server.MANAGER]
+    assert not servers.group_active(Server.MANAGER)
+    assert not any(map(servers.works, group)), "it deactivates all"
+    bench.run(CLEANING)
+    assert {servers.state(each) for each in group} == {LifecycleState.UNCONFIGURED}, "and cleans them up"
+    bench.run(RESPAWN_CHECK)
+    assert all(map(servers.works, group))
+    assert servers.group_active(Server.MANAGER)
+    assert bench.take(B, 3.0, 0.0)
+    assert bench.until_ended(B) == 4
+
+
+def test_a_controller_that_comes_back_does_not_drive_on() -> None:
+    bench = driving()
+    die_and_come_back(bench, Server.CONTROLLER)
+    assert bench.run(3.0, stands(bench)) < 2.0
+    x = bench.robot.pose.x
+    assert bench.until_ended(seconds=BOND_TIMEOUT) == 6, "the lifecycle manager resets Nav2"
+    bench.run(BRING_UP)
+    assert bench.robot.pose.x == x
+
+
+def test_a_path_without_its_navigator_ends_when_the_controller_is_deactivated() -> None:
+    bench = Bench()
+    bench.take(A, 25.0, 0.0)
+    bench.run(3.0)
+    die_and_come_back(bench, Server.NAVIGATOR)
+    bench.run(BOND_TIMEOUT - AWAY - 0.1)
+    assert bench.robot.velocity[0] == pytest.approx(1.0), "the controller still has its path"
+    bench.run(2.0, stands(bench))
+    assert bench.robot.pose.x < 10.0
+
+
+def test_a_server_that_is_back_after_the_reset_is_brought_up_too() -> None:
+    bench = Bench()
+    servers = bench.robot.servers
+    bench.apply(faults.ServerDied(server=Server.PLANNER))
+    bench.run(BOND_TIMEOUT + 3.0)
+    states = [servers.state(each) for each in MANAGED[Server.MANAGER]]
+    assert states == [
+        LifecycleState.ACTIVE,  # in reverse order the reset stops at the planner, which does not answer
+        LifecycleState.UNCONFIGURED,
+        LifecycleState.INACTIVE,
+        LifecycleState.INACTIVE,
+    ]
+    bench.apply(faults.ServerDied(server=Server.PLANNER, active=False))
+    bench.run(RESPAWN_CHECK + 0.1)
+    assert servers.group_active(Server.MANAGER)
+
+
+def test_a_lifecycle_manager_waits_ten_seconds_for_a_server() -> None:
+    bench = Bench()
+    bench.apply(faults.ServerDied(server=Server.PLANNER))
+    bench.run(BOND_TIMEOUT + RESPAWN_WAIT + RESPAWN_CHECK)
+    bench.apply(faults.ServerDied(server=Server.PLANNER, active=False))
+    bench.run(5.0)
+    assert not bench.robot.servers.group_active(Server.MANAGER)
+    assert not bench.take(A, 3.0, 0.0)
+
+
+def test_a_lifecycle_manager_that_comes_back_misses_what_has_died_meanwhile() -> None:
+    bench = Bench()
+    bench.apply(faults.ServerDied(server=Server.MANAGER))
+    die_and_come_back(bench, Server.BEHAVIOURS)
+    bench.run(2 * BRING_UP)
+    assert not bench.robot.servers.works(Server.BEHAVIOURS)
+    bench.apply(faults.ServerDied(server=Server.MANAGER, active=False))
+    bench.run(BRING_UP)
+    assert bench.robot.servers.works(Server.BEHAVIOURS)
 
 
 def test_behaviours_that_die_end_the_drive_by_the_bond_alone() -> None:
@@ -100,19 +203,6 @@ def test_a_lifecycle_manager_that_dies_ends_nothing() -> None:
     bench.apply(faults.ServerDied(server=Server.MANAGER))
     bench.apply(faults.ServerDied(server=Server.BEHAVIOURS))
     assert bench.until_ended() == 4
-
-
-def test_a_server_that_comes_back_has_its_group_activated() -> None:
-    bench = driving()
-    bench.apply(faults.ServerDied(server=Server.CONTROLLER))
-    bench.run(BOND_TIMEOUT + 0.5)
-    assert not bench.robot.servers.group_active(Server.MANAGER)
-    assert not bench.take(B, 20.0, 0.0)
-    bench.apply(faults.ServerDied(server=Server.CONTROLLER, active=False))
-    bench.run(0.1)
-    assert bench.robot.servers.group_active(Server.MANAGER)
-    assert bench.take(B, 20.0, 0.0)
-    assert bench.until_ended(B) == 4
 
 
 def test_a_robot_without_a_way_spins_waits_and_backs_up_before_208() -> None:
@@ -179,3 +269,26 @@ def test_lifecycle_transitions_follow_their_states() -> None:
     assert servers.change(Server.PLANNER, Transition.CLEANUP)
     assert servers.state(Server.PLANNER) is LifecycleState.UNCONFIGURED
     assert not servers.change(Server.PLANNER, 99)
+
+
+def test_a_client_can_stop_and_start_all_servers() -> None:
+    bench = driving()
+    robot, manager = bench.robot, Server.MANAGER
+    assert not robot.manage(manager, Command.STARTUP, bench.now), "they are active, and refuse"
+    assert not robot.servers.group_active(manager)
+    assert robot.manage(manager, Command.PAUSE, bench.now)
+    assert ended(bench) == (6, 0)
+    assert not bench.take(B, 20.0, 0.0)
+    bench.run(BRING_UP)
+    assert robot.velocity == (0.0, 0.0)
+    assert robot.manage(manager, Command.RESUME, bench.now)
+    assert robot.servers.group_active(manager)
+    assert robot.manage(manager, Command.RESET, bench.now)
+    assert not robot.servers.configured(Server.NAVIGATOR)
+    assert robot.manage(manager, Command.STARTUP, bench.now)
+    assert bench.take(B, 20.0, 0.0)
+    assert bench.until_ended(B) == 4
+    assert robot.manage(manager, Command.SHUTDOWN, bench.now)
+    assert {robot.servers.state(each) for each in MANAGED[manager]} == {LifecycleState.FINALIZED}
+    assert not robot.manage(manager, Command.STARTUP, bench.now), "its processes have to be started again"
+    assert not robot.manage(manager, 99, bench.now)

@@ -11,7 +11,7 @@ from importlib import import_module
 from typing import Any, Protocol
 from uuid import UUID
 
-from action_msgs.msg import GoalStatusArray
+from action_msgs.msg import GoalStatus, GoalStatusArray
 from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import PoseStamped
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_profile_system_default
@@ -21,6 +21,7 @@ from nena_robot_simulator.goals import Action, GoalEntry, Snapshot
 from nena_robot_simulator.navigator import Goal
 from nena_robot_simulator.robot import Feedback
 from nena_robot_simulator.session import RosSession
+from nena_shared.ros import GoalStatus as Status
 
 _NAMES = {
     Action.TO_POSE: "NavigateToPose",
@@ -150,6 +151,89 @@ class ActionEndpoints:
         response = self._types.Impl.GetResultService.Response() if self._types else None
         messages.fill_result(response, entry)
         answer(response)
+
+
+RESULTS_KEPT = 100
+"""Maximum number of results of ended goals that a client can still ask for."""
+
+
+class SimpleAction:
+    """The endpoints of an action of which one goal is carried out at a time, ``name`` in the ROS graph."""
+
+    def __init__(self, session: RosSession, name: str, kind: Any) -> None:  # noqa: ANN401
+        self.name = name
+        self._session = session
+        self._kind = kind
+        self._status: Any = None
+        self._feedback: Any = None
+        self._ended: dict[UUID, tuple[Status, Any]] = {}
+        self._waiting: list[tuple[UUID, Answer]] = []
+
+    def open(
+        self, begin: Callable[[UUID, Any], bool], cancel: Callable[[UUID], bool] = lambda _: False
+    ) -> list[Any]:
+        """Join the ROS graph.
+
+        ``begin`` starts a goal, and returns whether it is accepted; ``cancel`` ends the one at hand, and
+        returns whether it was the requested one.
+        """
+        hidden, services, serve = f"{self.name}/_action", self._kind.Impl, self._session.serve_later
+
+        def on_goal(request: Any, answer: Answer) -> None:  # noqa: ANN401
+            accepted = begin(messages.goal_id_of(request), request.goal)
+            answer(services.SendGoalService.Response(accepted=accepted))
+
+        def on_result(request: Any, answer: Answer) -> None:  # noqa: ANN401
+            if len(self._waiting) < RESULT_REQUESTS:
+                self._waiting.append((messages.goal_id_of(request), answer))
+                self._answer()
+
+        def on_cancel(request: Any, answer: Answer) -> None:  # noqa: ANN401
+            cancelled = cancel(messages.goal_id_of(request.goal_info))
+            answer(CancelGoal.Response(goals_canceling=[request.goal_info] if cancelled else []))
+
+        self._status = self._session.publisher(GoalStatusArray, f"{hidden}/status", LATCHED)
+        self._feedback = self._session.publisher(services.FeedbackMessage, f"{hidden}/feedback", FEEDBACK)
+        return [
+            self._status,
+            self._feedback,
+            serve(services.SendGoalService, f"{hidden}/send_goal", on_goal),
+            serve(services.GetResultService, f"{hidden}/get_result", on_result),
+            serve(CancelGoal, f"{hidden}/cancel_goal", on_cancel),
+        ]
+
+    def result(self) -> Any:  # noqa: ANN401
+        """Return an empty result."""
+        return self._kind.Result()
+
+    def show(self, goal_id: UUID, status: Status) -> None:
+        """Publish the status of the newest goal."""
+        entry = GoalStatus(status=int(status))
+        entry.goal_info.goal_id.uuid = list(goal_id.bytes)
+        self._status.publish(GoalStatusArray(status_list=[entry]))
+
+    def publish_feedback(self, goal_id: UUID, **fields: Any) -> None:  # noqa: ANN401
+        """Publish feedback with these fields."""
+        message = self._kind.Impl.FeedbackMessage(feedback=self._kind.Feedback(**fields))
+        message.goal_id.uuid = list(goal_id.bytes)
+        self._feedback.publish(message)
+
+    def end(self, goal_id: UUID, status: Status, result: Any) -> None:  # noqa: ANN401
+        """End a goal, and answer the clients that wait for it."""
+        self._ended[goal_id] = (status, result)
+        if len(self._ended) > RESULTS_KEPT:
+            del self._ended[next(iter(self._ended))]
+        self.show(goal_id, status)
+        self._answer()
+
+    def _answer(self) -> None:
+        waiting, self._waiting = self._waiting, []
+        for goal_id, answer in waiting:
+            if goal_id in self._ended:
+                status, result = self._ended[goal_id]
+                answer(self._kind.Impl.GetResultService.Response(status=int(status), result=result))
+            else:
+                self._waiting.append((goal_id, answer))
 
 
 class NavigatorEndpoints:

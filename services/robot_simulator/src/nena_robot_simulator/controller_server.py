@@ -46,8 +46,8 @@ class ControllerServer:
         return not self._robot.servers.runs(Server.CONTROLLER)
 
     def show(self) -> None:
-        """Join or leave the ROS graph, depending on whether the process runs."""
-        there = self._robot.servers.there(Server.CONTROLLER)
+        """Join or leave the ROS graph, depending on whether the process runs and is configured."""
+        there = self._robot.servers.configured(Server.CONTROLLER)
         if there and not self._there:
             self._endpoints.open()
         elif self._there and not there:

@@ -158,8 +158,8 @@ class Unconfigured(Lasting):
 class ServerDied(Lasting):
     """One process of Nav2 has died: it leaves the ROS graph.
 
-    Without bt_navigator the controller drives its path to the end. A process restarts without its goals,
-    and AMCL without its pose.
+    Without bt_navigator the controller drives its path to the end. A process restarts without its goals, AMCL
+    without its pose. It is unconfigured, and works after its lifecycle manager's bring-up.
     """
 
     kind: Literal["server_died"] = "server_died"

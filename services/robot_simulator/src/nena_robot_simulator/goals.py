@@ -32,6 +32,9 @@ class ErrorCode(IntEnum):
     """From the controller: the robot's position is unknown."""
     FAILED_TO_MAKE_PROGRESS = 105
     """From the controller: the robot is stuck."""
+    PLANNER_TF = 202
+    """From the planner: a frame, or the robot's position, is unknown."""
+    START_OUTSIDE_MAP = 203
     GOAL_OUTSIDE_MAP = 204
     NO_VALID_PATH = 208
     NO_VIAPOINTS_GIVEN = 309

@@ -159,6 +159,24 @@ def map_message(grid: GridMap, frame_id: str, nanoseconds: int) -> OccupancyGrid
     return message
 
 
+LETHAL = 254
+"""Cost of an occupied cell."""
+
+
+def costmap_message(kind: Any, grid: GridMap, frame_id: str, nanoseconds: int) -> Any:  # noqa: ANN401
+    """Return the nav2_msgs/Costmap of the hall, of the type ``kind``."""
+    message = kind()
+    message.header.frame_id = frame_id
+    message.header.stamp = stamp_of(nanoseconds)
+    message.metadata.map_load_time = message.metadata.update_time = message.header.stamp
+    message.metadata.layer = "master"
+    message.metadata.resolution = float(grid.resolution)
+    message.metadata.size_x, message.metadata.size_y = int(grid.width), int(grid.height)
+    message.metadata.origin = pose_message(Pose(grid.origin_x, grid.origin_y, 0.0))
+    message.data = array.array("B", bytes(LETHAL if cell else 0 for cell in grid.cells))
+    return message
+
+
 STANDING = 0.01
 """Speed below which Nav2 does not estimate the remaining time, m/s."""
 NEARLY_THERE = 0.1

@@ -32,11 +32,13 @@ from nena_robot_simulator.goals import Action, GoalEntry, Snapshot
 from nena_robot_simulator.motion import GridMap, Pose
 from nena_robot_simulator.navigator import Goal
 from nena_robot_simulator.offers import Offers, costmap_parameters, costmap_services, map_services
+from nena_robot_simulator.planner_server import PlannerServer
 from nena_robot_simulator.robot import Robot
 from nena_robot_simulator.server_endpoints import ServerEndpoints
 from nena_robot_simulator.servers import Server, parameters
 from nena_robot_simulator.session import RosSession
 from nena_robot_simulator.settings import RobotSettings, SimulatorSettings
+from nena_robot_simulator.waypoint_follower import WaypointFollower
 from nena_shared.clock import Clock
 from nena_shared.log import get_logger
 
@@ -90,6 +92,7 @@ class RobotNode:
             self._session, self._robot, types.get(Action.FOLLOW_PATH), clock, take=self._take
         )
         self._navigator = NavigatorEndpoints(self._session, self, types, on_goal_pose=self._on_goal_pose)
+        self._planner = PlannerServer(self._session, self._robot, clock)
         self._amcl_pose: Publisher | None = None
         self._map: Publisher | None = None
         self._plan: Publisher | None = None
@@ -102,9 +105,7 @@ class RobotNode:
         self._behaviours = Behaviours(self._session, self._robot, settings.docks, self._loop.reset)
         self._endpoints = Offers(self._session, self._robot) if self._offers else None
         if self._offers:
-            self._behaviours.open(DOCKING)
-            costmap_parameters(self._session, settings.footprint)
-            costmap_services(self._session, lambda name: self._log.info("costmap cleared", costmap=name))
+            self._open_offers()
         for fault in (*simulator.faults, *settings.faults):
             self._apply(fault)
         self._show_servers()
@@ -123,6 +124,17 @@ class RobotNode:
         """Leave the ROS graph within two seconds."""
         self._session.close()
 
+    def _open_offers(self) -> None:
+        """Serve what no process of :class:`Servers` does: docking, costmaps and waypoints."""
+        self._behaviours.open(DOCKING)
+        costmap_parameters(self._session, self._settings.footprint)
+        costmap_services(
+            self._session,
+            lambda name: self._log.info("costmap cleared", costmap=name),
+            lambda kind: messages.costmap_message(kind, self._hall, self._settings.map_frame, self._stamp()),
+        )
+        WaypointFollower(self._session, take=self._take, find=self.find, cancel=self._cancel_goal)
+
     def _make_servers(self) -> ServerEndpoints:
         tolerance, drive = self._settings.tolerance, self._settings.drive
         values = parameters(
@@ -138,9 +150,22 @@ class RobotNode:
             Server.LOCALISATION: self._open_localisation,
             Server.MAPS: self._open_maps,
         }
-        return ServerEndpoints(
-            self._session, self._robot, work=work, values=values, on_change=self._robot.set_navigators
-        )
+        return ServerEndpoints(self._session, self._robot, work=work, values=values, changes=self)
+
+    def change(self, server: Server, transition: int) -> bool:
+        """Carry out a transition; return False where the server's state does not allow it."""
+        done = self._robot.servers.change(server, transition)
+        self._robot.set_navigators()
+        self._show_servers()
+        return done
+
+    def manage(self, manager: Server, command: int) -> bool:
+        """Carry out a command to a lifecycle manager; return whether all servers have done it."""
+        done = self._robot.manage(manager, command, self._clock.monotonic())
+        self._log.info("lifecycle manager", manager=manager.value, command=command, done=done)
+        self._publish_statuses()
+        self._show_servers()
+        return done
 
     def _cancelled_by(self, server: Server, actions: Iterable[str]) -> list[Any]:
         def on_cancel(_request: CancelGoal.Request, response: CancelGoal.Response) -> None:
@@ -163,7 +188,7 @@ class RobotNode:
 
     def _open_planner(self) -> list[Any]:
         self._plan = self._session.publisher(Path, "plan", RELIABLE)
-        return [self._plan]
+        return [self._plan, *(self._planner.open() if self._offers else [])]
 
     def _open_localisation(self) -> list[Any]:
         topic = self._settings.localisation.pose_topic
@@ -267,6 +292,10 @@ class RobotNode:
         response.goals_canceling = [messages.goal_info(goal) for goal in answer.goals]
         self._log.info("cancel", goal=str(goal_id), code=answer.code.name, goals=len(answer.goals))
 
+    def _cancel_goal(self, goal_id: uuid.UUID) -> None:
+        self._robot.cancel(goal_id, 0, self._clock.monotonic())
+        self._publish_statuses()
+
     def _on_nomotion_update(self, _request: Empty.Request, _response: Empty.Response) -> None:
         self._robot.force_estimate()
 
@@ -300,8 +329,7 @@ class RobotNode:
 
     def _show_servers(self) -> None:
         self._servers.show()
-        gone = self._robot.faults.on(faults.Unconfigured) or not self._robot.servers.there(Server.NAVIGATOR)
-        self._navigator.show(there=not gone)
+        self._navigator.show(there=self._robot.servers.configured(Server.NAVIGATOR))
         self._controller.show()
 
     @property
@@ -311,8 +339,7 @@ class RobotNode:
     def _on_loop(self) -> None:
         """Advance the robot. While it rests, only the slower cycle of the base runs."""
         now = self._clock.monotonic()
-        self._robot.advance(now)
-        self._publish_statuses()
+        self._advance(now)
         if not self._silent:
             frame = self._settings.map_frame
             self._navigator.publish_progress(
@@ -325,9 +352,15 @@ class RobotNode:
         if self._robot.resting:
             self._loop.cancel()
 
+    def _advance(self, now: float) -> None:
+        changed = self._robot.advance(now)
+        self._publish_statuses()
+        if changed:
+            self._show_servers()
+
     def _on_base(self) -> None:
         if self._robot.resting:
-            self._robot.advance(self._clock.monotonic())
+            self._advance(self._clock.monotonic())
         stamp = self._stamp()
         self._publish(
             self._odom,
@@ -348,7 +381,7 @@ class RobotNode:
 
     def _publish_plan(self) -> None:
         drive = self._planned_for = self._robot.drive
-        if drive is None:
+        if drive is None or not self._robot.servers.works(Server.PLANNER):
             return
         poses = drive.plan(self._robot.pose)
         if poses:
@@ -364,6 +397,8 @@ class RobotNode:
         self._publish(self._battery, message)
 
     def _publish_map(self) -> None:
+        if not self._robot.servers.configured(Server.MAPS):
+            return
         self._publish(self._map, messages.map_message(self._hall, self._settings.map_frame, self._stamp()))
 
     def _publish_statuses(self) -> None:

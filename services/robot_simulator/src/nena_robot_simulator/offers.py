@@ -98,16 +98,26 @@ def map_services(servers: ServerEndpoints, use: Callable[[GridMap], Any]) -> lis
     return [servers.serve(Server.MAPS, kind, "map_server/load_map", load)]
 
 
-def costmap_services(session: RosSession, cleared: Callable[[str], None]) -> None:
-    """Serve the services that clear the two costmaps."""
-    kind = interface("nav2_msgs/srv/ClearEntireCostmap")
+COSTMAPS = ("global_costmap", "local_costmap")
+
+
+def costmap_services(
+    session: RosSession, cleared: Callable[[str], None], shown: Callable[[Any], Any]
+) -> None:
+    """Serve the clearing and the reading of both costmaps; ``shown`` makes a message of its type."""
+    clearing, reading = (interface(f"nav2_msgs/srv/{each}") for each in ("ClearEntireCostmap", "GetCostmap"))
 
     def clear(name: str, _request: object, _response: object) -> None:
         cleared(name)
 
-    for name in ("global_costmap", "local_costmap"):
-        if kind is not None:
-            session.serve(kind, f"{name}/clear_entirely_{name}", partial(clear, name))
+    def read(_request: object, response: Any) -> None:  # noqa: ANN401
+        response.map = shown(type(response.map))
+
+    for name in COSTMAPS:
+        if clearing is not None:
+            session.serve(clearing, f"{name}/clear_entirely_{name}", partial(clear, name))
+        if reading is not None:
+            session.serve(reading, f"{name}/get_costmap", read)
 
 
 def costmap_parameters(session: RosSession, footprint: str) -> None:

@@ -10,6 +10,7 @@ from uuid import UUID
 from nena_robot_simulator import faults
 from nena_robot_simulator.faults import AnyFault, Faults
 from nena_robot_simulator.goals import (
+    ANY_GOAL,
     Action,
     CancelAnswer,
     ErrorCode,
@@ -30,7 +31,7 @@ from nena_robot_simulator.navigator import (
     Target,
 )
 from nena_robot_simulator.sensors import Battery, Estimate, Localisation
-from nena_robot_simulator.servers import LifecycleState, Server, Servers
+from nena_robot_simulator.servers import STOPPING, LifecycleState, Server, Servers
 from nena_robot_simulator.settings import RobotSettings, SimulatorSettings
 
 HALTING = (0.020, 0.050)
@@ -99,6 +100,8 @@ class Robot:
         self._mask: GridMap | None = None
         self._drive: Drive | None = None
         self._driven_for = Action.TO_POSE
+        self._alone = False
+        """Whether the controller drives for a navigator that has died."""
         self._followed: UUID | None = None
         self._target_seen: tuple[UUID | None, float] = (None, now)
         self.behaviour: tuple[float, float] | None = None
@@ -205,6 +208,25 @@ class Robot:
             places_left=self._poses_left,
         )
 
+    def plan(
+        self, places: tuple[Pose, ...], frame_id: str, start: Pose | None, *, several: bool
+    ) -> tuple[list[Pose], int]:
+        """Return the planner's path over places, or an error code without one; ``start`` None: the robot."""
+        poses, code = self._path_of(places, frame_id, start) if places else ([], ErrorCode.NO_VIAPOINTS_GIVEN)
+        return poses, of_several(code) if several else code
+
+    def _path_of(self, places: tuple[Pose, ...], frame_id: str, start: Pose | None) -> tuple[list[Pose], int]:
+        resolved = [self._resolve(place, frame_id) for place in places]
+        way = [place for place in resolved if place is not None]
+        begin = start or self.pose
+        if len(way) < len(resolved):
+            return [], ErrorCode.PLANNER_TF
+        if not self._hall.covers(begin.x, begin.y):
+            return [], ErrorCode.START_OUTSIDE_MAP
+        target = Target(ANY_GOAL, way[-1], tuple(way[:-1]))
+        end, code = self._end_of(target)
+        return ([], code) if end is None else (Drive(target, begin, end).plan(begin), ErrorCode.NONE)
+
     def use_map(self, hall: GridMap) -> None:
         """Plan on another map."""
         self._hall = hall
@@ -263,7 +285,7 @@ class Robot:
         if isinstance(fault, faults.Freeze):
             return  # handled by the node
         if isinstance(fault, faults.ServerDied):
-            self._set_dead(fault.server, dead=fault.active)
+            self.servers.set_dead(fault.server, dead=fault.active)
         elif isinstance(fault, faults.ServerHung):
             self.servers.set_hung(fault.server, hung=fault.active)
         else:
@@ -277,33 +299,46 @@ class Robot:
             self.servers.set_state(Server.NAVIGATOR, state)
         self.set_navigators()
 
-    def _set_dead(self, server: Server, *, dead: bool) -> None:
-        """Make a server die, or restart it without its state."""
-        self.servers.set_dead(server, dead=dead)
-        if server is Server.LOCALISATION and dead:
-            self._localisation.forget()
-
     def set_navigators(self) -> None:
-        """Let the action servers accept goals according to the lifecycle of their processes."""
+        """Let the action servers accept goals according to the lifecycle of their processes.
+
+        A localisation that is not configured has no pose.
+        """
+        if not self.servers.configured(Server.LOCALISATION):
+            self._localisation.forget()
         for action, navigator in self._navigators.items():
             server = _server_of(action)
-            unconfigured = server is Server.NAVIGATOR and self.faults.on(faults.Unconfigured)
-            gone = unconfigured or not self.servers.there(server)
-            active = self.servers.state(server) is LifecycleState.ACTIVE
+            gone = not self.servers.configured(server)
             if gone:
                 navigator.restart()
+            active = self.servers.state(server) is LifecycleState.ACTIVE
             navigator.set_active(active=active and not gone)
 
-    def advance(self, now: float) -> None:
-        """Advance to ``now`` and run one cycle of the navigator's loop."""
+    def manage(self, manager: Server, command: int, now: float) -> bool:
+        """Do what a client asks of a lifecycle manager; return whether that succeeded."""
+        if manager is Server.MANAGER and command in STOPPING:
+            for navigator in self._navigators.values():
+                navigator.abort(now)
+        done = self.servers.manage(manager, command)
+        self.set_navigators()
+        return done
+
+    def advance(self, now: float) -> bool:
+        """Advance to ``now`` and run one cycle of the navigator's loop.
+
+        Return whether the lifecycle of a server has changed.
+        """
         seconds = min(now - self._advanced_at, LONGEST_PAUSE)
         self._advanced_at = now
-        if self.servers.advance(now):
+        if changed := self.servers.advance(now):
             self.set_navigators()
         self._follow(now)
         self._look_for_transform(seconds)
         self._move(seconds * self._time_factor, now)
-        if not self.servers.runs(Server.NAVIGATOR) and self._driven_for is not Action.FOLLOW_PATH:
+        own = self._driven_for is Action.FOLLOW_PATH
+        if self._tree_lost:
+            self._alone = self._drive is not None and not own
+        if not own and (self._alone or not self.servers.runs(Server.NAVIGATOR)):
             self._end_alone(now)
         if self._drive is not None and self.faults.on(faults.Stuck):
             self._stuck_for += seconds
@@ -317,6 +352,7 @@ class Robot:
             else:
                 navigator.tick(now, drive.progress(self.pose, now), drive.error_code)
         self._follow(now)
+        return changed
 
     def take_unpublished(self, action: Action = Action.TO_POSE) -> list[Snapshot]:
         """Return the new status arrays of an action since the last call."""
@@ -350,11 +386,17 @@ class Robot:
         if self._drive is not None and self._unlocalised_for >= TRANSFORM_TIMEOUT:
             self._drive.fail(ErrorCode.CONTROLLER_TF)
 
+    @property
+    def _tree_lost(self) -> bool:
+        """Whether bt_navigator has died or is not configured; after a restart of Nav2 nothing drives."""
+        restarted = self.faults.on(faults.Unconfigured)
+        return not restarted and not self.servers.configured(Server.NAVIGATOR)
+
     def _end_alone(self, now: float) -> None:
         """End the drive of a controller without a navigator at the end of its path."""
-        drive, driven = self._drive, self.servers.runs(Server.CONTROLLER)
+        drive, driven = self._drive, self.servers.works(Server.CONTROLLER)
         if drive is not None and not (driven and drive.progress(self.pose, now) is Progress.UNDERWAY):
-            self._drive = None
+            self._drive, self._alone = None, False
 
     def _follow(self, now: float) -> None:
         """Plan a new drive if the target has changed, at the next tick of the tree's replanning clock."""
@@ -365,7 +407,7 @@ class Robot:
             return
         if self._driven_for is Action.FOLLOW_PATH:
             self._drive, self._driven_for, self._followed = None, Action.TO_POSE, None
-        if not self.servers.runs(Server.NAVIGATOR):
+        if self._tree_lost or not self.servers.runs(Server.NAVIGATOR):
             return
         targets = (
             (action, navigator.target)
@@ -375,10 +417,10 @@ class Robot:
         action, target = next(targets, (Action.TO_POSE, None))
         several = action is Action.THROUGH_POSES
         if target is None:
-            self._drive = None
+            self._drive = self._drive if self._alone else None
             return
         self._see(target, now)
-        replans = self._drive is None or now >= self._replan_at
+        replans = self._drive is None or self._alone or now >= self._replan_at
         if not replans:
             return
         self._replan_at = now + self._replan_period * (SEVERAL_SLOWER if several else 1.0)
@@ -386,7 +428,7 @@ class Robot:
         planless = drive is not None and drive.end is not None and not self.servers.works(Server.PLANNER)
         if drive is None or drive.target != target or planless:
             drive = self._drive = self._planned(target, several=several, now=now)
-            self._stuck_for = 0.0
+            self._stuck_for, self._alone = 0.0, False
         self._poses_left = drive.places_left
 
     def _see(self, target: Target, now: float) -> None:
@@ -457,7 +499,7 @@ class Robot:
         """Move the robot for ``seconds`` of its own time."""
         before = self.pose
         steps = max(1, math.ceil(seconds / LONGEST_STEP))
-        if self.servers.runs(Server.CONTROLLER):
+        if self.servers.works(Server.CONTROLLER):
             self._commanded_at = now
         for _ in range(steps):
             self._motion = self._moved(seconds / steps, now)
@@ -476,7 +518,7 @@ class Robot:
         if recovery is not None:
             works = self.servers.works(Server.BEHAVIOURS)
             return obey(motion, recovery.command(now) if works else (0.0, 0.0), limits, seconds)
-        if not self.servers.runs(Server.CONTROLLER):
+        if not self.servers.works(Server.CONTROLLER):
             coasts = now - self._commanded_at < COMMAND_TIMEOUT
             return obey(motion, (motion.speed, motion.yaw_rate) if coasts else (0.0, 0.0), limits, seconds)
         motion = step(motion, drive.next_place, limits, seconds, behind=drive.behind)

@@ -6,7 +6,8 @@ The endpoints of a process that dies disappear; those of a process that hangs st
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any
+from functools import partial
+from typing import Any, Protocol
 
 from lifecycle_msgs.msg import TransitionEvent
 from lifecycle_msgs.srv import ChangeState, GetState
@@ -17,9 +18,10 @@ from std_srvs.srv import Trigger
 
 from nena_robot_simulator import faults
 from nena_robot_simulator.robot import Robot
-from nena_robot_simulator.servers import MANAGED, Server, Value
+from nena_robot_simulator.servers import MANAGED, Change, Server, Value
 from nena_robot_simulator.session import RosSession
 from nena_shared.log import get_logger
+from nena_shared.ros import interface
 
 log = get_logger(__name__)
 
@@ -30,11 +32,23 @@ Open = Callable[[], Iterable[Any]]
 """Creates the endpoints for a server's own work."""
 
 
+class Changes(Protocol):
+    """Carries out what clients ask of the lifecycles."""
+
+    def change(self, server: Server, transition: int) -> bool:
+        """Carry out a transition; return False where the server's state does not allow it."""
+        ...
+
+    def manage(self, manager: Server, command: int) -> bool:
+        """Carry out a command to a lifecycle manager; return whether all servers have done it."""
+        ...
+
+
 class ServerEndpoints:
     """The endpoints of all servers but the navigator's actions; closed initially.
 
-    ``work`` creates those of each server's own work, ``values`` are the parameters. ``on_change`` is called
-    after a transition of a server's lifecycle.
+    ``work`` makes those of a server's own work, which it has once it is configured; ``values`` are the
+    parameters.
     """
 
     def __init__(
@@ -44,25 +58,34 @@ class ServerEndpoints:
         *,
         work: Mapping[Server, Open],
         values: Mapping[Server, Mapping[str, Value]],
-        on_change: Callable[[], None],
+        changes: Changes,
     ) -> None:
         self._session = session
         self._robot = robot
         self._work = work
         self._values = values
-        self._on_change = on_change
+        self._changes = changes
         self._open: dict[Server, list[Any]] = {}
+        self._working: dict[Server, list[Any]] = {}
         self._events: dict[Server, Any] = {}
 
     def show(self) -> None:
-        """Make each server join or leave the ROS graph, depending on whether it runs."""
+        """Make each server join or leave the ROS graph, and publish its transitions."""
+        servers = self._robot.servers
         for server in Server:
-            there = self._robot.servers.there(server)
-            if there and server not in self._open:
-                self._open[server] = [*self._common(server), *self._work.get(server, tuple)()]
-            elif not there and server in self._open:
-                for entity in self._open.pop(server):
-                    self._session.destroy(entity)
+            self._keep(self._open, server, there=servers.there(server), of=partial(self._common, server))
+            work = self._work.get(server)
+            if work is not None:
+                self._keep(self._working, server, there=servers.configured(server), of=work)
+        for change in servers.take_changes():
+            self._publish(change)
+
+    def _keep(self, found: dict[Server, list[Any]], server: Server, *, there: bool, of: Open) -> None:
+        if there and server not in found:
+            found[server] = list(of())
+        elif not there and server in found:
+            for entity in found.pop(server):
+                self._session.destroy(entity)
 
     def serve(self, server: Server, kind: Any, name: str, callback: Callable[[Any, Any], None]) -> Any:  # noqa: ANN401
         """Serve a service of a server; it does not answer while the server hangs."""
@@ -77,10 +100,10 @@ class ServerEndpoints:
 
     def _common(self, server: Server) -> list[Any]:
         if server in MANAGED:
-            return [self._manager(server)]
+            return self._manager(server)
 
         def change(request: ChangeState.Request, response: ChangeState.Response) -> None:
-            self._change(server, request, response)
+            response.success = self._changes.change(server, request.transition.id)
 
         events = self._events[server] = self._session.publisher(
             TransitionEvent, f"{server}/transition_event", EVENTS
@@ -97,31 +120,37 @@ class ServerEndpoints:
             )
         return found
 
-    def _manager(self, manager: Server) -> Any:  # noqa: ANN401
+    def _manager(self, manager: Server) -> list[Any]:
+        def awake() -> bool:
+            return self._robot.servers.runs(manager) and not self._robot.faults.on(faults.BringUp)
+
         def respond(_request: Trigger.Request, answer: Answer) -> None:
-            awake = self._robot.servers.runs(manager) and not self._robot.faults.on(faults.BringUp)
-            if awake:
+            if awake():
                 answer(Trigger.Response(success=self._robot.servers.group_active(manager)))
 
-        return self._session.serve_later(Trigger, f"{manager}/is_active", respond)
+        def manage(request: Any, answer: Answer) -> None:  # noqa: ANN401
+            if awake():
+                answer(kind.Response(success=self._changes.manage(manager, request.command)))
+
+        kind: Any = interface("nav2_msgs/srv/ManageLifecycleNodes")
+        found = [self._session.serve_later(Trigger, f"{manager}/is_active", respond)]
+        if kind is not None:
+            found.append(self._session.serve_later(kind, f"{manager}/manage_nodes", manage))
+        return found
 
     def _answer_state(self, server: Server, response: GetState.Response) -> None:
         state = self._robot.servers.state(server)
         response.current_state.id, response.current_state.label = int(state), state.name.lower()
 
-    def _change(self, server: Server, request: ChangeState.Request, response: ChangeState.Response) -> None:
-        before = self._robot.servers.state(server)
-        response.success = self._robot.servers.change(server, request.transition.id)
-        if not response.success:
-            return
-        after = self._robot.servers.state(server)
-        log.info("lifecycle", server=server.value, before=before.name, after=after.name)
+    def _publish(self, change: Change) -> None:
+        before, after = change.before, change.after
+        log.info("lifecycle", server=change.server.value, before=before.name, after=after.name)
         event = TransitionEvent()
-        event.transition.id = request.transition.id
+        event.transition.id = change.transition
         event.start_state.id, event.start_state.label = int(before), before.name.lower()
         event.goal_state.id, event.goal_state.label = int(after), after.name.lower()
-        self._events[server].publish(event)
-        self._on_change()
+        if change.server in self._open:
+            self._events[change.server].publish(event)
 
 
 def _answer_parameters(

@@ -1,16 +1,27 @@
 """The processes of Nav2: which of them run, their lifecycle states, and their parameters.
 
-Each can die or hang alone, as in a Nav2 that is not composed. A lifecycle manager notices this by its bond
-and deactivates all servers of its group; it activates them again when the missing one is back.
+Each can die or hang alone, as in a Nav2 that is not composed. One that starts again is unconfigured: it works
+after its lifecycle manager has configured and activated it.
+
+A lifecycle manager misses a server that is dead, hangs or was started again, by its bond. Then it resets the
+group as Nav2's does: it deactivates the servers in reverse order up to the first one without an answer, and
+cleans them up if all have answered. When all run again, it brings up those that are not active.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from enum import IntEnum, StrEnum
 
 BOND_TIMEOUT = 4.0
-"""Seconds without a server's heartbeat after which its lifecycle manager deactivates the group."""
+"""Seconds without a server's heartbeat after which its lifecycle manager resets the group."""
+CLEANING = 0.2
+"""Seconds from the deactivation of a group to its cleaning up, in which its goals end."""
+RESPAWN_CHECK = 1.0
+"""Seconds between two checks of a lifecycle manager whether all servers run again."""
+RESPAWN_WAIT = 10.0
+"""Seconds after which a lifecycle manager stops checking this (``bond_respawn_max_duration``)."""
 
 
 class Server(StrEnum):
@@ -27,10 +38,10 @@ class Server(StrEnum):
 
 
 MANAGED: Mapping[Server, tuple[Server, ...]] = {
-    Server.MANAGER: (Server.NAVIGATOR, Server.CONTROLLER, Server.PLANNER, Server.BEHAVIOURS),
-    Server.LOCALISATION_MANAGER: (Server.LOCALISATION, Server.MAPS),
+    Server.MANAGER: (Server.CONTROLLER, Server.PLANNER, Server.BEHAVIOURS, Server.NAVIGATOR),
+    Server.LOCALISATION_MANAGER: (Server.MAPS, Server.LOCALISATION),
 }
-"""The servers of each lifecycle manager."""
+"""The servers of each lifecycle manager, in the order of their bring-up."""
 
 
 class LifecycleState(IntEnum):
@@ -39,6 +50,7 @@ class LifecycleState(IntEnum):
     UNCONFIGURED = 1
     INACTIVE = 2
     ACTIVE = 3
+    FINALIZED = 4
 
 
 class Transition(IntEnum):
@@ -48,6 +60,17 @@ class Transition(IntEnum):
     CLEANUP = 2
     ACTIVATE = 3
     DEACTIVATE = 4
+    SHUTDOWN = 5
+
+
+class Command(IntEnum):
+    """nav2_msgs/ManageLifecycleNodes: what a client has a lifecycle manager do with its group."""
+
+    STARTUP = 0
+    PAUSE = 1
+    RESUME = 2
+    RESET = 3
+    SHUTDOWN = 4
 
 
 _STEPS: Mapping[Transition, tuple[LifecycleState, LifecycleState]] = {
@@ -55,8 +78,46 @@ _STEPS: Mapping[Transition, tuple[LifecycleState, LifecycleState]] = {
     Transition.CLEANUP: (LifecycleState.INACTIVE, LifecycleState.UNCONFIGURED),
     Transition.ACTIVATE: (LifecycleState.INACTIVE, LifecycleState.ACTIVE),
     Transition.DEACTIVATE: (LifecycleState.ACTIVE, LifecycleState.INACTIVE),
+    Transition.SHUTDOWN: (LifecycleState.UNCONFIGURED, LifecycleState.FINALIZED),
 }
 """State before and after each transition."""
+_COMMANDS: Mapping[int, tuple[Transition, ...]] = {
+    Command.STARTUP: (Transition.CONFIGURE, Transition.ACTIVATE),
+    Command.PAUSE: (Transition.DEACTIVATE,),
+    Command.RESUME: (Transition.ACTIVATE,),
+    Command.RESET: (Transition.DEACTIVATE, Transition.CLEANUP),
+    Command.SHUTDOWN: (Transition.DEACTIVATE, Transition.CLEANUP, Transition.SHUTDOWN),
+}
+"""The transitions of all servers that a command consists of."""
+_FORWARD = frozenset({Transition.CONFIGURE, Transition.ACTIVATE})
+"""Transitions in the order of the group; others are in reverse order."""
+STOPPING = frozenset({Command.PAUSE, Command.RESET, Command.SHUTDOWN})
+"""Commands that end the goals, and after which a lifecycle manager watches no bonds."""
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """A transition that a server has made."""
+
+    server: Server
+    transition: int
+    before: LifecycleState
+    after: LifecycleState
+
+
+@dataclass(slots=True)
+class _Watch:
+    """What a lifecycle manager notes of its group; times are monotonic seconds."""
+
+    missed_since: float | None = None
+    """When the heartbeat of a server stopped."""
+    reset_at: float | None = None
+    """When it deactivated the group; None: it watches its bonds."""
+    complete: bool = False
+    """Whether all servers were deactivated, so that they are to be cleaned up."""
+    checked_at: float = 0.0
+    idle: bool = False
+    """Whether it watches nothing: it has given up, or a client has stopped the group."""
 
 
 class Servers:
@@ -65,16 +126,22 @@ class Servers:
     def __init__(self) -> None:
         self._dead: set[Server] = set()
         self._hung: set[Server] = set()
+        self._unbound: set[Server] = set()
         self._states = dict.fromkeys(Server, LifecycleState.ACTIVE)
-        self._missing_since: dict[Server, float] = {}
-        self._broken: set[Server] = set()
+        self._watches = {manager: _Watch() for manager in MANAGED}
+        self._changes: list[Change] = []
 
     def there(self, server: Server) -> bool:
         """Return whether the process is in the ROS graph."""
         return server not in self._dead
 
+    def configured(self, server: Server) -> bool:
+        """Return whether the process is in the ROS graph with the endpoints of its work."""
+        configured = (LifecycleState.INACTIVE, LifecycleState.ACTIVE)
+        return self.there(server) and self._states[server] in configured
+
     def runs(self, server: Server) -> bool:
-        """Return whether the process works and answers."""
+        """Return whether the process answers; it works if it is active as well."""
         return self.there(server) and server not in self._hung
 
     def state(self, server: Server) -> LifecycleState:
@@ -87,12 +154,24 @@ class Servers:
 
     def group_active(self, manager: Server) -> bool:
         """Return whether a lifecycle manager considers its group active; bonds notice a dead server later."""
-        active = (self._states[server] is LifecycleState.ACTIVE for server in MANAGED[manager])
-        return manager not in self._broken and all(active)
+        watch = self._watches[manager]
+        held = (
+            self._states[server] is LifecycleState.ACTIVE or server in self._unbound
+            for server in MANAGED[manager]
+        )
+        return watch.reset_at is None and not watch.idle and all(held)
 
     def set_dead(self, server: Server, *, dead: bool) -> None:
-        """Make a process die, or restart it."""
-        (self._dead.add if dead else self._dead.discard)(server)
+        """Make a process die, or restart it: unconfigured, and without a bond to its lifecycle manager."""
+        if not dead:
+            self._dead.discard(server)
+            return
+        self._dead.add(server)
+        if server in MANAGED:
+            self._watches[server] = _Watch()
+        else:
+            self._unbound.add(server)
+            self._states[server] = LifecycleState.UNCONFIGURED
 
     def set_hung(self, server: Server, *, hung: bool) -> None:
         """Make a process hang, or continue."""
@@ -103,36 +182,88 @@ class Servers:
         self._states[server] = state
 
     def set_group(self, manager: Server, state: LifecycleState) -> None:
-        """Set all servers of a lifecycle manager to a state."""
+        """Set all servers of a lifecycle manager to a state, but those that have died."""
         for server in MANAGED[manager]:
-            self._states[server] = state
+            if server not in self._unbound:
+                self._states[server] = state
 
     def change(self, server: Server, transition: int) -> bool:
         """Execute a transition; return False if the server's state does not allow it."""
         steps = (step for each, step in _STEPS.items() if each == transition)
         before, after = next(steps, (None, None))
-        if after is None or self._states[server] is not before:
+        if before is None or after is None or self._states[server] is not before:
             return False
         self._states[server] = after
+        if after is LifecycleState.ACTIVE:
+            self._unbound.discard(server)
+        self._changes.append(Change(server, transition, before, after))
         return True
 
+    def take_changes(self) -> list[Change]:
+        """Return the transitions since the last call."""
+        changes, self._changes = self._changes, []
+        return changes
+
+    def manage(self, manager: Server, command: int) -> bool:
+        """Carry out what a client asks of a lifecycle manager; return whether all servers have done it.
+
+        As in Nav2, it stops at the first server that does not, also where that has been done before.
+        """
+        transitions = _COMMANDS.get(command, ())
+        done = bool(transitions)
+        for transition in transitions:
+            if done or command == Command.SHUTDOWN:  # which always succeeds
+                done = self._change_all(manager, transition)
+        succeeded = done or command == Command.SHUTDOWN
+        self._watches[manager] = _Watch(idle=not succeeded or command in STOPPING)
+        return succeeded
+
+    def _change_all(self, manager: Server, transition: Transition) -> bool:
+        group = MANAGED[manager]
+        order = group if transition in _FORWARD else reversed(group)
+        return all(self.runs(server) and self.change(server, transition) for server in order)
+
     def advance(self, now: float) -> bool:
-        """Run the lifecycle managers' bond checks; return whether any state changed."""
-        changed = False
-        for manager, group in MANAGED.items():
-            missing = self.runs(manager) and not all(map(self.runs, group))
-            since = self._missing_since.setdefault(manager, now) if missing else None
-            if since is None:
-                self._missing_since.pop(manager, None)
-            if since is not None and now - since >= BOND_TIMEOUT and manager not in self._broken:
-                self._broken.add(manager)
-                self.set_group(manager, LifecycleState.INACTIVE)
-                changed = True
-            elif manager in self._broken and all(map(self.runs, group)):
-                self._broken.discard(manager)
-                self.set_group(manager, LifecycleState.ACTIVE)
-                changed = True
-        return changed
+        """Run the lifecycle managers' checks; return whether a state has changed."""
+        before = len(self._changes)
+        for manager, watch in self._watches.items():
+            if self.runs(manager) and not watch.idle:
+                self._check(manager, watch, now)
+        return len(self._changes) > before
+
+    def _check(self, manager: Server, watch: _Watch, now: float) -> None:
+        group = MANAGED[manager]
+        running = all(map(self.runs, group))
+        if watch.reset_at is None:
+            missing = not running or not self._unbound.isdisjoint(group)
+            watch.missed_since = (watch.missed_since or now) if missing else None
+            if watch.missed_since is not None and now - watch.missed_since >= BOND_TIMEOUT:
+                watch.reset_at = watch.checked_at = now
+                watch.complete = self._deactivate(group)
+        elif watch.complete and now - watch.reset_at >= CLEANING:
+            watch.complete = False
+            for server in reversed(group):
+                self.change(server, Transition.CLEANUP)
+        elif now - watch.checked_at >= RESPAWN_CHECK:
+            watch.checked_at = now
+            if running:
+                self._bring_up(manager)
+            elif not all(map(self.there, group)):
+                watch.idle = now - watch.reset_at >= RESPAWN_WAIT
+
+    def _deactivate(self, group: tuple[Server, ...]) -> bool:
+        """Deactivate the active ones up to the first one without an answer; return whether all answer."""
+        for server in reversed(group):
+            if not self.runs(server):
+                return False
+            self.change(server, Transition.DEACTIVATE)
+        return True
+
+    def _bring_up(self, manager: Server) -> None:
+        for transition in (Transition.CONFIGURE, Transition.ACTIVATE):
+            for server in MANAGED[manager]:
+                self.change(server, transition)
+        self._watches[manager] = _Watch()
 
 
 Value = bool | int | float | str | list[str]

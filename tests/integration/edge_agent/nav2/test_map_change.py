@@ -30,6 +30,10 @@ def enabled(state: dict[str, Any]) -> list[str]:
     return [each["mapId"] for each in state["maps"] if each["mapStatus"] == "ENABLED"]
 
 
+def lost(state: dict[str, Any]) -> bool:
+    return not state["agvPosition"]["positionInitialized"]
+
+
 def up_and_on() -> Order:
     """Drive to the lift on one floor, and out of it on the next one, where the lift lies elsewhere."""
     up = action("up", "HARD", "enableMap", retriable=None, x=2.0, y=1.0, theta=0.0, **WHICH)
@@ -77,11 +81,16 @@ async def test_a_robot_changes_floors_within_an_order_and_keeps_the_map_over_res
             assert enabled(done) == ["attic"]
             assert loaded()
 
-            before = len(grids.messages)
+            before, seen = len(grids.messages), len(fleet.states)
             bench.fault("server_died", server="map_server")
             bench.fault("server_died", server="map_server", active=False)
             # Its own map, with which it comes up, may be replaced before this subscriber has found it.
             await until(lambda: len(grids.messages) > before and loaded(), what="the map again")
+            # Its lifecycle manager has started the localisation again, too, which knows no pose then.
+            await until(lambda: any(map(lost, fleet.states[seen:])), what="a robot without a position")
+            place: dict[str, Any] = {"x": 5.0, "y": 1.0, "theta": 0.0, "mapId": "attic", "lastNodeId": "n3"}
+            fleet.instant(action("p", "NONE", "initPosition", retriable=None, **place))
+            await until(lambda: ready(fleet.states[-1]), what="a robot that knows where it is")
 
         bench.fleet.peer.clear()
         async with robot(bench, tmp_path) as fleet:
