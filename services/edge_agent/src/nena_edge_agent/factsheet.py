@@ -50,6 +50,18 @@ def braking_distance(description: DescriptionSettings) -> float:
     return speed * 0.5 + (speed * speed / (2 * deceleration) if deceleration else 0.0)
 
 
+SEVERAL_SLOWER = 3.0
+"""How much longer than that to one pose Nav2's replanning period through several poses is."""
+ANSWER_TIME = 0.5
+"""Seconds in which fleet control extends a base on request."""
+
+
+def _base_request_time(settings: EdgeAgentSettings) -> float:
+    """Return the maximum seconds from the request of a base until Nav2 follows it: it plans periodically."""
+    slower = SEVERAL_SLOWER if settings.drives_ahead else 1.0
+    return settings.ros.goals.replan_period * slower + ANSWER_TIME
+
+
 def make_capabilities(
     settings: EdgeAgentSettings, registry: ActionRegistry, offers: Nav2Offers = NO_OFFERS
 ) -> Capabilities:
@@ -72,6 +84,7 @@ def make_capabilities(
         hand_over_time=goals.replan_period if by_nav2 else 0.0,
         drives_ahead=settings.drives_ahead,
         base_request_distance=drive.base_request_distance,
+        base_request_time=_base_request_time(settings) if by_nav2 else 0.0,
         external_goals=drive.external_goals,
         link_loss=drive.link_loss,
         link_loss_timeout=drive.link_loss_patience,

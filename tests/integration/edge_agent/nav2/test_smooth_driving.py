@@ -38,6 +38,21 @@ async def test_passed_nodes_cost_less_than_a_fifth_of_the_speed(bench: Bench, na
 
 
 @needs_action_types
+async def test_a_base_that_is_extended_on_request_is_passed_at_speed(bench: Bench) -> None:
+    """Through poses Nav2 plans again each 3 s only, and slows down for the end that it knows."""
+    places = {f"n{index}": position(2.5 * index, radius=0.5) for index in range(5)}
+    with bench.simulator(*LIKE_NAV2, time_factor=1.0, drive={**REGULATED, "speed": 1.0}):
+        async with bench.agent(**settings(Navigation.THROUGH_POSES)) as fleet:
+            await fleet.state(ready)
+            fleet.send(order(*places, released=3, positions=places))
+            await fleet.state(lambda state: state["newBaseRequest"])
+            fleet.send(order("n2", "n3", "n4", update=1, first=4, positions=places))
+            done = await fleet.state(ended("o1"))
+    assert (done["lastNodeId"], error_types(done)) == ("n4", [])
+    assert min(bench.speeds(2.0, 8.5)) >= 0.8
+
+
+@needs_action_types
 async def test_a_way_over_several_nodes_is_one_goal(bench: Bench) -> None:
     arrays = bench.ros.subscribe(GoalStatusArray, "navigate_through_poses/_action/status", LATCHED)
     with bench.simulator(time_factor=2.0):  # slow enough to be seen at each node

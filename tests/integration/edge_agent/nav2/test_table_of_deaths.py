@@ -119,7 +119,7 @@ async def test_a_death_leaves_no_robot_driving_in_secret(bench: Bench, process: 
             stood = await the_end(bench, died_at, process, work)
             states = [each for each in fleet.states if told_at(each) >= died_at]
     check(bench, states, work=work)
-    at_once = work in ("cancel", "pause") or process in ("bt_navigator", ALL, HANGS)
+    at_once = work in ("cancel", "pause") or process in ("bt_navigator", "planner_server", ALL, HANGS)
     if at_once and work != "dock":
         assert stood is not None
         rolled = [each for each in bench.odometry if died_at < stamp(each) < stamp(stood)]

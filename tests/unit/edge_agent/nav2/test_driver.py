@@ -10,7 +10,7 @@ from types import ModuleType, SimpleNamespace
 
 import pytest
 
-from nena_edge_agent.driver.map_port import MapDriverEvent, MapGoal, MapPose, MapPoseReport
+from nena_edge_agent.driver.map_port import MapDriverEvent, MapGoal, MapOwnGoals, MapPose, MapPoseReport
 from nena_edge_agent.driver.port import (
     DriveFailed,
     DriveFailure,
@@ -27,7 +27,7 @@ from nena_edge_agent.nav2.map_server import MapServer
 from nena_edge_agent.nav2.parameters import Nav2Parameters
 from nena_edge_agent.nav2.poses import PoseReading
 from nena_edge_agent.nav2.presence import Lifecycle, Presence
-from nena_edge_agent.nav2.settings import RosSettings
+from nena_edge_agent.nav2.settings import RosAddress, RosSettings
 from nena_edge_agent.nav2.speed_limit import SpeedLimiter
 from nena_shared.clock import SystemClock
 from nena_shared.program import StartError
@@ -119,6 +119,10 @@ class Station:
 
     def prepare_stop(self) -> None:
         """Find no servers: there are none."""
+
+    def planners(self) -> frozenset[str]:
+        """Find no planner, as on a robot that plans elsewhere."""
+        return frozenset()
 
     async def _load(self, file: str) -> None:
         self.asked.append(file)
@@ -403,4 +407,42 @@ async def test_a_navigator_that_leaves_the_graph_is_noticed_between_two_looks(
         monkeypatch.setattr(driver, "_node", station)
         await until(lambda: any(isinstance(each, DriveFailed) for each in told), what="its absence")
         await until(lambda: station.stopped, what="the stop")
+        monkeypatch.setattr(driver, "_node", None)
+
+
+async def test_a_planner_that_leaves_the_graph_on_the_way_stops_the_robot(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    told = list[MapDriverEvent]()
+    monkeypatch.setattr(driver_module, "GLANCE", 0.01)
+    async with on_the_way(monkeypatch, told) as (_, station, _):
+        present = iter([frozenset({"planner"})])
+        monkeypatch.setattr(station, "servers", lambda: frozenset({"navigator"}), raising=False)
+        monkeypatch.setattr(station, "planners", lambda: next(present, frozenset()))
+        await until(lambda: any(isinstance(each, DriveFailed) for each in told), what="its absence")
+        await until(lambda: station.stopped, what="the stop")
+    (failed,) = (each for each in told if isinstance(each, DriveFailed))
+    assert failed.failure is DriveFailure.NAVIGATION_GONE
+    assert "planner" in failed.description
+
+
+async def test_a_goal_of_an_earlier_run_can_be_stopped_without_a_search_for_the_servers(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    prepared: list[str] = []
+
+    async def done(*_: object) -> None:
+        """Join or leave no graph."""
+
+    def node(*_: object) -> SimpleNamespace:
+        return SimpleNamespace(start=done, stop=done, prepare_stop=lambda: prepared.append("stop"))
+
+    async with started(monkeypatch, [], Nav2Options()) as driver:
+        module = SimpleNamespace(Nav2Node=node, Listeners=lambda *_: None)
+        monkeypatch.setitem(sys.modules, "nena_edge_agent.nav2.node", module)
+        await driver._open_node(RosAddress.of(RosSettings()))
+        assert prepared == []
+        driver.reclaim(MapOwnGoals(("a" * 32,), MapPose(1.0, 0.0, 0.0, "hall")))
+        await driver._open_node(RosAddress.of(RosSettings()))
+        assert prepared == ["stop"]
         monkeypatch.setattr(driver, "_node", None)

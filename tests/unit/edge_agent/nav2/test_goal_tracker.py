@@ -902,6 +902,22 @@ class TestRestartOfTheAgent:
         assert (talk.given, talk.cancelled, talk.events) == ([], [], [Arrived(1)])
         assert ("A", False, "EXECUTING") in talk.goal_reports
 
+    def test_one_that_goes_on_and_succeeds_elsewhere_is_given_again(self) -> None:
+        """The earlier run may have stopped its controller, which the navigator mistakes for success."""
+        talk = self.after_restart()
+        talk.array("A:2")
+        talk.ready()
+        talk.go_to(goal(1))
+        talk.at(2.0)
+        talk.array("A:4")
+        talk.later(1.0)
+        assert (talk.given, talk.events) == ([1], [])
+        talk.array("A:4 B:2")
+        talk.at(3.0)
+        talk.array("A:4 B:4")
+        talk.later(10.0)
+        assert talk.failure().failure is DriveFailure.OUTSIDE_TOLERANCE, "this one was driven without doubt"
+
     def test_one_that_has_got_there_meanwhile_counts(self) -> None:
         talk = self.after_restart()
         talk.array("A:4")

@@ -2,7 +2,14 @@ from __future__ import annotations
 
 import pytest
 
-from nena_edge_agent.nav2.presence import DISCOVERY, Lifecycle, LifecycleWatch, Presence, judge
+from nena_edge_agent.nav2.presence import (
+    DISCOVERY,
+    Lifecycle,
+    LifecycleWatch,
+    PlannerWatch,
+    Presence,
+    judge,
+)
 from nena_edge_agent.nav2.settings import Navigation, RosSettings
 
 SETTINGS = RosSettings(namespace="r1", domain_id=7)
@@ -44,6 +51,18 @@ def test_the_pose_is_asked_for_before_nav2_is_blamed(lifecycle: Lifecycle) -> No
 def test_a_localisation_that_is_not_active_keeps_the_robot() -> None:
     presence = Presence(GID, 1, Lifecycle.ACTIVE, localiser=Lifecycle.INACTIVE)
     assert "amcl/get_state" in judge(presence, SETTINGS, pose_known=True).reason
+
+
+def test_a_planner_that_has_gone_keeps_the_robot_until_it_is_back() -> None:
+    watch = PlannerWatch()
+    looks = [watch.look(publishers) for publishers in (frozenset[str](), GID, frozenset[str]())]
+    assert (looks, watch.gone) == ([False, False, True], True), "only one that was present is missed"
+    presence = Presence(GID, 1, Lifecycle.ACTIVE, planner_gone=watch.gone)
+    assert "is planner_server running?" in judge(presence, SETTINGS, pose_known=True).reason
+    assert not watch.look(frozenset())
+    assert watch.gone
+    assert not watch.look(GID)
+    assert not watch.gone
 
 
 def test_the_first_seconds_say_starting() -> None:

@@ -382,6 +382,22 @@ def test_more_base_is_asked_for_when_its_end_comes_near() -> None:
     assert not bench.asks_for_base()
 
 
+@pytest.mark.clause("6.6.3")
+@pytest.mark.parametrize(
+    ("strategy", "asks_at"), [(DriveStrategy.STOP_AT_NODES, 8.0), (DriveStrategy.PASS_THROUGH, 5.9)]
+)
+def test_a_robot_that_passes_nodes_asks_in_time_for_navigation_to_plan_again(
+    strategy: DriveStrategy, asks_at: float
+) -> None:
+    bench = Bench(strategy=strategy, maximum_speed=1.0, base_request_time=3.5)
+    bench.do(DriveLimits(0.25, 0.6, MAP))
+    bench.send(order("n0", "n1", "n2", released=2))
+    bench.do(at(asks_at - 0.1))
+    assert not bench.asks_for_base()
+    bench.do(at(asks_at + 0.1))
+    assert bench.asks_for_base()
+
+
 @pytest.mark.clause("6.6.3", "6.1.2/B6")
 def test_at_the_end_of_the_base_more_is_asked_for_and_without_a_horizon_nothing() -> None:
     bench = Bench()

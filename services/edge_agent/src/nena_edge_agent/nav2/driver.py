@@ -27,7 +27,6 @@ from nena_edge_agent.driver.port import (
     BlockedReport,
     DriveFailed,
     DriveFailure,
-    DriveLimits,
     Halted,
     NavigationReport,
     PositionInitialized,
@@ -74,7 +73,7 @@ from nena_edge_agent.nav2.session_control import (
     SessionManager,
     prepare_environment,
 )
-from nena_edge_agent.nav2.settings import GOAL_TOLERANCE, RosAddress, RosSettings
+from nena_edge_agent.nav2.settings import RosAddress, RosSettings
 from nena_edge_agent.nav2.speed_limit import SpeedLimiter
 from nena_edge_agent.nav2.transforms import TransformWatch
 from nena_shared.clock import Clock
@@ -85,7 +84,6 @@ from nena_shared.tasks import Supervisor, forever, set_within
 if TYPE_CHECKING:
     from nena_edge_agent.nav2.node import Nav2Node
     from nena_edge_agent.nav2.parameters import ParameterReader
-
 
 TICK = 0.05
 """Seconds between two checks of the time while something is awaited."""
@@ -149,7 +147,7 @@ class Nav2Driver:
         )
         paths = PathSide(self._tracker, apply=self._apply, on_feedback=self._on_path_feedback, clock=clock)
         self._paths = paths if nav2_offers(settings).follows_paths else None
-        self._silence = SilenceWatch()
+        self._silence, self._planner = SilenceWatch(), presence.PlannerWatch()
         self._feedback, self._path_feedback = FeedbackFilter(), FeedbackFilter()
         self._initial_position = InitialPosition(settings.localisation)
         self._battery = Battery(settings.battery_scale)
@@ -184,7 +182,11 @@ class Nav2Driver:
             raise StartError(message) from error
         self._action.check(self._settings)
         self._transforms.check()
-        await self._begin_session()
+        if self._settings.start_session:
+            with suppress(SessionError):  # reported, and retried
+                await self.session.start()
+        else:
+            self.session.report_stopped()
         await self._stack.enter_async_context(self._tasks)
         self._tasks.start("watch Nav2", forever("watch Nav2", self._watch), vital=False)
         self._tasks.start("watch the drive", forever("watch the drive", self._glance), vital=False)
@@ -298,14 +300,6 @@ class Nav2Driver:
                 MapPoseReport(pose, localized=False, vx=report.vx, omega=report.omega, problem=problem)
             )
 
-    async def _begin_session(self) -> None:
-        """Join the graph if the settings require it; if ROS refuses, retry later."""
-        if not self._settings.start_session:
-            self.session.report_stopped()
-            return
-        with suppress(SessionError):  # reported, and retried
-            await self.session.start()
-
     async def _open_node(self, address: RosAddress) -> None:
         from nena_edge_agent.nav2.node import Listeners, Nav2Node  # noqa: PLC0415 - needs rclpy
         from nena_edge_agent.nav2.parameters import ParameterReader  # noqa: PLC0415 - needs rclpy
@@ -330,7 +324,10 @@ class Nav2Driver:
         node = Nav2Node(self._settings, listeners, extensions)
         await node.start(self._on_failure)
         self._silence = SilenceWatch()  # this one's robot may have no odometry
+        self._planner = presence.PlannerWatch()
         self._node, self._looking_since = node, self._clock.monotonic()
+        if self._tracker.busy:  # a goal of an earlier run may have to be stopped
+            node.prepare_stop()
 
     async def _close_node(self) -> None:
         """Leave the graph after the robot has stopped."""
@@ -382,8 +379,9 @@ class Nav2Driver:
         async with self.session.step:
             if self._node is not None:
                 self._look_at_transforms()
+                self._look_at_planner(self._node)
                 seen = await self._node.presence()
-                seen = replace(seen, action=self._action.look())
+                seen = replace(seen, action=self._action.look(), planner_gone=self._planner.gone)
                 report = presence.judge(
                     seen,
                     self._settings,
@@ -398,10 +396,15 @@ class Nav2Driver:
         await asyncio.sleep(self._settings.watch_period)
 
     async def _glance(self) -> None:
-        """Check between two looks at Nav2 whether the server that drives is there: it is stopped soon."""
+        """Check between two looks at Nav2 whether the servers that drive are there: it is stopped soon."""
         await asyncio.sleep(GLANCE)
         if self._node is not None and self._tracker.active:
             self._see_servers(self._node.servers())
+            self._look_at_planner(self._node)
+
+    def _look_at_planner(self, node: Nav2Node) -> None:
+        if self._planner.look(node.planners()):
+            self._apply(self._tracker.on_planner_gone(self._clock.monotonic()))
 
     def _look_at_transforms(self) -> None:
         lost = bool(self._transforms.problem)
@@ -457,14 +460,11 @@ class Nav2Driver:
         parameters = await self._parameters.read()
         known = parameters.complete and parameters.speed is not None
         self._readings = 0 if known else self._readings - 1
-        tolerance = self._settings.goals.goal_tolerance or parameters.xy_tolerance or GOAL_TOLERANCE
-        # by topics, and on a path of our own, the robot's position is rarely known
-        known_each = 0.0 if self._action.look() and self._paths is None else STALE_XY
-        hand_over = max(tolerance, parameters.approach or 0.0) + known_each
-        self._log.info("Nav2's parameters", tolerance=tolerance, hand_over=hand_over)
         if self._limiter is not None and parameters.speed is not None:
             self._limiter.controller_drives(parameters.speed)
-        self._report(DriveLimits(tolerance, hand_over, self._map_id, parameters.contour))
+        # by topics, and on a path of our own, the robot's position is rarely known
+        known_each = 0.0 if self._action.look() and self._paths is None else STALE_XY
+        self._report(parameters.limits(self._settings.goals.goal_tolerance, known_each, self._map_id))
 
     def _on_navigation(self, servers: frozenset[str], report: NavigationReport) -> None:
         self._see_servers(servers)

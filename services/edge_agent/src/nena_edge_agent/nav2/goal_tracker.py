@@ -336,6 +336,14 @@ class GoalTracker:
                 drive.counted_from, drive.give_up_at = drive.times_given, None
         return self._advance(now)
 
+    def on_planner_gone(self, now: float) -> list[Command]:
+        """Stop: the planner has died, and until it is needed Nav2 would drive on."""
+        drive = self._drive
+        if drive is not None and drive.goal_id is not None and drive.reached_at is None:
+            self._run_away(now)
+            self._fail(drive, DriveFailure.NAVIGATION_GONE, "Nav2's planner stopped during the drive")
+        return self._advance(now)
+
     def on_navigation(self, report: NavigationReport, now: float) -> list[Command]:
         """Note whether goals can be sent."""
         lost = self._navigation.available and not report.available
@@ -549,6 +557,7 @@ class GoalTracker:
             "continuing with a goal from before the restart", goal=goal_id, generation=drive.goal.generation
         )
         drive.goal_id, drive.times_given = goal_id, 1
+        drive.interrupted = True  # the earlier run may have stopped its controller, or preempted another goal
         drive.reached_at = now if reached else None
         return True
 

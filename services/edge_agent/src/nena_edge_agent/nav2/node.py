@@ -149,6 +149,10 @@ class Nav2Node:
         """Return the endpoint IDs of the status array's publishers."""
         return self._publishers(status_of(self._settings.action))
 
+    def planners(self) -> frozenset[str]:
+        """Return the endpoint IDs of the plan's publishers."""
+        return self._publishers(self._settings.names.plan)
+
     def _publishers(self, topic: str) -> frozenset[str]:
         """Return the endpoint IDs of a topic's publishers."""
         found = self._node.get_publishers_info_by_topic(topic)

@@ -11,8 +11,12 @@ from typing import Any
 from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import GetParameters
 
+from nena_edge_agent.driver.port import DriveLimits
 from nena_edge_agent.nav2.session import LateClient, RosSession
-from nena_edge_agent.nav2.settings import RosSettings
+from nena_edge_agent.nav2.settings import GOAL_TOLERANCE, RosSettings
+from nena_shared.log import get_logger
+
+log = get_logger(__name__)
 
 Value = float | int | str | list[str] | None
 Contour = tuple[tuple[float, float], ...]
@@ -37,6 +41,16 @@ class Nav2Parameters:
     speed: float | None = None
     contour: Contour = ()
     complete: bool = True
+
+    def limits(self, tolerance: float | None, known_each: float, map_id: str) -> DriveLimits:
+        """Return what they mean for a drive; ``tolerance`` replaces that of Nav2.
+
+        ``known_each`` is the distance in m that the robot may drive until its position is known again.
+        """
+        within = tolerance or self.xy_tolerance or GOAL_TOLERANCE
+        hand_over = max(within, self.approach or 0.0) + known_each
+        log.info("Nav2's parameters", tolerance=within, hand_over=hand_over)
+        return DriveLimits(within, hand_over, map_id, self.contour)
 
 
 def contour_of(footprint: str, radius: float | None) -> Contour:

@@ -154,6 +154,10 @@ class Trackers:
             *self._of(self.controller, self.controller.on_servers(controllers, now)),
         ]
 
+    def on_planner_gone(self, now: float) -> list[Command]:
+        """Stop the navigator's drive; a path of our own needs no planner."""
+        return self.navigator.on_planner_gone(now)
+
     def on_navigation(self, report: NavigationReport, now: float) -> list[Command]:
         """Note whether goals can be sent; the controller follows its path also without a navigator."""
         own = report

@@ -51,7 +51,7 @@ class Presence:
 
     ``servers`` are the endpoint IDs of the status array's publishers, ``localisers`` those of the pose's;
     ``localiser`` is the localisation's own lifecycle state. ``action``: the action's server is present, and
-    this machine has its types.
+    this machine has its types. ``planner_gone``: the planner was present before.
     """
 
     servers: frozenset[str]
@@ -60,6 +60,25 @@ class Presence:
     action: bool = False
     localisers: frozenset[str] = frozenset()
     localiser: Lifecycle = Lifecycle.ABSENT
+    planner_gone: bool = False
+
+
+class PlannerWatch:
+    """Detects that the planner has died: Nav2 itself notices only when it plans again.
+
+    Some robots plan elsewhere: one that was never present is not missed.
+    """
+
+    def __init__(self) -> None:
+        self._there = False
+        self.gone = False
+
+    def look(self, publishers: frozenset[str]) -> bool:
+        """Handle the endpoint IDs of the plan's publishers; return whether the planner has just gone."""
+        just_gone = self._there and not publishers
+        self._there = bool(publishers)
+        self.gone = not publishers and (self.gone or just_gone)
+        return just_gone
 
 
 class LifecycleWatch:
@@ -121,6 +140,8 @@ def _inactive(presence: Presence, settings: RosSettings, *, pose_known: bool) ->
         return f"no pose received on {names.pose} {where}, and Nav2 is not active: {POSE_FIRST}"
     if problem:
         return f"{names.lifecycle} {where} {problem}"
+    if presence.planner_gone:
+        return f"no node publishes {names.plan} {where} any more: is {names.planner} running?"
     if presence.localiser is Lifecycle.INACTIVE:
         return f"{names.localiser} {where} reports an inactive localisation: activate it on the robot"
     if not pose_known:

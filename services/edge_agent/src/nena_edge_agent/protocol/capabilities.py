@@ -55,7 +55,8 @@ class Capabilities:
     ``drives_ahead``: its driver drives over several poses of one goal without a stop.
 
     Navigation accepts a new goal in time if it arrives ``hand_over_distance`` m plus the distance of
-    ``hand_over_time`` s before the end of the old one.
+    ``hand_over_time`` s before the end of the old one. ``base_request_time`` is the same at the end of the
+    base, with the time for fleet control's answer.
 
     ``braking_distance`` is the braking distance in m from full speed; ``footprint`` is its contour.
 
@@ -84,6 +85,7 @@ class Capabilities:
     hand_over_time: float = 0.0
     drives_ahead: bool = False
     base_request_distance: float = 2.0
+    base_request_time: float = 0.0
     external_goals: ExternalGoals = ExternalGoals.PAUSE
     link_loss: LinkLossPolicy = LinkLossPolicy.ASSERTIVE
     link_loss_timeout: float = 10.0

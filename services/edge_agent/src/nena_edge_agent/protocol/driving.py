@@ -88,10 +88,18 @@ def has_leftover_goal(robot: RobotState) -> bool:
 
 
 def new_base_request(robot: RobotState) -> bool:
-    """Return whether the end of the base is near while a horizon is left (section 6.6.3)."""
+    """Return whether the end of the base is near while a horizon is left (section 6.6.3).
+
+    A robot that passes nodes requests the base early enough to pass its end as well, at full speed.
+    """
     if not robot.progress.horizon_left or robot.clearing:
         return False
-    return _base_length_left(robot) <= robot.capabilities.base_request_distance
+    capabilities = robot.capabilities
+    before = capabilities.base_request_distance
+    if capabilities.strategy is DriveStrategy.PASS_THROUGH:
+        way = capabilities.maximum_speed * capabilities.base_request_time
+        before = max(before, _hand_over(robot) + way)
+    return _base_length_left(robot) <= before
 
 
 # Reports of the driver
@@ -211,10 +219,13 @@ def _may_pass(robot: RobotState, node: Node) -> bool:
 def _pass_radius(robot: RobotState) -> float:
     """Return the distance in m from a passed node at which the next goal is sent, at the current speed."""
     capabilities, speed = robot.capabilities, robot.reports.velocity.vx or 0.0
+    return max(capabilities.pass_radius, _hand_over(robot) + abs(speed) * capabilities.hand_over_time)
+
+
+def _hand_over(robot: RobotState) -> float:
+    """Return the distance in m before its end at which navigation slows down or has reached a goal."""
     limits = robot.reports.limits
-    before = limits.hand_over if limits else capabilities.hand_over_distance
-    early = before + abs(speed) * capabilities.hand_over_time
-    return max(capabilities.pass_radius, early)
+    return limits.hand_over if limits else robot.capabilities.hand_over_distance
 
 
 def _barred_behind(robot: RobotState, position: NodePosition) -> bool:
