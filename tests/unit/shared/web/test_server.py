@@ -365,3 +365,21 @@ async def test_only_a_configured_proxy_says_who_asks(trusted: list[str], seen: s
     async with serving(settings) as server, httpx.AsyncClient(timeout=PATIENCE) as client:
         server.app = who
         assert (await client.get(server.url, headers={"x-forwarded-for": "192.0.2.7"})).text == seen
+
+
+async def test_behind_a_proxy_it_speaks_https_all_the_same(tmp_path: Path) -> None:
+    """As in Kubernetes: the ingress reaches it by TLS, and says who asks."""
+
+    async def who(scope: Scope, receive: Receive, send: Send) -> None:
+        await PlainTextResponse(f"{scope['client'][0]} by {scope['scheme']}")(scope, receive, send)
+
+    authority = Authority(tmp_path)
+    files = authority.sign("server")
+    settings = HttpSettings(port=0, tls_certificate=files.certificate, tls_key=files.key, reverse_proxy=True)
+    trusting = ssl.create_default_context(cafile=authority.ca)
+    async with serving(settings) as server, httpx.AsyncClient(verify=trusting, timeout=PATIENCE) as client:
+        server.app = who
+        forwarded = {"x-forwarded-for": "192.0.2.7", "x-forwarded-proto": "https"}
+        assert (await client.get(server.url, headers=forwarded)).text == "192.0.2.7 by https"
+        with pytest.raises(httpx.HTTPError):
+            await client.get(server.url.replace("https", "http"))
