@@ -22,6 +22,14 @@ if TYPE_CHECKING:
 settings.register_profile("nena", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("nena")
 
+# As programs do: the traceback with all local variables that is structlog's default takes seconds.
+structlog.configure(
+    processors=[
+        *structlog.get_config()["processors"][:-1],
+        structlog.dev.ConsoleRenderer(colors=False, exception_formatter=structlog.dev.plain_traceback),
+    ]
+)
+
 pytest_plugins = ["support.selection"]
 
 MARKED_BY = {

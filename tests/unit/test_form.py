@@ -5,6 +5,8 @@ from __future__ import annotations
 import ast
 from collections import defaultdict
 from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
 from itertools import chain
 from pathlib import Path
 
@@ -33,26 +35,53 @@ def modules(*folders: Path) -> Iterator[Path]:
     return chain.from_iterable(sorted(each.rglob("*.py")) for each in folders)
 
 
-def nodes(module: Path, holding: str = "") -> Iterator[ast.AST]:
-    """Return the nodes of a module; none, at less cost, unless its text holds what is looked for."""
+def nodes(module: Path, holding: str) -> Iterator[ast.AST]:
+    """Return the nodes of a module; none, at less cost, unless its text contains ``holding``."""
     text = module.read_text(encoding="utf-8")
     return ast.walk(ast.parse(text, module)) if holding in text else iter(())
 
 
-def too_long(module: Path) -> Iterator[str]:
-    for node in nodes(module):
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+@dataclass(frozen=True, slots=True)
+class Definition:
+    """A class or function: its first line, its number of lines, and its parameters."""
+
+    name: str
+    line: int
+    lines: int
+    is_class: bool
+    parameters: int = 0
+
+
+@cache
+def definitions(module: Path) -> tuple[Definition, ...]:
+    """Return all definitions of a module; cached, because several tests look at every module."""
+    return tuple(_defined_in(ast.parse(module.read_text(encoding="utf-8"), module)))
+
+
+def _defined_in(tree: ast.Module) -> Iterator[Definition]:
+    """Visit statements only, which are a small part of all nodes."""
+    waiting: list[ast.AST] = [tree]
+    while waiting:
+        node = waiting.pop()
+        for field in ("body", "orelse", "finalbody", "handlers", "cases"):
+            waiting += getattr(node, field, ())
+        if isinstance(node, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
             lines = (node.end_lineno or node.lineno) - node.lineno + 1
-            if lines > LONGEST_FUNCTION:
-                yield f"{module}:{node.lineno} {node.name} has {lines} lines"
+            given = None if isinstance(node, ast.ClassDef) else node.args
+            parameters = len([*given.posonlyargs, *given.args, *given.kwonlyargs]) if given else 0
+            yield Definition(node.name, node.lineno, lines, given is None, parameters)
+
+
+def too_long(module: Path) -> Iterator[str]:
+    for each in definitions(module):
+        if not each.is_class and each.lines > LONGEST_FUNCTION:
+            yield f"{module}:{each.line} {each.name} has {each.lines} lines"
 
 
 def wide_constructors(module: Path) -> Iterator[str]:
-    for node in nodes(module):
-        if isinstance(node, ast.FunctionDef) and node.name == "__init__":
-            parameters = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
-            if len(parameters) - 1 > MOST_PARAMETERS:
-                yield f"{module}:{node.lineno} takes {len(parameters) - 1}"
+    for each in definitions(module):
+        if each.name == "__init__" and each.parameters - 1 > MOST_PARAMETERS:
+            yield f"{module}:{each.line} takes {each.parameters - 1}"
 
 
 def classes() -> dict[str, list[str]]:
@@ -60,9 +89,9 @@ def classes() -> dict[str, list[str]]:
     found: dict[str, list[str]] = defaultdict(list)
     for folder in SOURCES:
         for module in modules(folder):
-            for node in nodes(module):
-                if isinstance(node, ast.ClassDef):
-                    found[f"{folder.parent.name}: {node.name}"].append(module.name)
+            for each in definitions(module):
+                if each.is_class:
+                    found[f"{folder.parent.name}: {each.name}"].append(module.name)
     return found
 
 

@@ -35,10 +35,12 @@ def documented_statuses(openapi: dict[str, Any]) -> list[tuple[str, re.Pattern[s
 
 @pytest.fixture
 def settings(tmp_path: Path) -> OrderServiceSettings:
+    """Return settings without openTCS's web API, which takes half of the time to build a service."""
     return OrderServiceSettings(
         plant=sample_plant_path(),
         store=StoreSettings.model_validate({"url": f"sqlite:///{tmp_path}/orders.db"}),
         max_body=4096,
+        opentcs_prefix="",
     )
 
 
@@ -67,16 +69,28 @@ def failing_create(service: OrderService, monkeypatch: pytest.MonkeyPatch) -> st
     return inside
 
 
+@pytest.fixture(scope="session")
+def documented() -> list[tuple[str, re.Pattern[str], set[str]]]:
+    """Return what :func:`documented_statuses` has returned; the first client that needs it fills the list.
+
+    The description takes 0.3 s, and is the same for each service.
+    """
+    return []
+
+
 @pytest.fixture
-async def client(service: OrderService) -> AsyncIterator[httpx.AsyncClient]:
+async def client(
+    service: OrderService, documented: list[tuple[str, re.Pattern[str], set[str]]]
+) -> AsyncIterator[httpx.AsyncClient]:
     transport = httpx.ASGITransport(service.app, raise_app_exceptions=False)
-    documented = documented_statuses(service.app.openapi())
 
     async def check(answer: httpx.Response) -> None:
         """Expect a refusal of an operation to be documented by its status, not only as 4XX."""
         request, refused = answer.request, answer.status_code in {status.value for status in CHECKED}
         if not refused or not answer.headers["content-type"].startswith(MEDIA_TYPE):
             return
+        if not documented:
+            documented.extend(documented_statuses(service.app.openapi()))
         for method, pattern, statuses in documented:
             if method == request.method and pattern.fullmatch(request.url.path):
                 assert str(answer.status_code) in statuses, (method, request.url.path, await answer.aread())

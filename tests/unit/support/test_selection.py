@@ -47,9 +47,9 @@ def run(folder: Path, *options: str) -> str:
     (folder / QUARANTINE).write_text(LISTED)
     (folder / "pytest.ini").write_text("[pytest]\nmarkers =\n    long: long\n")
     return subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *options],
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "xdist", *options],
         cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(PROJECT / "tests")},
+        env={**os.environ, "PYTHONPATH": str(PROJECT / "tests"), "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"},
         capture_output=True,
         text=True,
         timeout=PATIENCE,

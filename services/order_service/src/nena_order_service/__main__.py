@@ -10,12 +10,12 @@ from nena_order_service.settings import OrderServiceSettings
 from nena_shared.program import run
 
 COLLECTED_EACH = 10_000
-"""Objects more after which the garbage collector looks again. An order makes thousands that nothing but their
-count has to find; at the usual 700 that took a seventh of an order's CPU."""
+"""Number of new objects after which the garbage collector runs. An order creates thousands of objects that
+are freed without it; with the default of 700, the collector took a seventh of the CPU of an order."""
 
 
 def main() -> int:
-    """Run the order service; the exit status is 0 after a signal, 2 for wrong settings, else 1."""
+    """Run the order service; return exit status 0 after a signal, 2 for invalid settings, otherwise 1."""
     gc.set_threshold(COLLECTED_EACH)
     return run(
         OrderServiceSettings,

@@ -1,4 +1,4 @@
-"""The order service: start up, main loop, shut down."""
+"""The order service: start, main loop, shutdown."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from nena_shared.plant import PlantModel
 from nena_shared.tasks import Supervisor, end
 
 LOOK = 0.25
-"""Seconds between checks whether the store accepts the writes of the start."""
+"""Seconds between checks whether the store accepts writes during the start."""
 
 
 async def has_begun(
@@ -39,7 +39,7 @@ async def has_begun(
     the start continues once the store can be written again.
 
     Raises:
-        TaskFailedError: an essential part has failed meanwhile.
+        TaskFailedError: an essential part failed meanwhile.
     """
     beginning = asyncio.create_task(begin, name="begin")
     ending = asyncio.create_task(supervisor.wait(stop), name="wait for the end")
@@ -62,11 +62,11 @@ async def has_begun(
 log = get_logger(__name__)
 
 DRAIN_TIMEOUT = 3.0
-"""Seconds for store and broker at the end to accept pending writes and messages."""
+"""Timeout at shutdown for store and broker to accept pending writes and messages, seconds."""
 
 
 async def serve(settings: OrderServiceSettings, stop: asyncio.Event) -> None:
-    """Run the order service until ``stop`` is set; on a shared store it begins as standby.
+    """Run the order service until ``stop`` is set; on a shared store it starts as standby.
 
     Raises:
         ConfigurationError: the plant model cannot be used.
@@ -204,7 +204,7 @@ async def _take_over(
 
 
 async def _shut_down(service: OrderService) -> None:
-    """Write and send what waits."""
+    """Write and send everything that waits."""
     await service.end()
     if not await service.store.drain(DRAIN_TIMEOUT):
         log.error(

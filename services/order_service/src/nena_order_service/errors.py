@@ -1,4 +1,4 @@
-"""Errors that are answers to hosts: each is a refusal of the table of operations, in words."""
+"""Errors that are answers to hosts; each is a refusal in the table of operations."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from nena_shared.fleet_api.operations import Refusal
 
 
 class RefusedError(Exception):
-    """A request is refused; the text has the reason, and what to do."""
+    """A request is refused; the message contains the reason and what to do."""
 
     refusal: ClassVar[Refusal]
 
@@ -178,7 +178,7 @@ class PlantInUseError(RefusedError):
 
 
 class UnknownZoneSetError(RefusedError):
-    """There is no zone set of this id."""
+    """There is no zone set with this ID."""
 
     refusal = Refusal.UNKNOWN_ZONE_SET
 
@@ -187,7 +187,7 @@ class UnknownZoneSetError(RefusedError):
 
 
 class ZoneSetChangedError(RefusedError):
-    """Another zone set has this id."""
+    """A different zone set already has this ID."""
 
     refusal = Refusal.ZONE_SET_CHANGED
 
@@ -211,7 +211,7 @@ class StoreNotReadyError(RefusedError):
 
 
 class TooManyClientsError(RefusedError):
-    """The event stream has the most clients that it may have."""
+    """The event stream already has its maximum number of clients."""
 
     refusal = Refusal.TOO_MANY_CLIENTS
 
@@ -222,7 +222,7 @@ class TooManyClientsError(RefusedError):
 
 
 class VersionChangedError(RefusedError):
-    """The object has changed since the request has seen it."""
+    """The object has changed since the host read the version named in the request."""
 
     refusal = Refusal.VERSION_CHANGED
 

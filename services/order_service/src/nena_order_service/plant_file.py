@@ -1,4 +1,4 @@
-"""Reads plant models, with a clear line for each thing that is wrong."""
+"""Read plant models, and report each problem in one line."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ log = get_logger(__name__)
 
 @dataclass(frozen=True, slots=True)
 class PlantFile:
-    """A plant model as a file has it."""
+    """A plant model read from a file."""
 
     model: PlantModel
     digest: str
-    """SHA-256 of its bytes: the same until the file changes, whichever release reads it."""
+    """SHA-256 of the file: the same until the file changes, whichever release reads it."""
 
 
 def load_plant(path: Path) -> PlantFile:
-    """Read the plant model of ``path``: openTCS's XML, LIF (leniently) or NeNa's own JSON.
+    """Read the plant model in ``path``: openTCS XML, LIF (leniently) or NeNa's own JSON.
 
     Raises:
-        ConfigurationError: the file cannot be read or is no usable plant model; names all that is wrong.
+        ConfigurationError: the file cannot be read or is not a usable plant model; lists all problems.
 
     """
     try:
@@ -48,10 +48,10 @@ def load_plant(path: Path) -> PlantFile:
 
 
 def read_plant(data: bytes, *, strict: bool) -> ImportReport:
-    """Read a plant model with which a fleet can work; ``strict`` refuses LIF that is not by its standard.
+    """Read a plant model that a fleet can use; ``strict`` refuses LIF that violates its standard.
 
     Raises:
-        InvalidPlantError: it is none; names all that is wrong.
+        InvalidPlantError: ``data`` is not a usable plant model; lists all problems.
 
     """
     try:

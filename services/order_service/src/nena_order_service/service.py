@@ -1,4 +1,4 @@
-"""The order service as a whole: its parts, how they are put together, and again for another plant model."""
+"""The order service as a whole: build its parts, and rebuild them for another plant model."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ PLANT_MODEL = "plantModel"
 """The kind of the plant model among the documents of the store."""
 CHANGING = "the plant model is being changed; retry in a moment"
 CHANGE_TIMEOUT = 20.0
-"""Seconds that a host waits for its change; after them it may still succeed."""
+"""Seconds that a host waits for its change; it may still succeed afterwards."""
 
 
 @dataclass(slots=True)
@@ -78,7 +78,7 @@ class OrderService:
     hosts: HostServices
     loop_lag: LoopLag
     elected: asyncio.Event | None = None
-    """Set once this order service leads the fleet: nothing is sent before. None: no other can lead it."""
+    """Set once this order service leads the fleet; nothing is sent before. None: there is no other one."""
 
     @property
     def store(self) -> Store:
@@ -104,12 +104,12 @@ class OrderService:
         await self.mqtt.run()
 
     def close_streams(self) -> None:
-        """End the streams of events."""
+        """Close the event streams."""
         self.stream.close()
         self.changes.close()
 
     async def end(self) -> None:
-        """End all that clients wait for."""
+        """End everything that clients wait for."""
         self.close_streams()
         self.publisher.close()
         self.heartbeat.end(self.mqtt)
@@ -125,7 +125,7 @@ def build(
     term: Term = always,
     change_plant: ChangePlant | None = None,
     elected: asyncio.Event | None = None,
-    answers: Mapping[int, int] | None = None,  # over HTTP, by status: for the metrics
+    answers: Mapping[int, int] | None = None,  # HTTP answers by status, for the metrics
 ) -> OrderService:
     """Wire up the order service; for ``epoch`` and ``term`` see :class:`StatusPublisher` and :data:`Term`.
 
@@ -152,7 +152,7 @@ def build(
     api = MqttApi(mqtt, topics, operations, limits=limits, max_body=settings.max_body)
     loop_lag = LoopLag(clock)
     parts = Monitored(engine, fleet, mqtt, api, stream, loop_lag, {} if answers is None else answers)
-    opentcs_app = opentcs.make_app(hosts, operations, engine, changes, change_plant or _no_change(plant))
+    prefix, change = settings.opentcs_prefix, change_plant or _no_change(plant)
     service = Service(
         plant_json=plant_json,
         change_plant=change_plant,
@@ -160,7 +160,7 @@ def build(
         readiness=lambda: readiness(mqtt, store, loop_lag.longest),
         max_body=settings.max_body,
         metrics=Exposition(parts, SECTIONS).text,
-        mounted={} if not settings.opentcs_prefix else {settings.opentcs_prefix: opentcs_app},
+        mounted={prefix: opentcs.make_app(hosts, operations, engine, changes, change)} if prefix else {},
     )
     app = make_app(operations, stream, service)
     return OrderService(
@@ -192,7 +192,7 @@ def _make_host_services(engine: Engine, fleet: FleetLink) -> HostServices:
 
 
 def _no_change(plant: PlantModel) -> Callable[[PlantModel | EditPlant], Awaitable[None]]:
-    """Return what refuses all changes of the plant model; one that changes nothing is none."""
+    """Return a function that refuses all changes of the plant model, except those without effect."""
 
     async def refuse(change: PlantModel | EditPlant) -> None:
         if isinstance(change, PlantModel) or change(plant) is not plant:
@@ -204,7 +204,7 @@ def _no_change(plant: PlantModel) -> Callable[[PlantModel | EditPlant], Awaitabl
 def _client_id(settings: OrderServiceSettings, epoch: int) -> str:
     """Return the client ID for the broker, unique per start.
 
-    Two clients with the same ID would disconnect each other, and no other client can guess it to do so.
+    Two clients with the same ID would disconnect each other; other clients cannot guess this one.
     """
     name = f"nena-order-service-{settings.interface_name.replace('/', '-')}-{token_hex(4)}"
     return f"{name}-{epoch}" if epoch else name
@@ -231,7 +231,7 @@ def readiness(mqtt: MqttLink, store: Store, loop_lag: float = 0.0) -> Readiness:
 
 
 def _make_addresses(settings: OrderServiceSettings, registry: VehicleRegistry) -> RobotAddresses:
-    """Return the robots' topics, as far as settings and plant model name them.
+    """Return the robots' topics, as far as they are known from settings and plant model.
 
     Raises:
         ConfigurationError: the plant model names an unsupported version.
@@ -264,12 +264,12 @@ def make_engine(settings: OrderServiceSettings, plant: PlantModel, store: Store,
 
 
 class StoredPlant(BaseModel):
-    """A plant model that a host has put here in place of that of the file."""
+    """A plant model that a host has uploaded in place of the file's."""
 
     model_config = ConfigDict(frozen=True)
 
     file: str
-    """The digest of the file in place of which it counts."""
+    """Digest of the file that it replaces."""
     model: str
 
 
@@ -281,11 +281,11 @@ class _RequestedChange:
 
 
 class ServiceRunner:
-    """Runs an order service with the plant model of the file, or with one that a host has put in its place.
+    """Runs an order service with the plant model of the file, or with one that a host uploaded instead.
 
-    A host's model counts until the file changes. A change is checked and committed between two units of
-    work; then the service is built again over the same store, as after a restart: robots continue what
-    they have, and orders continue where they are.
+    An uploaded model is used until the file changes. A change is checked and committed between two units of
+    work. Then the service is rebuilt on the same store, as after a restart: robots and orders continue where
+    they are.
     """
 
     def __init__(
@@ -296,9 +296,9 @@ class ServiceRunner:
         *,
         make: Callable[[PlantModel], OrderService],
     ) -> None:
-        """Run the service that ``make`` builds for the model of ``file``, or for what replaces it."""
+        """Run the service that ``make`` builds for the model of ``file`` or for its replacement."""
         self.show: Callable[[ASGIApp], None] = lambda _: None
-        """Receives the REST application each time it is built."""
+        """Called with the REST application each time it is built."""
         self.service: OrderService
         self._file = file
         self._store = store
@@ -322,12 +322,12 @@ class ServiceRunner:
     async def change_plant(self, model: PlantModel | EditPlant, *, check_only: bool = False) -> None:
         """Use another plant model, or only check whether that is possible.
 
-        A function receives the model in use when its turn comes, so that no change undoes another one.
+        A function receives the current model when its turn comes, so no change undoes another one.
 
         Raises:
             InvalidPlantError: this service cannot use it.
-            PlantInUseError: orders or vehicles use what it does not have.
-            StoreNotReadyError: it cannot be kept, or another change is active.
+            PlantInUseError: orders or vehicles use objects that the model lacks.
+            StoreNotReadyError: the model cannot be stored, or another change is in progress.
 
         """
         asked = _RequestedChange(model, asyncio.get_running_loop().create_future(), check_only)
@@ -365,7 +365,7 @@ class ServiceRunner:
             raise StoreNotReadyError(self._store.why_not_ready)
         if asked.check_only:
             return
-        old.engine.close(CHANGING)  # from here to the check above nothing else has run
+        old.engine.close(CHANGING)  # nothing else has run since the check above
         await self._end(old)
         await self._keep(model)
         service.changes.count = old.changes.count
@@ -374,7 +374,7 @@ class ServiceRunner:
             await service.begin(self._start)
         except (
             StoreNotReadyError
-        ) as error:  # no answer to a host: nothing works any longer, so the program exits
+        ) as error:  # not an answer to a host: nothing works any more, so the program exits
             message = "the changed plant model cannot be activated: the store is unavailable"
             raise RuntimeError(message) from error
         self.show(service.app)
@@ -386,7 +386,7 @@ class ServiceRunner:
         await service.end()
 
     async def _keep(self, model: PlantModel) -> None:
-        """Commit the model, waiting as long as the store needs."""
+        """Commit the model; wait as long as the store needs."""
         given = model.model_dump_json(by_alias=True, exclude_none=True, exclude_unset=True)
         stored = StoredPlant(file=self._file.digest, model=given)
         await self._commit(stored.model_dump_json())
@@ -399,7 +399,7 @@ class ServiceRunner:
         await done.wait()
 
     async def _present(self) -> PlantModel:
-        """Return the model that a host has put here, unless the file has changed since."""
+        """Return the model that a host uploaded, unless the file has changed since."""
         document = (await self._store.documents(PLANT_MODEL)).get("")
         if document is None:
             return self._file.model

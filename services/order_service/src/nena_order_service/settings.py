@@ -23,7 +23,7 @@ def _not_our_own(path: str) -> str:
 
 
 class StoreSettings(SettingsGroup):
-    """Where orders are kept."""
+    """The store of orders."""
 
     url: SecretStr = Field(
         SecretStr("sqlite:///nena-orders.db"),
@@ -37,7 +37,7 @@ class StoreSettings(SettingsGroup):
     )
 
     def location(self) -> str:
-        """Return the database's URL, from the file where one is named; it may hold a password.
+        """Return the database URL, read from the file if one is named; it may contain a password.
 
         Raises:
             ConfigurationError: the file cannot be read, or is empty.
@@ -47,7 +47,7 @@ class StoreSettings(SettingsGroup):
 
 
 class RoutingSettings(SettingsGroup):
-    """What a way costs."""
+    """Costs of routes."""
 
     costs: list[CostKey] = Field(
         [CostKey.DISTANCE],
@@ -57,7 +57,7 @@ class RoutingSettings(SettingsGroup):
 
 
 class OrderSettings(SettingsGroup):
-    """What counts for orders that say nothing else."""
+    """Defaults of orders."""
 
     on_failure: FailurePolicy = Field(
         (),
@@ -83,7 +83,7 @@ class EventSettings(SettingsGroup):
 
 
 class HostSettings(SettingsGroup):
-    """Hosts that ask over MQTT."""
+    """Limits of hosts over MQTT."""
 
     requests_per_second: float = Field(
         200.0, gt=0, description="Sustained requests per second of one host over MQTT."

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Literal
 
 from pydantic import BaseModel
@@ -184,6 +185,12 @@ def _schemas(described: tuple[Channel, ...]) -> dict[str, Any]:
         for each in described
         if each.body
     }
-    _, made = models_json_schema(list(modes.items()), ref_template="#/components/schemas/{model}")
+    return _definitions(tuple(modes.items()))
+
+
+@cache
+def _definitions(modes: tuple[tuple[type[BaseModel], JsonSchemaMode], ...]) -> dict[str, Any]:
+    """Return the schemas of these models; cached, because each change of the plant model needs them."""
+    _, made = models_json_schema(modes, ref_template="#/components/schemas/{model}")
     schemas: dict[str, Any] = made["$defs"]
     return schemas

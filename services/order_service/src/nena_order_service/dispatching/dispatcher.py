@@ -68,12 +68,12 @@ class Energy:
 
 
 Rank = tuple[float | str, ...]
-"""Lower values are served first."""
+"""Sort key; lower values are served first."""
 
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A vehicle that could do an order now, and what that costs."""
+    """A vehicle that could execute an order now, and its cost."""
 
     order: TransportOrder
     vehicle: DispatchedVehicle
@@ -134,25 +134,25 @@ CANDIDATE_VALUES: Final[Mapping[CandidateKey, Callable[[Candidate, Now], float |
 
 
 def rank_orders(keys: Sequence[OrderKey], now: Now) -> Callable[[TransportOrder], Rank]:
-    """Return what orders are sorted by; orders that are alike in all ``keys`` by their age."""
+    """Return the sort key of orders; orders that are equal in all ``keys`` are sorted by age."""
     values = [ORDER_VALUES[key] for key in keys]
     return lambda order: (*(value(order, now) for value in values), order.number)
 
 
 def rank_vehicles(keys: Sequence[VehicleKey]) -> Callable[[DispatchedVehicle], Rank]:
-    """Return what vehicles are sorted by; those that are alike in all ``keys`` by their names."""
+    """Return the sort key of vehicles; vehicles that are equal in all ``keys`` are sorted by name."""
     values = [VEHICLE_VALUES[key] for key in keys]
     return lambda vehicle: (*(value(vehicle) for value in values), vehicle.name)
 
 
 def rank_candidates(keys: Sequence[CandidateKey], now: Now) -> Callable[[Candidate], Rank]:
-    """Return what pairs are sorted by; those that are alike in all ``keys`` by vehicle, then by age."""
+    """Return the sort key of pairs; pairs that are equal in all ``keys`` are sorted by vehicle, then age."""
     values = [CANDIDATE_VALUES[key] for key in keys]
     return lambda pair: (*(value(pair, now) for value in values), pair.vehicle.name, pair.order.number)
 
 
 def acceptable(names: Iterable[str] | None) -> tuple[AcceptableOrderType, ...]:
-    """Return types by their names, in order of preference; None: any type is accepted."""
+    """Return types by name, in order of preference; None: any type is accepted."""
     if names is None:
         return ANY_ORDER_TYPE
     return tuple(AcceptableOrderType(name=name, priority=index) for index, name in enumerate(names))
@@ -179,14 +179,14 @@ def why_not_accepted(accepted: Sequence[AcceptableOrderType], order_type: str) -
 
 @dataclass(frozen=True, slots=True)
 class Carried:
-    """The loads of a vehicle that has some."""
+    """The loads of a loaded vehicle."""
 
     loads: tuple[str, ...]
     """The load position of each; empty: not reported."""
     places: frozenset[str] = frozenset()
-    """Its load positions; none: not reported."""
+    """The vehicle's load positions; empty: not reported."""
     places_of: Mapping[str, frozenset[str]] = field(default_factory=dict, hash=False)
-    """Those for loads of single types."""
+    """Load positions that only take loads of one type, by type."""
 
     def why_no_room(self, pick: Pick) -> str:
         """Return, as a predicate, why there is no room for a load; empty if there may be.
@@ -206,7 +206,7 @@ class Carried:
 
 
 def carried(state: State, factsheet: Factsheet | None) -> Carried | None:
-    """Return what a robot reports that it carries; None if nothing, or if it cannot report loads."""
+    """Return the loads that a robot reports; None if it has none or cannot report them."""
     if not state.loads:
         return None
     loads = tuple(each.load_position or "" for each in state.loads)
@@ -235,19 +235,19 @@ class DispatchedVehicle:
     restriction: str = ""
     """Why it only takes orders to recharge; empty if it takes others too."""
     energy: float = 100.0
-    """Percent."""
+    """State of charge, percent."""
     idle: bool = True
     """Whether it neither charges nor has an order."""
     gives_up: str = ""
-    """Name of the dispensable order that it would give up for another one; empty if it has none."""
+    """Name of the dispensable order that the vehicle would give up for another one; empty if none."""
     kept_for: int | None = None
-    """Number of the order for which it gives up a dispensable one; it takes no other."""
+    """Number of the order for which it gives up a dispensable one; it takes no other order."""
     order_types: tuple[AcceptableOrderType, ...] = ANY_ORDER_TYPE
     """The types of orders that it accepts."""
     carried: Carried | None = None
     """Its loads; None: none, or unknown."""
     soon: bool = False
-    """Whether it is about to be free where it is; until then it has its obstacle."""
+    """Whether it will soon be free at its current position; until then, ``obstacle`` is set."""
 
     def type_priority(self, order: TransportOrder) -> float:
         """Return the priority of orders of this type, less is better; infinity: not accepted."""
@@ -274,28 +274,28 @@ class DispatchedVehicle:
 BUSY: Final = "works on another order"
 
 ROUTING_COSTS: Final = (CandidateKey.BY_COMPLETE_ROUTING_COSTS, CandidateKey.BY_INITIAL_ROUTING_COSTS)
-"""The keys by which pairs have a cost that can be added up."""
+"""Keys by which pairs have costs that can be added up."""
 
 SINGLE_OUT: Final = (OrderKey.BY_DEADLINE, OrderKey.BY_AGE, OrderKey.BY_NAME)
-"""The keys that are rarely equal for two orders."""
+"""Keys that are rarely equal for two orders."""
 
 COST_STEPS: Final = 1000
-"""In whole numbers for each unit of a cost."""
+"""Integer steps per unit of cost."""
 
 RANKS: Final = 1024
-"""How many vehicles of the same cost are distinguished by the further keys."""
+"""Maximum number of vehicles of equal cost that further keys distinguish."""
 
 URGENCY: Final = (OrderKey.BY_PRIORITY, OrderKey.BY_DEADLINE, OrderKey.BY_AGE)
 """The keys combined in :attr:`TransportOrder.urgency`."""
 
 KINDS_NAMED: Final = 5
-"""Kinds of obstacles that a reason names at most."""
+"""Maximum number of kinds of obstacles named in a reason."""
 
 NOTHING_KEPT: Final[Mapping[int, str]] = MappingProxyType({})
 
 
 class Knowledge(Protocol):
-    """What the dispatcher needs to know about an order and a vehicle."""
+    """Queries of the dispatcher about orders and vehicles."""
 
     def misfit(self, order: TransportOrder, vehicle: str) -> str:
         """Return why a vehicle must not execute an order, regardless of its current work; empty if it may.
@@ -332,18 +332,18 @@ class Assignment:
     order: TransportOrder
     vehicle: str
     why: str
-    """Why this vehicle."""
+    """Why this vehicle was chosen."""
     gives_up: str = ""
-    """Name of the dispensable order that the vehicle has to give up first; empty: it has none."""
+    """Name of the dispensable order that the vehicle must give up first; empty if none."""
 
 
 @dataclass(slots=True)
 class Decisions:
-    """What to do now, and why the rest is not done."""
+    """Assignments to make now, and the reasons why other orders wait."""
 
     assignments: list[Assignment] = field(default_factory=list)
     reasons: dict[str, str] = field(default_factory=dict)
-    """Why each order that was not assigned waits, by its name; words that stay the same while they hold."""
+    """Wait reason of each unassigned order by name; the text stays the same while the reason holds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -354,7 +354,7 @@ class Dispatcher:
 
     @property
     def by_urgency(self) -> bool:
-        """Whether the first orders are the most urgent ones, and those behind them need no look."""
+        """Whether orders are sorted by urgency, so that those behind the first ones need not be examined."""
         return tuple(self.settings.orders) == URGENCY and self.settings.choosers is not Chooser.SCARCER
 
     def decide(
@@ -385,14 +385,14 @@ class Dispatcher:
     def _sorted(
         self, orders: Iterable[TransportOrder], now: Now, kept: Mapping[int, str]
     ) -> Sequence[TransportOrder]:
-        """Return the orders in the order in which they choose; first those for which vehicles are kept."""
+        """Return the orders in the order in which they choose; those with reserved vehicles come first."""
         by_urgency = tuple(self.settings.orders) == URGENCY
         waiting = [*orders] if by_urgency else sorted(orders, key=rank_orders(self.settings.orders, now))
         return sorted(waiting, key=lambda order: order.number not in kept) if kept else waiting
 
 
 class _Choices:
-    """The vehicles that one order could have."""
+    """The vehicles that could execute one order."""
 
     def __init__(self, pairs: Sequence[Candidate], free: int, key: CandidateKey, dearer: float) -> None:
         """Store pairs, the best first, and the share by which others at its destinations make it ``dearer``.
@@ -438,11 +438,11 @@ class _Round:
         self._restricted = any(each.restriction for each in vehicles.values())
         self._loaded = any(each.carried for each in vehicles.values())
         self._soon = {each.name: replace(each, obstacle="") for each in vehicles.values() if each.soon}
-        """Those that are about to be free, as they will be then."""
+        """Vehicles that will soon be free, in the state they will have then."""
 
     @property
     def free(self) -> int:
-        """Return how many vehicles take orders."""
+        """Return the number of vehicles that take orders."""
         return sum(not each.obstacle for each in self._vehicles.values())
 
     def let_vehicles_choose(self, orders: Sequence[TransportOrder]) -> None:
@@ -606,11 +606,11 @@ class _Round:
         return vehicle.why_not(order, recharges=self._recharges(order), pick=self._pick(order))
 
     def _recharges(self, order: TransportOrder) -> bool:
-        """Return whether an order's next operation is recharging, if relevant."""
+        """Return whether an order's next operation is recharging; False if no vehicle is restricted."""
         return self._restricted and self._knowledge.recharges(order)
 
     def _pick(self, order: TransportOrder) -> Pick | None:
-        """Return what an order picks up first, if relevant."""
+        """Return what an order picks up first; None if no vehicle is loaded."""
         return self._knowledge.pick(order) if self._loaded else None
 
     def _why(self, best: Candidate, choices: int) -> str:
@@ -625,7 +625,7 @@ class _Round:
 
 
 def why_nobody(intended: str | None, hindrances: Mapping[str, str]) -> str:
-    """Return why an order waits, by what keeps each vehicle from it."""
+    """Return why an order waits, from the reasons of all vehicles."""
     if intended is not None:
         return f"waits for vehicle {intended!r}, which {hindrances.get(intended, 'takes no orders')}"
     if not hindrances:
@@ -646,7 +646,7 @@ class VehicleFit:
     fits: bool
     """Whether the vehicle could do it now."""
     reason: str
-    """Why not, as a predicate; or that it could."""
+    """Why not, as a predicate; or that it could execute the order."""
     cost: float | None = None
     """Cost of its route, in the router's unit, if feasible."""
 
@@ -658,7 +658,7 @@ def explain(
     *,
     kept: Mapping[int, str] = NOTHING_KEPT,
 ) -> list[VehicleFit]:
-    """Return for each vehicle why it does not get this order, or that it could; best ones first."""
+    """Return for each vehicle why it does not get this order, or that it could; best vehicles first."""
     return best_first(_fit(order, each, knowledge, kept.get(order.number)) for each in vehicles)
 
 

@@ -1,4 +1,4 @@
-"""What every flow of the engine uses: plant, state, traffic, fleet, settings and clock."""
+"""The context of the engine's flows: plant, state, traffic, fleet, settings and clock."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from nena_shared.vda5050.topics import RobotKey
 
 
 class EngineSettings(SettingsGroup):
-    """How orders and vehicles are handled."""
+    """Handling of orders and vehicles."""
 
     adopt_unknown: bool = Field(
         default=False,
@@ -114,7 +114,7 @@ class FleetControl(Protocol):
         ...
 
     def all_known(self) -> bool:
-        """Return whether each robot that is connected by the broker's record has reported its state."""
+        """Return whether each robot that is connected according to the broker has reported its state."""
         ...
 
     def connected_for(self) -> float:
@@ -127,7 +127,7 @@ class FleetControl(Protocol):
 
 
 class Context:
-    """The state, and what flows need to change it; each flow receives it."""
+    """The state, and everything that flows need to change it; passed to each flow."""
 
     def __init__(
         self,

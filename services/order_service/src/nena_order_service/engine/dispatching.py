@@ -71,17 +71,17 @@ class OrderFit:
 
 
 REASONS_KEPT = 1000
-"""Cached reasons for missing routes: requested repeatedly for each order that waits for one."""
+"""Maximum number of cached reasons for missing routes, which waiting orders request repeatedly."""
 
 COSTS_KEPT = 4_000
-"""Maximum orders with cached costs, for each kind of vehicle."""
+"""Maximum number of orders with cached costs, for each kind of vehicle."""
 
 ENTRIES_KEPT = 1_000_000
-"""Maximum cached costs of single points: fewer orders are cached in large plants."""
+"""Maximum number of cached costs of single points; in large plants, fewer orders are cached."""
 
 
 class KnownCosts:
-    """Costs of routes, and why there is none; cached until the plant changes."""
+    """Costs of routes, and reasons for missing routes, cached until the plant changes."""
 
     def __init__(self, planner: OrderPlanner, registry: VehicleRegistry) -> None:
         self.planner = planner
@@ -167,7 +167,7 @@ class OrderKnowledge:
         """Return the cost of a vehicle's route through an order's destinations; infinity: no route."""
         try:
             return self._cost(order, vehicle)
-        except UnknownObjectError:  # the plant lost a place that it avoids; `why_no_way` names it
+        except UnknownObjectError:  # the plant has lost a resource to avoid; `why_no_way` names it
             return NO_WAY
 
     def _cost(self, order: TransportOrder, vehicle: str) -> RouteCost:
@@ -185,7 +185,7 @@ class OrderKnowledge:
 
     @cached_property
     def _visits(self) -> Counter[str | None]:
-        """How often vehicles will still visit each location or point."""
+        """Return how often vehicles will still visit each location or point."""
         stops = (each.location_name for order in self._assigned() for each in _stops(order))
         return Counter(name for name in stops if name is not None)
 
@@ -195,7 +195,7 @@ class OrderKnowledge:
 
 
 def _stops(order: TransportOrder) -> list[Destination]:
-    """Return the destinations that are not reached yet."""
+    """Return the destinations that have not been reached yet."""
     return [each.destination for each in order.status.drive_orders[order.index :]]
 
 
@@ -207,24 +207,24 @@ NO_ORDER_FITS = (
 GIVES_UP = "ends a dispensable order first"
 
 EXPLAINED_FIRST = 20
-"""Orders at the head of the queue whose wait reason is updated at once; the others follow gradually."""
+"""Number of orders at the head of the queue whose wait reason is updated at once; the others follow."""
 LOOKED_AT_ONCE = 500
-"""Orders further back whose wait reason is checked in each round."""
+"""Number of orders further back whose wait reason is checked in each round."""
 EXPLAINED_AT_ONCE = 50
-"""Maximum vehicles whose reasons are computed at once; others wait meanwhile."""
+"""Maximum number of vehicles whose reasons are computed at once."""
 REASONS_AT_ONCE = 100
-"""Maximum wait reasons updated in each round."""
+"""Maximum number of wait reasons updated in each round."""
 ORDERS_FOR_ONE = 32
-"""Orders that are compared for one vehicle that has become free."""
+"""Number of orders compared for one vehicle that has become free."""
 ORDERS_FOR_EACH = 4
-"""Additional orders for each vehicle."""
+"""Number of additional orders for each further vehicle."""
 FEW = 8
-"""Number of vehicles up to which this applies."""
+"""Maximum number of vehicles to which this applies."""
 ORDERS_FOR_MANY = 16
-"""Orders that are compared at once for more vehicles: assigning one takes milliseconds, and others wait."""
+"""Number of orders compared at once for more vehicles: assigning one takes milliseconds."""
 
 STANDS_STILL = (VehicleState.UNKNOWN, VehicleState.UNAVAILABLE, VehicleState.ERROR)
-"""States in which a robot could only continue with its current order."""
+"""Vehicle states in which a robot could only continue its current order."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -299,7 +299,7 @@ class Dispatching:
         for order in orders:
             kept = candidates.get(self._kept.get(order.number, ""))
             if kept and not kept.seen.obstacle and order.name in decisions.reasons:
-                self._keep(order.number, None)  # it is free, and still the order cannot be given to it
+                self._keep(order.number, None)  # the vehicle is free, but the order cannot be assigned to it
         dispatched = []
         for assignment in decisions.assignments:
             candidate = candidates[assignment.vehicle]
@@ -311,7 +311,7 @@ class Dispatching:
         return dispatched, decisions.reasons
 
     def look_at(self, vehicles: Iterable[FleetVehicle]) -> None:
-        """Update these vehicles."""
+        """Update the dispatcher's view of these vehicles."""
         self._candidates.refresh(each.name for each in vehicles)
 
     def offer_all(self) -> None:
@@ -319,7 +319,7 @@ class Dispatching:
         self._candidates.offer_all()
 
     def outdated_reasons(self) -> Iterator[tuple[TransportOrder, str]]:
-        """Yield orders further back in the queue whose wait reason has changed; some on each call.
+        """Yield some of the orders further back in the queue whose wait reason has changed.
 
         Free vehicles are left out: :meth:`dispatch` reports to orders that wait although a vehicle is free.
         """
@@ -383,7 +383,7 @@ class Dispatching:
         return self.fit.sequences.bound_to(vehicle.name) is not None
 
     def consider(self, vehicle: FleetVehicle) -> LocatedCandidate:
-        """Return a vehicle as the dispatcher sees it now."""
+        """Return the current view of a vehicle for the dispatcher."""
         if vehicle.obstacle:
             return self._hindered(vehicle, vehicle.obstacle)
         order = self._state.order_of(vehicle.key)
@@ -570,14 +570,14 @@ class Dispatching:
         return waiting.first(filter(fits, waiting.kinds(vehicles)), limit, after)
 
     def _waiting_of(self, numbers: Iterable[int]) -> list[TransportOrder]:
-        """Return those of the orders that may be assigned, most urgent first."""
+        """Return the orders that may be assigned, most urgent first."""
         orders = map(self._orders.find, numbers)
         waiting = TransportOrderState.DISPATCHABLE
         found = [each for each in orders if each and each.state is waiting and not each.held]
         return sorted(found, key=lambda order: order.urgency)
 
     def _why_no_vehicle(self, order: TransportOrder) -> str | None:
-        """Return why no vehicle that is not free does an order; None if one that is free may do it."""
+        """Return why no busy vehicle executes an order; None if a free one may execute it."""
         candidates = self._relevant((order,))
         knowledge = self._knowledge({})
         recharges, pick = knowledge.recharges(order), knowledge.pick(order)
@@ -600,14 +600,14 @@ class Dispatching:
         return map(self._orders.get, self._state.sent_orders.assigned)
 
     def _keep(self, number: int, name: str | None) -> None:
-        """Keep a vehicle for an order, or release it."""
+        """Reserve a vehicle for an order, or release it."""
         before = self._kept.pop(number, None)
         if name is not None:
             self._kept[number] = name
         self._candidates.refresh(filter(None, (before, name)))
 
     def _forget_kept(self) -> None:
-        """Keep vehicles only for orders that wait, and while they are about to be free."""
+        """Keep reservations only for waiting orders and vehicles that are about to be free."""
         for number, name in tuple(self._kept.items()):
             vehicle = self._registry.named(name)
             order = self._orders.find(number)

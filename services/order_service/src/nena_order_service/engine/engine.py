@@ -66,16 +66,16 @@ from nena_shared.vda5050.topics import RobotKey
 log = get_logger(__name__)
 
 LOOK_INTERVAL = 2.0
-"""Seconds between checks of what changes without an event: positions, and why vehicles have no order."""
+"""Seconds between checks of what changes without an event: positions, and reasons of idle vehicles."""
 
 FIRST_LOOKS = 0.2
 """Seconds between checks while the first states of robots are awaited after the start."""
 
 LOOKED_AT_ONCE = 100
-"""Vehicles that are checked before other tasks run; each takes some 0.1 ms."""
+"""Number of vehicles checked before other tasks run; each takes about 0.1 ms."""
 
 UNPUBLISHED_AT_MOST = 20
-"""Units of work after which a vehicle is published though a later one that changes it waits."""
+"""Units of work after which a vehicle is published even if a later unit that changes it is waiting."""
 
 
 class Listener(Protocol):
@@ -95,7 +95,7 @@ class Listener(Protocol):
 
 
 class UnitOfWork:
-    """Commits what changes together, then runs its effects and publishes it; units are never nested.
+    """Commits changes together, then runs their effects and publishes them; units are never nested.
 
     Of vehicles only the current status is published: if several uncommitted units change one, the last of
     them publishes it, or one of them if they never stop.
@@ -317,7 +317,7 @@ class Engine:
 
     @contextmanager
     def change(self) -> Iterator[None]:
-        """Run changes, and the resulting steps of orders and vehicles, in one unit of work."""
+        """Make changes, and the resulting steps of orders and vehicles, in one unit of work."""
         with self.unit_of_work.begin():
             yield
             self._settle()
@@ -327,7 +327,7 @@ class Engine:
             asyncio.get_running_loop().call_soon(partial(self._carry_on, dispatch=dispatch, drive=drive))
 
     def _carry_on(self, *, dispatch: bool, drive: bool) -> None:
-        """Offer the next orders to vehicles that are still free, and search the next routes."""
+        """Offer the next orders to vehicles that are still free, and search for the next routes."""
         if not self.unit_of_work.closed:
             with self.change():
                 self.state.dispatch_due |= dispatch
@@ -353,7 +353,7 @@ class Engine:
             pass
 
     def _look(self) -> Iterator[None]:
-        """Do so in parts, so that other tasks run in between: fleets may be large."""
+        """Do the checks of :meth:`look` in parts, so that other tasks run in between."""
         vehicles = [*self.registry]
         parts = [
             vehicles[start : start + LOOKED_AT_ONCE] for start in range(0, len(vehicles), LOOKED_AT_ONCE)

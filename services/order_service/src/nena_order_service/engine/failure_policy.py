@@ -1,4 +1,4 @@
-"""Which measure of a failure policy is taken next, for a failure in its situation.
+"""Choose the next measure of a failure policy for a failure.
 
 :func:`decide` is pure: its input is the policy, how far it is used up, and the situation; its result is a
 measure. Each call uses up at least one step of a finite list, so the measures end, at the latest with FAIL.
@@ -153,7 +153,7 @@ def is_carrying(
 
 @dataclass(frozen=True, slots=True)
 class OrderFailure:
-    """How a vehicle has failed, in words too; ``ahead`` names the next path and point."""
+    """How a vehicle failed, with the text for people; ``ahead`` names the next path and point."""
 
     kind: FailureKind
     words: str

@@ -1,4 +1,4 @@
-"""Idle vehicles: they recharge, and they park."""
+"""Idle vehicles: send them to recharge and to park."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
 
 PAUSE = 10.0
-"""Seconds before a vehicle is sent to do the same again, to limit the attempts."""
+"""Seconds before a vehicle is sent to do the same again."""
 
 DISPLACES_AT_MOST = 2
-"""How often a vehicle makes others make room for it to park, until a host has work for it. They may have to
-park again afterwards and displace it in turn: without a limit, two vehicles could do that forever, and a
+"""Maximum number of times that others make room for a parking vehicle, until a host has work for it. They may
+have to park again and displace it in turn: without a limit, two vehicles could do this forever, and a
 recharging one would never finish."""
 
 
 @dataclass(slots=True)
 class _Idle:
-    """What is stored about an idle vehicle."""
+    """Notes about an idle vehicle."""
 
     since: float | None = None
-    """When it was first seen idle; None: it is not idle."""
+    """Time since which the vehicle is idle; None: it is not idle."""
     not_before: dict[str, float] = field(default_factory=dict)
-    """When it may be sent again, by the type of the order."""
+    """Time from which it may be sent again, by order type."""
     displaced: int = 0
-    """How often others had to make room for it to park since its last order of a host."""
+    """Number of times that others had to make room for it to park since the last order of a host."""
     note: str = ""
     """Why it does not recharge though it should; empty if it need not."""
     parking_note: str = ""
@@ -41,11 +41,11 @@ class _Idle:
 
 @dataclass(frozen=True, slots=True)
 class _IdleRound:
-    """What applies during one check of the vehicles."""
+    """Data of one check of the vehicles."""
 
     now: float
     goals: dict[str, str] = field(default_factory=dict)
-    """The final positions of vehicles with orders, by their names."""
+    """Final positions of vehicles with orders, by vehicle name."""
 
 
 def _has_nothing_to_do(candidate: LocatedCandidate) -> bool:

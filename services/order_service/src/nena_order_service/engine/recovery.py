@@ -14,7 +14,7 @@ from nena_order_service.vehicles.registry import FleetVehicle
 
 
 class LostOrderError(Exception):
-    """The VDA order of an order is in the store, but cannot be read."""
+    """The stored VDA order of an order cannot be read."""
 
 
 class Recovery:

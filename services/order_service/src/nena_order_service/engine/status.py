@@ -1,4 +1,4 @@
-"""The status of vehicles as hosts see it, with the reason why a vehicle has no order."""
+"""The status of vehicles for hosts, with the reason why a vehicle has no order."""
 
 from __future__ import annotations
 

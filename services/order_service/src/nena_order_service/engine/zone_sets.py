@@ -1,4 +1,4 @@
-"""Zone sets: kept, sent to the robots of VDA 5050 3.0, enabled and deleted there (section 6.4)."""
+"""Zone sets: store them, send them to robots of VDA 5050 3.0, enable and delete them there (section 6.4)."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from nena_shared.vda5050.versions import nearest_codec
 from nena_shared.vda5050.zone_set import ZoneSet
 
 FIRST_PAUSE = 10.0
-"""Seconds until something is retried; then twice as long each time."""
+"""Delay before the first retry, seconds; doubles each time."""
 LONGEST_PAUSE = 600.0
 
 
@@ -42,7 +42,7 @@ class Wanted(BaseModel):
 
 
 class ZoneStep(StrEnum):
-    """What to do at a robot; the actions by their names."""
+    """What to do at a robot; values are the names of actions."""
 
     SEND = "zoneSet"
     ENABLE = "enableZoneSet"

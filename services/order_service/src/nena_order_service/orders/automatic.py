@@ -16,14 +16,14 @@ from nena_shared.fleet_api.transport_order import (
 PARK_TYPE: Final = "Park"
 RECHARGE_TYPE: Final = "Charge"
 PREFIXES: Final = {PARK_TYPE: "Park-", RECHARGE_TYPE: "Recharge-"}
-"""What the names of these orders begin with, by their types; for people: hosts may name theirs so, too."""
+"""Name prefixes of these orders by type; only for people, because hosts may use the same prefixes."""
 
 JUST_FAIL: Final = (FailureStep(do=FailureMeasure.FAIL),)
-"""A new one is created if it is still needed."""
+"""These orders are not retried: if still needed, a new one is created."""
 
 
 def park_request(vehicle: str, point: str) -> TransportOrderRequest:
-    """Make a request for an order by which a vehicle parks, with the lowest priority."""
+    """Return a request for an order that parks a vehicle, with the lowest priority."""
     return TransportOrderRequest(
         destinations=(Destination(location_name=point, operation=PARK),),
         intended_vehicle=vehicle,
@@ -41,7 +41,7 @@ def goal_of(request: TransportOrderRequest) -> str:
 def recharge_request(
     vehicle: str, location: str, operation: str, *, dispensable: bool
 ) -> TransportOrderRequest:
-    """Make a request for an order by which a vehicle recharges; ``dispensable`` if it has energy left."""
+    """Return a request for an order that recharges a vehicle; ``dispensable`` if it has energy left."""
     return TransportOrderRequest(
         destinations=(Destination(location_name=location, operation=operation),),
         intended_vehicle=vehicle,
@@ -52,7 +52,7 @@ def recharge_request(
 
 
 def is_automatic_recharge(order: TransportOrder) -> bool:
-    """Return whether the order service created an order itself to recharge a vehicle."""
+    """Return whether this is an order that the order service created to recharge a vehicle."""
     return order.status.automatic and order.status.type == RECHARGE_TYPE
 
 

@@ -15,8 +15,7 @@ FIRST_SWEEP = 64
 class DueTimes:
     """Keeps one time of each watched order.
 
-    Ended orders need not be reported: what is watched of orders that are over is dropped whenever
-    there is twice as much as the last time.
+    Ended orders need not be reported: their entries are dropped whenever the number of entries has doubled.
     """
 
     def __init__(self, is_over: Callable[[int], bool]) -> None:
@@ -62,7 +61,7 @@ def deadline_of(order: TransportOrder) -> datetime | None:
 
 
 def reason(order: TransportOrder, now: datetime) -> str:
-    """Return which time has passed."""
+    """Return which of the order's times has passed, in words."""
     status = order.status
     if status.timeout is not None and status.created + timedelta(seconds=status.timeout) <= now:
         return f"timeout: not done within {status.timeout:g} s of its creation"

@@ -1,4 +1,4 @@
-"""An order sequence in the order service: the rules of its order of execution and of its vehicle."""
+"""An order sequence: the rules for its order of execution and its vehicle."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from nena_shared.fleet_api.transport_order import (
 from nena_shared.fleet_api.vehicle import ANY_TYPE
 
 ORDERS_LIMIT = 1000
-"""Orders that a sequence may have."""
+"""Maximum number of orders in a sequence."""
 
 EMPTY = "waiting for orders, or to be marked complete"
 
 
 class SequenceEvent(StrEnum):
-    """What happened to an order sequence."""
+    """Type of an event of an order sequence."""
 
     SEQUENCE_CREATED = "nena:sequenceCreated"
     ORDER_APPENDED = "nena:orderAppended"
@@ -45,13 +45,13 @@ class OrderSequence:
     """An immutable order sequence; each change returns a new one with the next version."""
 
     number: int
-    """Counts the sequences of a store."""
+    """Number of the sequence in its store."""
     status: OrderSequenceStatus
     idempotency_key: str | None = None
 
     @classmethod
     def created(cls, request: OrderSequenceRequest, *, number: int, name: str, now: datetime) -> Self:
-        """Make an empty sequence."""
+        """Create an empty sequence."""
         status = OrderSequenceStatus(
             name=name,
             version=1,
@@ -68,18 +68,18 @@ class OrderSequence:
 
     @property
     def name(self) -> str:
-        """Its name, unique among the sequences of the store."""
+        """The name, unique among the sequences of the store."""
         return self.status.name
 
     @property
     def next_order(self) -> str | None:
-        """Name of the order that may be executed now; None: it waits for one."""
+        """Name of the order that may be executed now; None: the sequence waits for one."""
         index = self.status.finished_index + 1
         return self.status.orders[index] if index < len(self.status.orders) else None
 
     @property
     def bound_vehicle(self) -> str | None:
-        """Name of the vehicle reserved until the sequence is finished; None: there is none."""
+        """Name of the vehicle reserved until the sequence is finished; None: not bound yet."""
         return None if self.status.finished else self.status.processing_vehicle
 
     def refusals(self, request: TransportOrderRequest) -> Iterator[str]:
@@ -116,7 +116,7 @@ class OrderSequence:
         return self._changed(now, event, vehicle, processing_vehicle=vehicle)
 
     def rebound(self, vehicle: str) -> Self:
-        """Set the current name of its vehicle."""
+        """Replace the name of the bound vehicle, after a change of the plant model."""
         status = self.status.model_copy(
             update={"processing_vehicle": vehicle, "version": self.status.version + 1}
         )
@@ -125,13 +125,13 @@ class OrderSequence:
         )
 
     def completed(self, why: str, now: datetime) -> Self:
-        """Close it to new orders; does nothing if it is already complete."""
+        """Close the sequence to new orders; do nothing if it is already complete."""
         if self.status.complete:
             return self
         return self._changed(now, SequenceEvent.SEQUENCE_COMPLETED, why, complete=True)
 
     def advanced(self, is_ended: Callable[[str], bool], now: datetime) -> Self:
-        """Advance past all ended orders, without a gap; never back."""
+        """Advance past all ended orders without a gap; never go back."""
         index, orders = self.status.finished_index, self.status.orders
         while index + 1 < len(orders) and is_ended(orders[index + 1]):
             index += 1
@@ -140,7 +140,7 @@ class OrderSequence:
         return self._changed(now, None, finished_index=index)
 
     def behind(self, order: str) -> tuple[str, ...]:
-        """Return the names of the orders behind one of its orders."""
+        """Return the names of the orders behind ``order``."""
         return self.status.orders[self.status.orders.index(order) + 1 :]
 
     def _changed(
@@ -164,7 +164,7 @@ def _finished_if_done(status: OrderSequenceStatus, now: datetime) -> OrderSequen
 
 
 def _in_words(status: OrderSequenceStatus) -> str:
-    """Return what a sequence waits for, or how it has ended."""
+    """Return what a sequence waits for, or how it ended."""
     if status.finished:
         return "is complete, and all of its orders have ended"
     index, vehicle = status.finished_index + 1, status.processing_vehicle

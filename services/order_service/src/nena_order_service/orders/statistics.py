@@ -1,4 +1,4 @@
-"""Counts the results of transport orders, for the metrics: of committed versions only."""
+"""Count the results of transport orders for the metrics, from committed versions only."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ S = TransportOrderState
 
 
 class Wait(StrEnum):
-    """What an order waits for while no vehicle works on it."""
+    """Kind of wait of an order while no vehicle works on it."""
 
     DEPENDENCY = "dependency"
-    """Other orders, which have to be finished first."""
+    """Waits for other orders, which have to be finished first."""
     VEHICLE = "vehicle"
     RETRY = "retry"
-    """The time of its next try, after a failure."""
+    """Waits for its next try after a failure."""
     HOLD = "hold"
-    """A person who resumes it."""
+    """Waits for a person to resume it."""
 
 
 def wait_of(order: TransportOrder) -> Wait | None:
@@ -45,18 +45,18 @@ class OrderStatistics:
         self.created = 0
         self.late = 0
         self.events = dict.fromkeys((each.value for each in EventCode), 0)
-        """Entries of the orders' histories, by their codes."""
+        """Number of history entries by event code."""
         self.assignment = Histogram(LONG)
-        """From the creation to the first assignment."""
+        """Seconds from creation to first assignment."""
         self.durations = {each: Histogram(LONG) for each in TransportOrderState if each.final}
-        """From the creation to the end, by the final state."""
+        """Seconds from creation to end, by final state."""
 
     def loaded(self, order: TransportOrder) -> None:
         """Count an order from before the restart in its current state."""
         self._move(None, order)
 
     def changed(self, before: TransportOrder | None, order: TransportOrder) -> None:
-        """Count the new version of an order; ``before`` is its last one, None: it is new."""
+        """Count the new version of an order; ``before`` is the previous one, None for a new order."""
         self._move(before, order)
         status, was = order.status, before.status if before else None
         for entry in status.history[len(was.history) if was else 0 :]:

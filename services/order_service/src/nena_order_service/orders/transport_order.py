@@ -26,7 +26,7 @@ class EventCode(StrEnum):
 
     ORDER_CREATED = "nena:orderCreated"
     DISPATCHING_DEFERRED = "nena:dispatchingDeferred"
-    """It may be dispatched, but not yet; deferrals in a row are one entry, which has the latest reason."""
+    """The order is dispatchable but not assigned yet; consecutive deferrals share one entry."""
     ASSIGNED_TO_VEHICLE = "nena:assignedToVehicle"
     OPERATION_STARTED = "nena:operationStarted"
     DRIVE_ORDER_FINISHED = "nena:driveOrderFinished"
@@ -61,7 +61,7 @@ SUCCESSORS: dict[TransportOrderState, frozenset[TransportOrderState]] = {
     S.FAILED: frozenset(),
     S.UNROUTABLE: frozenset(),
 }
-"""Which states may follow which, in openTCS's life cycle; and an order may continue with another vehicle."""
+"""Successors of each state: openTCS's life cycle, plus continuing with another vehicle."""
 
 REQUEST_FIELDS = (
     "type",
@@ -81,10 +81,10 @@ REQUEST_FIELDS = (
 """Fields that an order copies from its request, besides the destinations."""
 
 Urgency = tuple[int, float, int]
-"""Less is more urgent; the last is the order's number."""
+"""Lower is more urgent; the last element is the order's number."""
 
 RESOURCES_TO_AVOID = "tcs:resourcesToAvoid"
-"""Property of an order: names of points, paths and locations that its routes must not use, with commas."""
+"""Property of an order: comma-separated names of points, paths and locations that its routes must not use."""
 
 
 class IllegalTransitionError(Exception):
@@ -105,7 +105,7 @@ class TransportOrder:
     """
 
     number: int
-    """Counts the orders of a store: the order of their creation, also within one millisecond."""
+    """Number of the order in its store, in the order of creation, even within a millisecond."""
     status: TransportOrderStatus
     idempotency_key: str | None = None
 
@@ -119,7 +119,7 @@ class TransportOrder:
         now: datetime,
         automatic: bool = False,
     ) -> Self:
-        """Make a RAW order; ``automatic``: not requested by a host."""
+        """Create a RAW order; ``automatic``: not requested by a host."""
         status = TransportOrderStatus(
             name=name,
             version=1,
@@ -146,17 +146,17 @@ class TransportOrder:
 
     @property
     def name(self) -> str:
-        """Its name, unique in the store."""
+        """The name, unique in the store."""
         return self.status.name
 
     @property
     def state(self) -> TransportOrderState:
-        """Return the state in its life cycle."""
+        """Return the order's state in its life cycle."""
         return self.status.state
 
     @property
     def vehicle(self) -> str | None:
-        """Name of the vehicle that works on it, or did."""
+        """Name of the vehicle that works on the order, or did."""
         return self.status.processing_vehicle
 
     @property
@@ -171,19 +171,19 @@ class TransportOrder:
 
     @property
     def held(self) -> bool:
-        """Whether it waits until a person resumes it."""
+        """Whether the order is held until a person resumes it."""
         return self.status.held is not None
 
     @property
     def resources_to_avoid(self) -> frozenset[str]:
-        """Names of points, paths and locations that its routes must not use, to the next destination too."""
+        """Names of points, paths and locations that routes must not use, with those of the drive order."""
         listed = next((each.value for each in self.status.properties if each.key == RESOURCES_TO_AVOID), "")
         named = frozenset(name for part in listed.split(",") if (name := part.strip()))
         return named.union(self.current.avoided)
 
     @property
     def urgency(self) -> Urgency:
-        """Sort key of dispatching: greater priority, then earlier deadline, then age."""
+        """Sort key of dispatching: higher priority, then earlier deadline, then age."""
         deadline = self.status.deadline
         return (-self.status.priority, deadline.timestamp() if deadline else float("inf"), self.number)
 
@@ -227,7 +227,7 @@ class TransportOrder:
         return self.changed(reason=reason, history=(*history, entry))
 
     def assigned(self, vehicle: str, routes: Iterable[tuple[str, ...]], why: str, now: datetime) -> Self:
-        """Assign it to a vehicle, with the names of the points of each route that is left to drive."""
+        """Assign the order to a vehicle, with the names of the points of each remaining route."""
         self.require("assigning", S.DISPATCHABLE)
         done, left = self.status.drive_orders[: self.index], self.status.drive_orders[self.index :]
         planned = [each.model_copy(update={"route": route}) for each, route in zip(left, routes, strict=True)]
@@ -243,7 +243,7 @@ class TransportOrder:
         )
 
     def dispatchable_again(self, entry: HistoryEntry, **changes: object) -> Self:
-        """Make it assignable to another vehicle, from its current destination on."""
+        """Make the order assignable to another vehicle, from its current destination on."""
         waiting = self.current.model_copy(update={"state": DriveOrderState.PRISTINE, "route": None})
         return self._moved(
             S.DISPATCHABLE,
@@ -288,7 +288,7 @@ class TransportOrder:
         return self.changed(**changes)
 
     def finished(self, now: datetime) -> Self:
-        """Finish it: every drive order is done, or its operation was skipped by the policy."""
+        """Finish the order: every drive order is done, or its operation was skipped by the policy."""
         drive_orders = tuple(
             each
             if each.state is DriveOrderState.FAILED
@@ -305,7 +305,7 @@ class TransportOrder:
         )
 
     def failed(self, reason: str, now: datetime) -> Self:
-        """Fail it; drive orders that are not finished have failed."""
+        """Fail the order; its unfinished drive orders fail as well."""
         drive_orders = tuple(
             each
             if each.state is DriveOrderState.FINISHED
@@ -315,34 +315,34 @@ class TransportOrder:
         return self._ended(S.FAILED, reason, now, drive_orders=drive_orders)
 
     def withdrawn(self, reason: str, now: datetime) -> Self:
-        """Withdraw it: it fails at once if no vehicle works on it, else once the vehicle has released it."""
+        """Withdraw the order: it fails at once, or once the vehicle that works on it has released it."""
         if self.state in (S.ACTIVE, S.DISPATCHABLE):
             return self.failed(reason, now)
         entry = self.entry(now, EventCode.WITHDRAWAL_REQUESTED, reason)
         return self._moved(S.WITHDRAWN, None, entry, held=None, next_try=None)
 
     def rerouted(self, route: tuple[str, ...] | None, why: str, now: datetime) -> Self:
-        """Note that its vehicle was rerouted; ``route`` None: the new route is not known yet."""
+        """Note that the vehicle was rerouted; ``route`` None: the new route is not known yet."""
         self.require("rerouting", S.BEING_PROCESSED)
         current = self.current if route is None else self.current.model_copy(update={"route": route})
         entry = self.entry(now, EventCode.REROUTED, why)
         return self.changed(drive_orders=self.with_current(current), history=(*self.status.history, entry))
 
     def hindered(self, why: str) -> Self:
-        """Note what keeps its vehicle from continuing, empty for nothing; the same again changes nothing."""
+        """Note why the vehicle cannot continue, empty if it can; a repeated reason changes nothing."""
         self.require("being hindered", S.BEING_PROCESSED, S.WITHDRAWN)
         reason = f"{_doing(self.status)}, but {why}" if why else _doing(self.status)
         return self if reason == self.status.reason else self.changed(reason=reason)
 
     def overdue(self, now: datetime) -> Self:
-        """Note that its deadline has passed; this has no other effect."""
+        """Note that the deadline has passed; this has no other effect."""
         if self.state.final or self.status.late:
             return self
         entry = self.entry(now, EventCode.DEADLINE_PASSED)
         return self.changed(late=True, reason=self.status.reason, history=(*self.status.history, entry))
 
     def adopted(self, now: datetime, vehicle: str | None = None) -> Self:
-        """Note that it was restored after a restart of the order service.
+        """Note that the order was restored after a restart of the order service.
 
         ``vehicle`` is its vehicle's new name, if the plant model has changed; None: unchanged.
         """
@@ -353,7 +353,7 @@ class TransportOrder:
         return self.changed(processing_vehicle=vehicle, history=(*self.status.history, entry))
 
     def on_hold(self, hold: Hold, now: datetime) -> Self:
-        """Put it on hold until a person resumes it; it keeps its vehicle."""
+        """Put the order on hold until a person resumes it; it keeps its vehicle."""
         self.require("holding", S.ACTIVE, S.DISPATCHABLE, S.BEING_PROCESSED)
         entry = self.entry(now, EventCode.HELD, hold.by, hold.reason)
         history = (*self.status.history, entry)
@@ -371,7 +371,7 @@ class TransportOrder:
         return self.changed(history=(*self.status.history, entry), **changes)
 
     def failed_while_held(self, words: str) -> Self:
-        """Add what has happened to a held order since; this has no effect until it is resumed."""
+        """Add a failure that occurred while the order is held; it takes effect when the order is resumed."""
         assert self.status.held, "asked for held orders only"  # noqa: S101 - for the type
         reason = f"{self.status.held.reason}; since then: {words}"
         return self.changed(held=self.status.held.model_copy(update={"reason": reason}))
@@ -396,7 +396,7 @@ class TransportOrder:
         return order.changed(drive_orders=order.with_current(current))
 
     def reassigned(self, taken: int, why: str, now: datetime) -> Self:
-        """Release it for another vehicle; the one that has failed does not get it again."""
+        """Release the order for another vehicle; the one that failed does not get it again."""
         assert self.vehicle, "it was assigned"  # noqa: S101 - for the type
         entry = self.entry(now, EventCode.REASSIGNED, self.vehicle, why)
         excluded = (*self.status.excluded_vehicles, self.vehicle)
@@ -405,7 +405,7 @@ class TransportOrder:
         return order.dispatchable_again(entry, excluded_vehicles=excluded)
 
     def skipped(self, why: str, now: datetime) -> Self:
-        """Skip the current operation, and continue; its drive order counts as failed."""
+        """Skip the current operation and continue; its drive order counts as failed."""
         entry = self.entry(now, EventCode.SKIPPED, self.current.destination.operation, why)
         return self.moved_on(DriveOrderState.FAILED, entry)
 
@@ -420,7 +420,7 @@ class TransportOrder:
         return self.changed(drive_orders=self.with_current(current.model_copy(update=update)))
 
     def with_operation_begun(self) -> tuple[DriveOrderStatus, ...]:
-        """Return the drive orders, the current one OPERATING also if it was so in an earlier try."""
+        """Return the drive orders; the current one is OPERATING also if it was in an earlier try."""
         marks = (
             EventCode.OPERATION_STARTED,
             EventCode.DRIVE_ORDER_FINISHED,
@@ -443,7 +443,7 @@ class TransportOrder:
         )
 
     def with_current(self, drive_order: DriveOrderStatus) -> tuple[DriveOrderStatus, ...]:
-        """Return its drive orders with another one in place of the current one."""
+        """Return the drive orders with the current one replaced."""
         drive_orders = self.status.drive_orders
         return (*drive_orders[: self.index], drive_order, *drive_orders[self.index + 1 :])
 
@@ -474,20 +474,20 @@ class TransportOrder:
         return self.changed(state=state, history=history, **changes)
 
     def changed(self, **changes: object) -> Self:
-        """Return its next version, with other fields of the status."""
+        """Return the next version, with changed fields of the status."""
         status = self.status.model_copy(update={**changes, "version": self.status.version + 1})
         if "reason" not in changes and status.state in (S.BEING_PROCESSED, S.WITHDRAWN):
             status = status.model_copy(update={"reason": _doing(status)})
         return type(self)(self.number, status, self.idempotency_key)
 
     def require(self, change: str, *states: TransportOrderState) -> None:
-        """Raise IllegalTransitionError where it is in none of these states."""
+        """Raise IllegalTransitionError unless the order is in one of these states."""
         if self.state not in states:
             raise IllegalTransitionError(self.name, self.state, change)
 
     @staticmethod
     def entry(now: datetime, code: EventCode, *supplements: str) -> HistoryEntry:
-        """Make an entry of its history."""
+        """Return a history entry."""
         return HistoryEntry(timestamp=now, event_code=code, supplements=tuple(map(str, supplements)))
 
 

@@ -1,4 +1,4 @@
-"""The orders that wait for a vehicle, by urgency and by kind."""
+"""Index of the orders that wait for a vehicle, by urgency and by kind."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from nena_shared.vda5050.action import LOAD_HANDLING_DEVICE
 
 
 class OrderKind(NamedTuple):
-    """What decides which vehicles may get an order: it is the same for all orders of one kind."""
+    """Everything that decides which vehicles may get an order; equal for all orders of one kind."""
 
     intended_vehicle: str | None
     sequence: str | None
@@ -57,22 +57,22 @@ def kind_of(order: TransportOrder) -> OrderKind:
 class WaitingOrders:
     """Finds the most urgent orders of some kinds without checking the others.
 
-    A held order waits too, but it is of no kind: no vehicle gets it.
+    A held order waits too, but has no kind: no vehicle gets it.
     """
 
     def __init__(self) -> None:
         self.fresh: dict[int, None] = {}
-        """Numbers of orders that may be new to vehicles that are free; the dispatcher empties this."""
+        """Numbers of orders that free vehicles may not have been compared with; emptied by the dispatcher."""
         self._queue: list[Urgency] = []
-        """All of them, most urgent first."""
+        """All waiting orders, most urgent first."""
         self._urgencies: dict[int, Urgency] = {}
         self._kinds: dict[OrderKind, list[Urgency]] = {}
         self._kind_of: dict[int, OrderKind] = {}
-        """By the orders' numbers; only of those that are not held."""
+        """Kinds by order number, without held orders."""
         self._for_any: dict[OrderKind, None] = {}
-        """The kinds that name no vehicle."""
+        """Kinds that name no vehicle."""
         self._for_one: dict[str, dict[OrderKind, None]] = {}
-        """The kinds that name one, by its name."""
+        """Kinds that name a vehicle, by vehicle name."""
 
     def __len__(self) -> int:
         """Return how many orders wait, held ones included."""
@@ -84,11 +84,11 @@ class WaitingOrders:
 
     @property
     def oldest(self) -> int | None:
-        """The number of the order that was created first, whenever it was queued; None: empty queue."""
+        """Number of the order that was created first, whenever it was queued; None: the queue is empty."""
         return min(self._urgencies, default=None)
 
     def put(self, order: TransportOrder) -> None:
-        """Note an order exactly while it is dispatchable; meanwhile only its intended vehicle may change."""
+        """Keep an order exactly while it is dispatchable; meanwhile only its intended vehicle may change."""
         number, waits = order.number, order.state is TransportOrderState.DISPATCHABLE
         if waits and number not in self._urgencies:
             self._urgencies[number] = order.urgency
@@ -110,7 +110,7 @@ class WaitingOrders:
         return self._kind_of.get(number)
 
     def kinds(self, vehicles: Iterable[str]) -> Iterator[OrderKind]:
-        """Yield the kinds of orders that wait for any vehicle, and for these ones."""
+        """Yield the kinds of orders that wait for any vehicle or for one of these."""
         yield from tuple(self._for_any)
         for vehicle in vehicles:
             yield from tuple(self._for_one.get(vehicle, ()))
@@ -124,7 +124,7 @@ class WaitingOrders:
         return self._kinds[kind][0][-1]
 
     def first(self, kinds: Iterable[OrderKind], limit: int, after: Urgency | None = None) -> list[int]:
-        """Return the numbers of the most urgent orders of these kinds, from behind ``after`` on."""
+        """Return the numbers of the most urgent orders of these kinds that come after ``after``."""
         rows = [self._kinds[kind] for kind in kinds]
         if after is None:
             parts: Iterable[Iterable[Urgency]] = (row[:limit] for row in rows)
@@ -134,7 +134,7 @@ class WaitingOrders:
         return [urgency[-1] for urgency in islice(merge(*parts), limit)]
 
     def part(self, start: int, limit: int) -> list[int]:
-        """Return the numbers of ``limit`` orders from the ``start``-th one in the queue on, held ones too."""
+        """Return the numbers of ``limit`` orders from position ``start`` of the queue, held ones included."""
         return [urgency[-1] for urgency in self._queue[start : start + limit]]
 
     def _offer(self, number: int, kind: OrderKind) -> None:

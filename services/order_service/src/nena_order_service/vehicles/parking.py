@@ -19,24 +19,24 @@ from nena_shared.plant.property_keys import (
 from nena_shared.plant.track import PointType
 
 WAYS_TRIED = 8
-"""Positions whose routes are computed for one vehicle; farther ones are hardly better."""
+"""Maximum number of positions whose routes are computed for a vehicle; farther ones are hardly better."""
 
 
 @dataclass(frozen=True, slots=True)
 class Prospect:
-    """What a vehicle would find at points where it could park, and on its routes there."""
+    """Knowledge about the points where a vehicle could park, and the routes there."""
 
     cost: Callable[[str], float]
     """Cost of the route to a point; infinity if there is none."""
     taken: Callable[[str], bool]
     """Whether another vehicle is at a point or is going there."""
     displaces: Callable[[str], bool]
-    """Whether others that rest have to make room for the drive to a point."""
+    """Whether resting vehicles would have to make room for the drive to a point."""
     may_displace: bool = True
-    """Whether others are asked to make room if there is no other route."""
+    """Whether others are asked to make room if there is no other route to a position."""
 
     def why_not(self, point: str) -> str:
-        """Return what keeps the vehicle from parking at a point; empty: nothing."""
+        """Return why the vehicle cannot park at a point; empty if it can."""
         if self.taken(point):
             return "is taken"
         if self.cost(point) == inf:
@@ -46,7 +46,7 @@ class Prospect:
 
 @dataclass(frozen=True, slots=True)
 class Parking:
-    """Where to park; without a ``point`` no drive is needed, or ``reason`` explains why none is possible."""
+    """Where to park. Without a ``point``, no drive is needed, or ``reason`` explains why none is possible."""
 
     point: str = ""
     reason: str = ""
@@ -60,9 +60,9 @@ class ParkingPositions:
     """The parking positions of one plant."""
 
     def __init__(self, plant: PlantModel, *, priorities: bool, repark: bool) -> None:
-        """By ``priorities`` a position of a smaller number is better than a near one.
+        """With ``priorities``, a position with a smaller number is preferred to a near one.
 
-        With ``repark`` a vehicle that is parked may go to a better one, too.
+        With ``repark``, a parked vehicle may move to a better position.
         """
         self._points = plant.points_by_name
         self._priorities = priorities
@@ -72,7 +72,7 @@ class ParkingPositions:
         }
 
     def choose(self, model: Vehicle | None, here: str | None, prospect: Prospect) -> Parking:
-        """Return the best position for a vehicle at the point ``here``; None: it is on no point."""
+        """Return the best position for a vehicle at the point ``here``; None: the vehicle is on no point."""
         properties = model.properties if model else {}
         if assigned := properties.get(ASSIGNED_PARKING_POSITION):
             return self._assigned(assigned, here, prospect)
@@ -122,13 +122,13 @@ _Ranked = tuple[float, float, str]
 
 
 def _best(free: Sequence[_Ranked], prospect: Prospect) -> _Ranked | None:
-    """Return the first position for which no vehicle has to make room, else the first if allowed."""
+    """Return the first position for which no vehicle has to make room, otherwise the first if allowed."""
     quiet = (each for each in islice(free, WAYS_TRIED) if not prospect.displaces(each[-1]))
     return next(quiet, free[0] if free and prospect.may_displace else None)
 
 
 def _priority(point: Point) -> float:
-    """Return the priority of a position; positions without one are last."""
+    """Return the priority of a position; those without one come last."""
     try:
         return float(int(point.properties[PARKING_POSITION_PRIORITY]))
     except (KeyError, ValueError):
@@ -137,7 +137,7 @@ def _priority(point: Point) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Recharging:
-    """Where to recharge, and by which operation; without a ``location``, ``reason`` explains why."""
+    """Where to recharge, and by which operation. Without a ``location``, ``reason`` explains why."""
 
     location: str = ""
     operation: str = ""
@@ -158,7 +158,7 @@ class RechargeLocations:
     """The locations of one plant at which vehicles recharge."""
 
     def __init__(self, plant: PlantModel, recharges: Callable[[str], bool]) -> None:
-        """``recharges`` returns whether an operation recharges a vehicle that names no other one."""
+        """``recharges`` returns whether an operation recharges vehicles that name no operation themselves."""
         self._plant = plant
         self._recharges = recharges
 
@@ -173,8 +173,8 @@ class RechargeLocations:
         """Return the best location for a vehicle.
 
         ``cost`` returns the cost of the route to a point, infinity if there is none. ``taken`` returns
-        whether another vehicle is at a point or is going there, ``held_in_vain`` whether that vehicle has no
-        need to be there: such a location is used if none is free.
+        whether another vehicle is at a point or on its way there, ``held_in_vain`` whether that vehicle need
+        not be there: such a location is used if none is free.
         """
         properties = model.properties if model else {}
         assigned = properties.get(ASSIGNED_RECHARGE_LOCATION)

@@ -1,4 +1,4 @@
-"""The vehicles: those of the plant model, and robots that were discovered; and the maps that robots have."""
+"""The vehicles: those of the plant model, and discovered robots; and the maps of robots."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ class FleetVehicle:
     key: RobotKey
     profile: RobotProfile
     model: Vehicle | None
-    """Its data in the plant model; None: not in it."""
+    """Its data in the plant model; None: it is not in the model."""
     obstacle: str = ""
     """Why it never gets orders, as a predicate; empty if it may."""
 
 
 class VehicleRegistry:
-    """The vehicles, by their names and by their robots' keys.
+    """The vehicles by name and by robot key.
 
-    By default a vehicle is the robot of manufacturer ``NeNa`` whose serial number is the vehicle's name.
+    By default, a vehicle is the robot of manufacturer ``NeNa`` with the vehicle's name as its serial number.
     """
 
     def __init__(self, plant: PlantModel, *, default_map_id: str, adopt_unknown: bool) -> None:
@@ -65,7 +65,7 @@ class VehicleRegistry:
         return None if name is None else self._by_name.get(name)
 
     def employed(self, name: str | None) -> FleetVehicle | None:
-        """Return the vehicle of this name if it may have orders; None: it may not, or there is none."""
+        """Return the vehicle of this name if it may have orders; None: it may not, or does not exist."""
         vehicle = self.named(name)
         return None if vehicle is None or vehicle.obstacle else vehicle
 
@@ -74,7 +74,7 @@ class VehicleRegistry:
         return self._by_key.get(key)
 
     def discover(self, key: RobotKey) -> FleetVehicle:
-        """Return the vehicle that is this robot; a new one is added."""
+        """Return the vehicle that is this robot; add it if it is new."""
         known = self._by_key.get(key)
         if known:
             return known
@@ -83,7 +83,7 @@ class VehicleRegistry:
         return self._add(FleetVehicle(self._free_name(key), key, profile, None, obstacle))
 
     def learn_map(self, vehicle: FleetVehicle, map_id: str) -> FleetVehicle:
-        """Put a vehicle without a named map on the one that its robot reports."""
+        """Put a vehicle without a configured map on the one that its robot reports."""
         if vehicle.profile.map_id:
             return vehicle
         return self._add(replace(vehicle, profile=replace(vehicle.profile, map_id=map_id)))
@@ -115,7 +115,7 @@ DEFAULT_MANUFACTURER = "NeNa"
 
 
 COMBINATIONS_KEPT = 1000
-"""Cached, because robots of a fleet have the same maps."""
+"""Number of cached combinations of maps; robots of a fleet have the same ones."""
 
 
 def robot_maps(state: State) -> tuple[RobotMap, ...] | None:
