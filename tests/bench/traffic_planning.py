@@ -3,7 +3,8 @@
 The real programs under accelerated time, as ``nena simulate`` runs them: 50 robots on 300 points and 200 on
 2,500. After the first half a path in the middle is locked, after which all routes are searched again, and
 unlocked a quarter later. Times are CPU times of the thread, because the machine may be shared; a hold is one
-unit of work with its planning, or the effects of one commit.
+unit of work with its planning, or the effects of one commit. The step that locks a path is one hold, as in
+the service (``PathLocks``): it ends with the first vehicles that are led around the path.
 
 ``PYTHONPATH=tests PYTHONHASHSEED=0 python -m bench.traffic_planning --robots 200 --minutes 2``
 """
@@ -35,8 +36,28 @@ LARGE = 100
 """Robots from which the large hall is used."""
 
 
+class Collections:
+    """The pauses of the garbage collector, which are counted apart: its heap has all robots here, too."""
+
+    def __init__(self) -> None:
+        self.kept: list[float] = []
+        self.total = 0.0
+        self._begun = 0.0
+
+    def __call__(self, phase: str, _: dict[str, int]) -> None:
+        """Note the start or the end of a collection."""
+        if phase == "start":
+            self._begun = time.thread_time()
+            return
+        self.kept.append(time.thread_time() - self._begun)
+        self.total += self.kept[-1]
+
+
+COLLECTIONS = Collections()
+
+
 class Exact(Histogram):
-    """Keeps each duration, as CPU time."""
+    """Keeps each duration, as CPU time without that of the garbage collector."""
 
     __slots__ = ("kept",)
 
@@ -47,11 +68,11 @@ class Exact(Histogram):
     @contextmanager
     def timed(self) -> Iterator[None]:
         """Measure the CPU time of the block."""
-        begun = time.thread_time()
+        begun = time.thread_time() - COLLECTIONS.total
         try:
             yield
         finally:
-            self.kept.append(time.thread_time() - begun)
+            self.kept.append(time.thread_time() - COLLECTIONS.total - begun)
 
 
 @dataclass
@@ -74,6 +95,7 @@ class Watched:
 async def _watched(case: Case, clock: VirtualClock, path: str) -> Watched:
     watched, site = Watched(), Site(case, clock)
     engine = site.engine
+    engine.prepare()  # as the service does before it serves
     engine.timings = Timings(watched.dispatch, watched.traffic)
     _watch_units(engine.unit_of_work, watched)
 
@@ -126,6 +148,7 @@ def main() -> None:
     arguments = parser.parse_args()
     log.configure(LogSettings(level="error"))
     gc.set_threshold(COLLECTED_EACH)
+    gc.callbacks.append(COLLECTIONS)
     hall: Hall = large_hall() if arguments.robots >= LARGE else HALLS["aisles"]()
     case = case_of(hall, arguments.robots, Extent(minutes=arguments.minutes, warm_up=1.0))
     middle = max(int(name[1:3]) for name in hall.plant.points_by_name) // 2
@@ -136,6 +159,7 @@ def main() -> None:
         ("dispatching", watched.dispatch.kept),
         ("holds of the loop", watched.holds.kept),
         ("holds after locking and unlocking", watched.after_lock.kept),
+        ("garbage collections", COLLECTIONS.kept),
     ):
         sys.stdout.write(
             f"{arguments.robots} robots, {len(hall.plant.points)} points: {name}: {_figures(durations)}\n"

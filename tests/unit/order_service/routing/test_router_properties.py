@@ -1,15 +1,16 @@
 """What holds for every plant: checked against a slow search that tries everything."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from itertools import pairwise, product
 from math import inf
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from nena_order_service.routing.graph import CostEvaluator, NoRouteError, RoutingProfile, distance
 from nena_order_service.routing.router import Router
-from nena_shared.plant import DirectedEdge, PlantModel, Vehicle
+from nena_shared.plant import BACKWARD_SUFFIX, DirectedEdge, PlantModel, Vehicle
 from nena_shared.plant.track import VehicleTypeAtPoint, VehicleTypeOnPath
 from support.plants import path, point
 
@@ -43,7 +44,10 @@ def plants(draw: st.DrawFn) -> PlantModel:
 
 
 def all_costs(
-    plant: PlantModel, avoid: frozenset[str] = frozenset(), vehicle: Vehicle | None = None
+    plant: PlantModel,
+    avoid: frozenset[str] = frozenset(),
+    vehicle: Vehicle | None = None,
+    cost: Callable[[float, DirectedEdge], float] = lambda length, _: length,
 ) -> Mapping[tuple[str, str], int | float]:
     """Return the least cost between all points by relaxing every pair over every point."""
     costs: dict[tuple[str, str], float] = {(a, b): 0 if a == b else inf for a, b in product(NAMES, NAMES)}
@@ -54,7 +58,7 @@ def all_costs(
         )
         if not kept_out and not edge.path.locked and avoid.isdisjoint((edge.path.name, edge.destination)):
             ends = (edge.source, edge.destination)
-            costs[ends] = min(costs[ends], edge.path.length_mm)
+            costs[ends] = min(costs[ends], cost(edge.path.length_mm, edge))
     for via, a, b in product(NAMES, NAMES, NAMES):
         costs[a, b] = min(costs[a, b], costs[a, via] + costs[via, b])
     return costs
@@ -168,3 +172,29 @@ def test_costs_that_a_lock_does_not_change_are_kept() -> None:
     router.set_locks({"A --- B": True})
     assert {name for name in "ABC" if router.costs_to(name) is before[name]} == {"A", "C"}
     assert router.costs_to("B").source("A") == 20
+
+
+BURDEN = st.dictionaries(
+    st.sampled_from([*NAMES, *(f"path {number}" for number in range(6)), f"path 0{BACKWARD_SUFFIX}"]),
+    st.sampled_from([0.1, 0.3, 6.0]),
+    min_size=1,
+)
+
+
+@given(plants(), AVOID, BURDEN)
+def test_routes_in_traffic_cost_no_more_than_those_of_the_slow_search(
+    plant: PlantModel, avoid: frozenset[str], burden: dict[str, float]
+) -> None:
+    avoid &= {*NAMES, *plant.paths_by_name}
+
+    def now(length: float, edge: DirectedEdge) -> float:
+        return length * (1 + burden.get(edge.id, 0) + burden.get(edge.destination, 0))
+
+    router, expected = Router(plant), all_costs(plant, avoid, cost=now)
+    for (source, destination), least in expected.items():
+        try:
+            steps = router.route(source, destination, avoid=avoid, burden=burden).steps
+        except NoRouteError:
+            assert least == inf
+        else:
+            assert sum(now(each.cost, each.edge) for each in steps) == pytest.approx(least)

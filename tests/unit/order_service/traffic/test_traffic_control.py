@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_order_service.traffic.evasion import CANDIDATES_TRIED, Evader, overlap
+from nena_order_service.traffic.evasion import CANDIDATES_TRIED, Evader, Evasion, overlap
 from nena_order_service.traffic.resources import ResourceSet, conflict
 from nena_order_service.traffic.scheduler import UnknownOccupantError
 from nena_order_service.traffic.traffic_control import RouteGrant, RouteRequest
@@ -64,6 +64,29 @@ def test_a_route_that_is_known_needs_no_search() -> None:
     for _ in range(2):
         list(scene.control.decide(lambda name: name != "w", searches=1))
     assert not scene.control.unfinished, "both are refused, with routes that are kept"
+
+
+def test_searches_for_free_places_are_left_to_the_next_decisions_and_each_vehicle_has_its_turn() -> None:
+    hopeless = [f"A{n} B{n}|B{n} X{n}|X{n} {n}0" for n in (1, 2)]
+    behind = [f"{n}{end} {n}{end + 1}" for n in (1, 2) for end in range(8)]
+    ends = [*"|".join(hopeless).split("|"), *behind, "A3 B3", "B3 C3", "B3 D3"]
+    scene = Scene(tracks(*ends), a1="A1", b1="B1", x1="X1", a2="A2", b2="B2", x2="X2", a3="A3", b3="B3")
+    for n, goal in ((1, "X1"), (2, "X2"), (3, "C3")):
+        scene.control.request_route(RouteRequest(f"a{n}", goal))
+
+    sent, searches = list[str](), list[int]()
+    for _ in range(40):
+        before = scene.routes.searches
+        found = scene.control.decide(lambda name: name not in ("x1", "x2"), searches=2)
+        sent += [each.vehicle for each in found if isinstance(each, Evasion)]
+        searches.append(scene.routes.searches - before)
+        if not scene.control.unfinished:
+            break
+
+    assert not scene.control.unfinished, searches
+    assert sent == ["b3"], "the ways out of the others are blocked"
+    assert max(searches) <= 2 + 2, "a vehicle that has its turn may need two more"
+    assert sum(searches) > 20, "the others were tried"
 
 
 def test_who_rests_in_the_way_goes_to_a_parking_place_though_others_are_nearer() -> None:

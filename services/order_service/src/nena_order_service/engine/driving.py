@@ -37,8 +37,8 @@ from nena_shared.vda5050.factsheet import Factsheet
 log = get_logger(__name__)
 
 MAY_STILL_SPEAK = (LinkStatus.UNKNOWN, LinkStatus.ONLINE, LinkStatus.SILENT, LinkStatus.UNREADABLE)
-ROUTES_AT_ONCE = 8
-"""Routes that are searched for requests in one turn of the event loop; each takes milliseconds."""
+ROUTES_AT_ONCE = 4
+"""Routes that are searched in one turn of the event loop; each takes milliseconds."""
 EVASION_PAUSE = 10.0
 """Seconds before a robot that did not make room is asked again."""
 CAUSES: Final = {

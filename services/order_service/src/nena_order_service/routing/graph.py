@@ -317,22 +317,34 @@ class RoutingGraph:
             pruned._graph.remove_edge_from_index(index)  # noqa: SLF001 - an object of this class
         return pruned
 
-    def shortest(
-        self, source: str, destination: str, burden: Mapping[str, float] | None = None
-    ) -> tuple[Step, ...] | None:
-        """Return the cheapest steps between two points, or None if there is no route.
+    def shortest(self, source: str, destination: str) -> tuple[Step, ...] | None:
+        """Return the cheapest steps between two points, or None if there is no route."""
+        start, goal = self._indices[source], self._indices[destination]
+        if start == goal:
+            return ()
+        ways = rx.digraph_dijkstra_shortest_paths(self._graph, start, target=goal, weight_fn=_COST)
+        return self._steps_along(ways[goal], _COST) if goal in ways else None
 
-        ``burden`` maps edges and points to the share of a step's cost that they add.
+    def shortest_now(
+        self, source: str, destination: str, burden: Mapping[str, float], usual: CostMap
+    ) -> tuple[Step, ...] | None:
+        """Return the same while ``burden`` adds shares of their costs to edges and points.
+
+        ``usual`` are the costs to the destination without it, or less. They guide the search (A*): it looks
+        at the points near the route only, and calls of Python for each edge of a large plant take long.
         """
         start, goal = self._indices[source], self._indices[destination]
         if start == goal:
             return ()
-        cost = burdened(burden) if burden else _COST
-        ways = rx.digraph_dijkstra_shortest_paths(self._graph, start, target=goal, weight_fn=cost)
-        if goal not in ways:
+        if not rx.has_path(self._graph, start, goal):
             return None
-        # Two points may be joined by several paths: the search used the cheapest.
-        return tuple(min(self._graph.get_all_edge_data(a, b), key=cost) for a, b in pairwise(ways[goal]))
+        cost = burdened(burden)
+        points = rx.digraph_astar_shortest_path(self._graph, start, destination.__eq__, cost, usual.source)
+        return self._steps_along(points, cost)
+
+    def _steps_along(self, points: Sequence[int], cost: Callable[[Step], float]) -> tuple[Step, ...]:
+        """Return the steps of a search; two points may be joined by several paths: it used the cheapest."""
+        return tuple(min(self._graph.get_all_edge_data(a, b), key=cost) for a, b in pairwise(points))
 
     def along(self, start: str, way: Iterable[tuple[str, Collection[str]]]) -> tuple[Step, ...] | None:
         """Return the steps to each point of a way in turn, along one of the paths named with it.

@@ -84,7 +84,12 @@ class Router:
         Raises UnknownObjectError for a name that the plant does not have, NoRouteError if there is no route.
         """
         self._check_points((source, destination))
-        steps = self._graph(vehicle, avoid).shortest(source, destination, burden)
+        graph = self._graph(vehicle, avoid)
+        if burden:
+            usual = self.costs_to(destination, vehicle=vehicle)
+            steps = graph.shortest_now(source, destination, burden, usual)
+        else:
+            steps = graph.shortest(source, destination)
         return _found(steps, source, destination, vehicle, avoid)
 
     def route_through(
@@ -468,6 +473,9 @@ class RouteCosts:
 class Routes(Protocol):
     """Finds routes of vehicles, by their names, between points of the plant."""
 
+    searches: int
+    """How many searches were needed so far; what is cached needs none."""
+
     def route(
         self,
         vehicle: str,
@@ -492,8 +500,8 @@ class Routes(Protocol):
         """
         ...
 
-    def costs(self, vehicle: str, start: str) -> Mapping[str, float]:
-        """Return the cost of each point that can be reached from ``start``."""
+    def nearest(self, vehicle: str, start: str) -> Sequence[str]:
+        """Return the points that can be reached from ``start``, the nearest first."""
         ...
 
 
@@ -501,14 +509,20 @@ ROUTES_KEPT = 2_000
 """Routes that are cached, of a few kB each; a waiting request needs the same one each time."""
 
 
+PLACES_KEPT = 200
+"""Starts for which the order of places by their costs is cached: 8 bytes for each point of the plant."""
+
+
 class VehicleRoutes(Routes):
     """Finds and caches routes that respect the plant model's data of each vehicle."""
 
     def __init__(self, router: Router, model_of: Callable[[str], Vehicle | None]) -> None:
         """``model_of`` returns the plant model's data of the vehicle of this name; None if it has none."""
+        self.searches = 0
         self._router = router
         self._model_of = model_of
         self._route = lru_cache(ROUTES_KEPT)(self._find)
+        self._nearest = lru_cache(PLACES_KEPT)(self._sort_places)
 
     def route(
         self,
@@ -521,6 +535,7 @@ class VehicleRoutes(Routes):
     ) -> Route:
         """Return the cheapest route; raises NoRouteError. One with a ``burden`` is not cached."""
         if burden:
+            self.searches += 1
             model = self._model_of(vehicle)
             return self._router.route(start, goal, vehicle=model, avoid=avoid, burden=burden)
         found = self._route(self._model(vehicle), start, goal, frozenset(avoid))
@@ -534,13 +549,14 @@ class VehicleRoutes(Routes):
         """Return the steps of a way; None if it is not open to the vehicle now."""
         return self._router.along(start, way, vehicle=self._model_of(vehicle))
 
-    def costs(self, vehicle: str, start: str) -> Mapping[str, float]:
-        """Return the cost of each reachable point."""
-        return self._router.costs_from(start, vehicle=self._model_of(vehicle))
+    def nearest(self, vehicle: str, start: str) -> Sequence[str]:
+        """Return the reachable points, the nearest first."""
+        return self._nearest(self._model(vehicle), start)
 
     def forget(self) -> None:
         """Drop all cached routes: the plant has changed."""
         self._route.cache_clear()
+        self._nearest.cache_clear()
 
     def _model(self, vehicle: str) -> str | None:
         return vehicle if self._model_of(vehicle) else None
@@ -549,8 +565,14 @@ class VehicleRoutes(Routes):
         self, vehicle: str | None, start: str, goal: str, avoid: frozenset[str]
     ) -> Route | NoRouteError:
         """Return a cached result; finding that no route exists costs as much as finding one."""
+        self.searches += 1
         model = self._model_of(vehicle) if vehicle else None
         try:
             return self._router.route(start, goal, vehicle=model, avoid=avoid)
         except NoRouteError as error:
             return error
+
+    def _sort_places(self, vehicle: str | None, start: str) -> tuple[str, ...]:
+        self.searches += 1
+        costs = self._router.costs_from(start, vehicle=self._model_of(vehicle) if vehicle else None)
+        return tuple(sorted(costs, key=costs.__getitem__))

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain, filterfalse
 
 from nena_order_service.routing.graph import NoRouteError, Route
 from nena_order_service.routing.router import Routes
 from nena_order_service.traffic.resources import Resources, ResourceSet, conflict
 from nena_order_service.traffic.scheduler import Scheduler, WaitReason
+from nena_order_service.traffic.turns import SearchLimit
 from nena_shared.plant import PlantModel
 from nena_shared.plant.track import PointType
 
@@ -36,13 +38,25 @@ class Evasion:
 
 
 class Evader:
-    """Finds free points for vehicles at rest that have to make room, and claims their routes there."""
+    """Finds free points for vehicles at rest that have to make room, and claims their routes there.
 
-    def __init__(self, plant: PlantModel, resources: Resources, scheduler: Scheduler, routes: Routes) -> None:
-        self._plant = plant
+    Where the ``limit`` of searches ends the search for a vehicle, neither it nor others are sent: the next
+    decision goes on with what is cached by then.
+    """
+
+    def __init__(
+        self,
+        plant: PlantModel,
+        resources: Resources,
+        scheduler: Scheduler,
+        routes: Routes,
+        limit: SearchLimit | None = None,
+    ) -> None:
+        self._parks = {each.name for each in plant.points if each.type is PointType.PARK_POSITION}
         self._resources = resources
         self._scheduler = scheduler
         self._routes = routes
+        self._limit = limit or SearchLimit(routes)
 
     def evade(
         self,
@@ -77,6 +91,8 @@ class Evader:
                 if lets_out:
                     asked.add(vehicle)
                 continue
+            if self._limit.reached:
+                return
             asked.add(vehicle)
             enclosed: tuple[tuple[str, ...], list[ResourceSet]] | None = None
             for route, way in self._ways_out(vehicle, kept_free):
@@ -87,7 +103,7 @@ class Evader:
                 if refusal.reason is WaitReason.RESTING and enclosed is None:
                     enclosed = refusal.vehicles, way
             else:
-                if enclosed:
+                if enclosed and not self._limit.reached:
                     enclosing, way_out = enclosed
                     yield from self._evade(
                         enclosing, [*kept_free, *way_out], movable, asked, lets_out=vehicle
@@ -98,11 +114,16 @@ class Evader:
     ) -> Iterator[tuple[Route, list[ResourceSet]]]:
         """Yield routes to free points, the best first: parking positions, then near points."""
         occupant = self._scheduler.occupant(vehicle)
-        costs = self._routes.costs(vehicle, occupant.point)
+        nearest = self._routes.nearest(vehicle, occupant.point)
+        parks = self._parks.__contains__
+        places = chain(filter(parks, nearest), filterfalse(parks, nearest))
         kept = {resource for each in kept_free for resource in each.uses} | {occupant.point}
-        free = (name for name in costs if name not in kept and not self._scheduler.users(name))
         tried = 0
-        for place in sorted(free, key=lambda name: (not self._parks(name), costs[name])):
+        for place in places:
+            if place in kept or self._scheduler.users(place):
+                continue
+            if not self._limit.permits():
+                return
             route = self._routes.route(vehicle, occupant.point, place)
             way = self._way(vehicle, route)
             if around := self._around(vehicle, way, place):
@@ -128,9 +149,6 @@ class Evader:
             return self._routes.route(vehicle, start, place, avoid=avoid - {start, place})
         except NoRouteError:
             return None
-
-    def _parks(self, point: str) -> bool:
-        return self._plant.point(point).type is PointType.PARK_POSITION
 
 
 def overlap(some: Iterable[ResourceSet], others: Iterable[ResourceSet]) -> str | None:

@@ -186,12 +186,7 @@ class TrafficManager:
         lost: Callable[[str], bool] = no_vehicle,
         searches: float = inf,
     ) -> Iterator[RouteGrant | Evasion | RouteRejection | Displacement | MoreClaimed]:
-        """Grant routes to vehicles; see :meth:`TrafficControl.decide`.
-
-        A vehicle that has stopped on the route of others before its own end is sent away first.
-        """
-        for evasion in self._clear_ways(movable):
-            yield self._departed(evasion)
+        """Grant routes to vehicles; see :meth:`TrafficControl.decide`."""
         for each in self._control.decide(movable, lost, [name for name, _ in self.extending()], searches):
             yield self._departed(each) if isinstance(each, RouteGrant | Evasion) else each
 
@@ -203,12 +198,6 @@ class TrafficManager:
     def halt(self, vehicles: Collection[str]) -> None:
         """Allocate nothing more to these vehicles, but to all others, until their routes were replanned."""
         self._halted = frozenset(vehicles)
-
-    def _clear_ways(self, movable: Callable[[str], bool]) -> Iterator[Evasion]:
-        for vehicle, journey in self.extending():
-            if self.is_blocked(vehicle) and journey.refusal:
-                way = journey.way[journey.allocated :]
-                yield from self._control.clear(journey.refusal.vehicles, way, movable)
 
     def stuck(self, movable: Callable[[str], bool], lost: Callable[[str], bool]) -> Iterator[str]:
         """Yield the driving vehicles that wait for vehicles at rest which will not make room.

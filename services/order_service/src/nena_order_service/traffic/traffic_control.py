@@ -33,6 +33,7 @@ from nena_order_service.routing.router import Routes
 from nena_order_service.traffic.evasion import Evader, Evasion, VehicleTest, no_vehicle, overlap
 from nena_order_service.traffic.resources import Resources, ResourceSet
 from nena_order_service.traffic.scheduler import Refusal, Scheduler, WaitReason
+from nena_order_service.traffic.turns import SearchLimit, Turns
 from nena_shared.plant import PlantModel, UnknownObjectError
 
 SECTION = 4
@@ -47,6 +48,8 @@ STANDING = 6.0
 """The same for each other vehicle that waits at the point, when a waiting vehicle looks for another route."""
 WORTH_IT = 0.9
 """The share of its present route's cost that another one may cost, so that a waiting vehicle takes it."""
+CLEARING, MAKING_ROOM = "clearing", "making room"
+"""Searches for free places that are not repeated while a decision is continued."""
 VEHICLES_PER_SEARCH = 10
 """Traffic is counted again after one route search for each this many vehicles under way."""
 
@@ -163,8 +166,9 @@ class TrafficControl:
         self.journeys: dict[str, Journey] = {}
         """The routes of the vehicles under way: those that drive or wait on their route."""
         self._routes = _RouteSearch(plant, routes, self.scheduler, self.journeys)
-        self._evader = Evader(plant, self.resources, self.scheduler, routes)
-        self._turns = _Turns()
+        self._limit = SearchLimit(routes)
+        self._evader = Evader(plant, self.resources, self.scheduler, routes, self._limit)
+        self._turns = Turns()
         self._requests: dict[str, RouteRequest] = {}
         self._refusals: dict[str, Refusal] = {}
         self._known_refusals: dict[str, _KnownRefusal] = {}
@@ -174,8 +178,11 @@ class TrafficControl:
         """The vehicle that had it in the last decision."""
         self._lets_out: dict[str, _LetOut] = {}
         """Vehicles that made room for one which they enclosed."""
-        self.unfinished = False
+
+    @property
+    def unfinished(self) -> bool:
         """Whether the last decision ended before it had come to each vehicle."""
+        return self._limit.reached
 
     def request_route(self, route_request: RouteRequest, *, first: bool = False) -> None:
         """Accept a vehicle's request; it replaces an earlier one of the same vehicle, but not its turn.
@@ -239,12 +246,6 @@ class TrafficControl:
             route_request.vehicle, self._way(route_request, detour)
         )
 
-    def clear(
-        self, blockers: Sequence[str], way: Sequence[ResourceSet], movable: VehicleTest
-    ) -> Iterator[Evasion]:
-        """Send away those of the ``blockers`` that rest on a way that is claimed already."""
-        yield from self._evader.evade(blockers, way, movable)
-
     def claim_other_way(self, vehicle: str, ahead: Sequence[ResourceSet]) -> Refusal | None:
         """Claim a section of another route from the end of what is held; return the refusal, if any."""
         refused = self._claim_section(vehicle, ahead, self._right_of_way)
@@ -292,8 +293,11 @@ class TrafficControl:
             searches: how many routes are searched at most; if that is not enough, it is ``unfinished``.
 
         """
+        self._limit.begin(searches)
+        under_way_now = list(extending)
+        yield from self._clear_ways(under_way_now, movable)
         self._right_of_way = right_of_way = None
-        for vehicle in self._in_turn(extending, searches):
+        for vehicle in self._in_turn(under_way_now):
             under_way = vehicle in self.journeys
             if under_way:
                 claimed = len(self.scheduler.occupant(vehicle).claimed)
@@ -323,15 +327,32 @@ class TrafficControl:
             if blocked_at_rest:
                 yield from self._make_room(vehicle, refused, right_of_way, movable)
 
-    def _in_turn(self, extending: Iterable[str], searches: float) -> Iterator[str]:
-        """Yield the vehicles that may want something, oldest turn first, until so many searches are done."""
-        self.unfinished = False
-        most = self._routes.searches + searches
+    def _in_turn(self, extending: Iterable[str]) -> Iterator[str]:
+        """Yield the vehicles that may want something, oldest turn first, while routes may be searched."""
         for vehicle in sorted({*self._requests, *extending}, key=self._turns.number):
-            self.unfinished = self._routes.searches >= most
-            if self.unfinished:
+            if not self._limit.permits():
                 return
             yield vehicle
+
+    def _clear_ways(self, extending: list[str], movable: VehicleTest) -> Iterator[Evasion]:
+        """Send away vehicles that have stopped on the claimed way of another one before their own end.
+
+        They are under way then, too: add them.
+        """
+        for vehicle in tuple(extending):
+            journey = self.journeys[vehicle]
+            refusal = journey.refusal
+            if (
+                refusal is None
+                or refusal.reason is not WaitReason.RESTING
+                or self._limit.is_done(CLEARING, vehicle)
+            ):
+                continue
+            ahead = journey.way[journey.allocated :]
+            for evasion in self._evader.evade(refusal.vehicles, ahead, movable):
+                extending.append(evasion.vehicle)
+                yield evasion
+            self._limit.done(CLEARING, vehicle)
 
     # Route requests: the cheapest route, or a detour around vehicles at rest
 
@@ -417,6 +438,7 @@ class TrafficControl:
         if known and known.versions == self.scheduler.versions(known.versions):
             refused: _Refused | None = known.refused
         else:
+            self._limit.claims += 1
             self._known_refusals.pop(vehicle, None)
             self._in_the_way = {vehicle}
             refused = self._claim_section(vehicle, ahead, right_of_way, more_than=claimed)
@@ -470,19 +492,22 @@ class TrafficControl:
 
     def _sections(self, ahead: Sequence[ResourceSet]) -> Iterator[int]:
         """Yield how many sets may be claimed at once: the first end beyond SECTION, then shorter ones."""
-        ends = self._waiting_places(ahead)
-        wanted = next((index for index, end in enumerate(ends) if end >= SECTION), len(ends) - 1)
-        yield from reversed(ends[: wanted + 1])
+        ends = list[int]()
+        for end in self._waiting_places(ahead):
+            ends.append(end)
+            if end >= SECTION:
+                break
+        yield from reversed(ends)
         if not ahead:
             yield 0
 
     def _next_section(self, way: list[ResourceSet]) -> list[ResourceSet]:
         """Return the sets of a way up to the first point where a vehicle can wait."""
-        return way[: next(iter(self._waiting_places(way)), 0)]
+        return way[: next(self._waiting_places(way), 0)]
 
-    def _waiting_places(self, way: Sequence[ResourceSet]) -> list[int]:
-        """Return the numbers of sets after which a vehicle can wait without blocking others."""
-        return [index + 1 for index in range(len(way)) if self.resources.may_wait(way, index)]
+    def _waiting_places(self, way: Sequence[ResourceSet]) -> Iterator[int]:
+        """Yield the numbers of sets after which a vehicle can wait without blocking others."""
+        return (index + 1 for index in range(len(way)) if self.resources.may_wait(way, index))
 
     # Making room: sending away vehicles that rest in the way
 
@@ -496,6 +521,8 @@ class TrafficControl:
         has to make room gives way if no other one could be sent.
         """
         has_right_of_way = right_of_way.vehicle == requester
+        if self._limit.is_done(MAKING_ROOM, requester):
+            return
 
         def may_be_sent(other: str) -> bool:
             if not movable(other) or other in self.journeys:
@@ -513,6 +540,9 @@ class TrafficControl:
                 at = self.scheduler.occupant(evasion.lets_out).point
                 self._lets_out[evasion.vehicle] = _LetOut(evasion.lets_out, at, requester)
             yield evasion
+        self._limit.done(MAKING_ROOM, requester)
+        if self._limit.reached:
+            return
         yield from (Displacement(other) for other in under_way if self._waits_for_itself(other))
         for other in () if sent else sorted(enclosing.intersection(self.journeys).difference(under_way)):
             if self.scheduler.occupant(other).resting and (
@@ -552,39 +582,6 @@ class TrafficControl:
         return False
 
 
-class _Turns:
-    """The order in which vehicles are served: a number and a goal for each, until it has reached the goal."""
-
-    def __init__(self) -> None:
-        self._turns: dict[str, tuple[int, str]] = {}
-        self._last = 0
-
-    def take(self, vehicle: str, goal: str, *, first: bool, waits: bool) -> None:
-        """Put a vehicle in line for ``goal``: behind the others, unless it keeps its turn or is ``first``.
-
-        It keeps its turn while it ``waits`` with a request, with an unchanged goal, and if it is ``first``.
-        """
-        number, before = self._turns.get(vehicle, (None, ""))
-        if first and number is None:
-            number = min((each for each, _ in self._turns.values()), default=0) - 1
-        elif number is None or not (first or waits or goal == before):
-            self._last += 1
-            number = self._last
-        self._turns[vehicle] = number, goal
-
-    def number(self, vehicle: str) -> int:
-        """Return the number of a vehicle's turn: a lower one goes first."""
-        return self._turns.get(vehicle, (0, ""))[0]
-
-    def goal(self, vehicle: str) -> str:
-        """Return the goal of a vehicle's turn; empty if it has none."""
-        return self._turns.get(vehicle, (0, ""))[1]
-
-    def end(self, vehicle: str) -> None:
-        """End a vehicle's turn, if it has one."""
-        self._turns.pop(vehicle, None)
-
-
 class _RouteSearch:
     """Finds the routes of requests, avoiding traffic; a route is kept while its vehicle waits for it."""
 
@@ -600,8 +597,6 @@ class _RouteSearch:
         """For each vehicle the start and request of its last search, and the route found."""
         self._burden: dict[str, float] = {}
         self._searched_with_burden = 0
-        self.searches = 0
-        """How many routes of requests were searched, rather than found among those that are kept."""
 
     def find(self, route_request: RouteRequest, without: Collection[str] = frozenset()) -> Route | None:
         """Return the cheapest route, None for a straight drive; raises NoRouteError.
@@ -617,7 +612,6 @@ class _RouteSearch:
         known = self._found.get(vehicle)
         if known and known[0] == (start, route_request):
             return known[1]
-        self.searches += 1
         route = self._routes.route(vehicle, start, goal, avoid=avoid, burden=self._burden_now())
         self._found[vehicle] = (start, route_request), route
         return route
