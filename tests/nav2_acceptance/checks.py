@@ -122,7 +122,7 @@ async def extensions(site: Nav2Site) -> str:
     told = [
         f"{mode}, {name}: least speed {await _extended(site, mode, share):.2f} of cruise"
         for mode in MODES[1:]
-        for name, share in (("early", 0.2), ("late", 0.6))
+        for name, share in (("early", 0.2), ("on request", None), ("late", 0.6))
     ]
     if not told:
         text = "nav2_msgs is not on this machine"
@@ -130,13 +130,23 @@ async def extensions(site: Nav2Site) -> str:
     return "; ".join(told)
 
 
-async def _extended(site: Nav2Site, mode: str, share: float) -> float:
-    """Extend an order after a share of its way; return the least speed between start and end."""
-    async with site.agent(mode, drive={"strategy": "pass_through"}):
-        first, way = len(site.bench.odometry), site.over()
-        length, begin = share * dist(site.here, way[1]), _place(site)
-        order_id = site.send(*way[:2], radius=DEVIATION)
-        await until(lambda: dist(begin, _place(site)) >= length, timeout=60.0, what="part of the way")
+async def _extended(site: Nav2Site, mode: str, share: float | None) -> float:
+    """Extend an order after a share of its way; return the least speed between start and end.
+
+    ``share`` None: when the robot requests it.
+    """
+    description = {} if site.speed is None else {"maximum_speed": site.speed}
+    async with site.agent(mode, drive={"strategy": "pass_through"}, description=description):
+        first, way, since = len(site.bench.odometry), site.over(), len(site.bench.fleet.states)
+        if share is None:
+            order_id = site.send(*way, radius=DEVIATION, horizon=1)
+            await site.when(
+                lambda state: state["orderId"] == order_id and state["newBaseRequest"], since=since
+            )
+        else:
+            length, begin = share * dist(site.here, way[1]), _place(site)
+            order_id = site.send(*way[:2], radius=DEVIATION)
+            await until(lambda: dist(begin, _place(site)) >= length, timeout=60.0, what="part of the way")
         site.extend(order_id, way, radius=DEVIATION)
         done = await site.when(
             lambda state: (state["orderId"], state["lastNodeId"]) == (order_id, f"n{len(way)}"), since=0

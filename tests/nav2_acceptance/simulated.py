@@ -12,7 +12,7 @@ from nav2_acceptance.site import Course, SimulatedSite
 from support.broker import Broker
 from support.nav2_agent import Bench
 from support.ros import RosPeer, own_domain_id
-from support.smooth_drive import LIKE_NAV2, REGULATED
+from support.smooth_drive import LIKE_NAV2, REGULATED, SPEED
 
 COURSE = Course(
     start=(0.0, 0.0), end=(6.0, 0.0), beside=(3.0, 1.5), outside=(-60.0, 0.0), obstacle=(3.0, 4.0)
@@ -28,6 +28,6 @@ def simulated_site(*, time_factor: float = 1.0, **robot: Any) -> Iterator[Simula
         try:
             with bench.mqtt, bench.simulator(*LIKE_NAV2, time_factor=time_factor, drive=REGULATED, **robot):
                 bench.fault("stuck", active=False)
-                yield SimulatedSite(bench, COURSE)
+                yield SimulatedSite(bench, COURSE, speed=SPEED)
         finally:
             broker.close()

@@ -63,6 +63,8 @@ class Nav2Site:
     kill: str = ""
     revive: str = ""
     pose: Place | None = None
+    speed: float | None = None
+    """Of its controller, m/s; None: unknown."""
     _orders: Any = field(default_factory=lambda: count(1))
 
     async def die(self, server: str) -> None:
@@ -144,12 +146,16 @@ class Nav2Site:
         """The end of the course that the robot is farther from."""
         return max(self.course.start, self.course.end, key=lambda place: dist(place, self.here))
 
-    def send(self, *places: Place, radius: float = FORGIVING) -> str:
-        """Send an order from the robot's position over ``places``; return its ID."""
+    def send(self, *places: Place, radius: float = FORGIVING, horizon: int = 0) -> str:
+        """Send an order from the robot's position over ``places``; return its ID.
+
+        The last ``horizon`` of them are not released.
+        """
         order_id = f"nav2-{next(self._orders)}"
         nodes = {"n0": self.node(self.here, 2.0)}
         nodes |= {f"n{index}": self.node(place, radius) for index, place in enumerate(places, 1)}
-        self.bench.fleet.send(order(*nodes, order_id=order_id, positions=nodes))
+        released = len(nodes) - horizon
+        self.bench.fleet.send(order(*nodes, order_id=order_id, positions=nodes, released=released))
         return order_id
 
     def extend(self, order_id: str, way: Sequence[Place], *, radius: float) -> None:

@@ -446,3 +446,17 @@ async def test_a_goal_of_an_earlier_run_can_be_stopped_without_a_search_for_the_
         await driver._open_node(RosAddress.of(RosSettings()))
         assert prepared == ["stop"]
         monkeypatch.setattr(driver, "_node", None)
+
+
+async def test_a_robot_whose_localisation_dies_on_the_way_is_reported_as_moving(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    told = list[MapDriverEvent]()
+    async with started(monkeypatch, told, Nav2Options()) as driver:
+        driver._on_pose(READING)
+        driver._on_velocity((0.5, 0.0))
+        for publishers in (frozenset({"amcl"}), frozenset[str](), frozenset[str]()):
+            driver._watch_localiser(Presence(frozenset(), 1, Lifecycle.ABSENT, localisers=publishers))
+        await turn_passes()
+    lost = [each for each in told if isinstance(each, MapPoseReport)][-1]
+    assert (lost.localized, lost.vx) == (False, 0.5)

@@ -151,9 +151,8 @@ class Nav2Driver:
         self._feedback, self._path_feedback = FeedbackFilter(), FeedbackFilter()
         self._initial_position = InitialPosition(settings.localisation)
         self._battery = Battery(settings.battery_scale)
-        self._looking_since = -inf
+        self._looking_since, self._blocked = -inf, False
         self._forget_place()
-        self._blocked = False
         self._navigation: NavigationReport | None = None
         self._node: Nav2Node | None = None
         self._transforms = TransformWatch(settings, self._on_pose)
@@ -337,14 +336,16 @@ class Nav2Driver:
         if node is not None:
             await node.stop()
 
-    def _lose_place(self, problem: str) -> None:
-        """Report that the robot's position is unknown; the previous one no longer counts."""
-        report = self._localisation.report()
+    def _lose_place(self, problem: str, *, moves: bool = False) -> None:
+        """Report that the robot's position is unknown; ``moves``: the odometry still shows its velocity."""
+        before, report = self._localisation, self._localisation.lost(problem, moves=moves)
         self._forget_place()
         self._tracker.forget_pose()
+        if moves:
+            self._localisation.keep_velocity(before)
         if report is not None:
             self._log.warning("the robot's position is no longer known", reason=problem)
-            self._report(replace(report, localized=False, vx=None, omega=None, problem=problem))
+            self._report(report)
 
     def _forget_place(self) -> None:
         """Discard the robot's position: it may be another robot, or may have been moved."""
@@ -358,11 +359,10 @@ class Nav2Driver:
 
     def _watch_localiser(self, seen: presence.Presence) -> None:
         """Forget the pose of a localisation that has gone or was restarted, and request a new one."""
-        inactive = seen.localiser is presence.Lifecycle.INACTIVE
-        problem = self._localiser_watch.look(seen.localisers, inactive=inactive)
+        watch, inactive = self._localiser_watch, seen.localiser is presence.Lifecycle.INACTIVE
+        problem = watch.look(seen.localisers, inactive=inactive)
         if problem is not None:
-            watch = self._localiser_watch
-            self._lose_place(problem)
+            self._lose_place(problem, moves=True)
             self._localiser_watch = watch
             self._apply([RequestPose()])
 

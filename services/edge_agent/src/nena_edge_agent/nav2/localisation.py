@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from nena_edge_agent.driver.map_port import MapPose, MapPoseReport
 from nena_edge_agent.driver.port import STANDING, PositionInitialized, VelocityReport
@@ -90,6 +90,18 @@ class Localisation:
         problem = "" if sure else _spread(self._reading)
         pose = self._nearer or self._pose(self._reading)
         return MapPoseReport(pose, localized=sure, vx=vx, omega=omega, problem=problem)
+
+    def lost(self, problem: str, *, moves: bool) -> MapPoseReport | None:
+        """Return the newest pose as one that no longer counts; ``moves``: its velocity still does."""
+        report = self.report()
+        if report is None:
+            return None
+        vx, omega = (report.vx, report.omega) if moves else (None, None)
+        return replace(report, localized=False, vx=vx, omega=omega, problem=problem)
+
+    def keep_velocity(self, before: Localisation) -> None:
+        """Use the velocity of the odometry that was known before."""
+        self._velocity, self._velocity_at = before._velocity, before._velocity_at
 
     def _pose(self, reading: PoseReading) -> MapPose:
         return MapPose(reading.x, reading.y, reading.yaw, self._map_id)
