@@ -47,8 +47,20 @@ class Conversation:
     def go_to(self, wanted: MapGoal) -> None:
         self.said += self.tracker.go_to(wanted, self.now)
 
+    def drives(self) -> None:
+        """Send goal 1, which Nav2 executes as A."""
+        self.go_to(goal(1))
+        self.array("A:2")
+
     def halt(self) -> None:
         self.said += self.tracker.halt(self.now)
+
+    def servers(self, found: frozenset[str]) -> None:
+        self.said += self.tracker.on_servers(found, self.now)
+
+    def silent_for(self, seconds: float) -> None:
+        """Report that feedback has been missing for ``seconds``."""
+        self.said += self.tracker.on_silence(seconds, self.now)
 
     def array(self, text: str) -> None:
         """Handle an array written as ``A:2 B:6``."""
@@ -122,8 +134,7 @@ def talk() -> Conversation:
 
 class TestGoldenTraces:
     def test_plain_drive(self, talk: Conversation) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
+        talk.drives()
         talk.at(4.9)
         assert talk.events == []
         talk.array("A:4")
@@ -131,8 +142,7 @@ class TestGoldenTraces:
         assert talk.given == [1]
 
     def test_second_goal_while_driving(self, talk: Conversation) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
+        talk.drives()
         talk.go_to(goal(2, 9.0))
         for array in ("A:2 B:2", "A:6 B:2"):
             talk.array(array)
@@ -144,8 +154,7 @@ class TestGoldenTraces:
         assert talk.cancelled == []
 
     def test_second_goal_in_one_array_with_the_end_of_the_first(self, talk: Conversation) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
+        talk.drives()
         talk.go_to(goal(2, 9.0))
         talk.at(9.0)
         talk.array("A:6 B:4")
@@ -170,8 +179,7 @@ class TestGoldenTraces:
         assert talk.failure().failure is DriveFailure.CANCELED_FROM_OUTSIDE
 
     def test_goal_that_cannot_start(self, talk: Conversation) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
+        talk.drives()
         talk.array("A:6")
         assert talk.failure().failure is DriveFailure.ABORTED
         assert talk.failure().generation == 1
@@ -190,8 +198,7 @@ class TestGoldenTraces:
         assert talk.given == [1, 2]
 
     def test_deactivated_while_driving(self, talk: Conversation) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
+        talk.drives()
         talk.said += talk.tracker.on_navigation(
             NavigationReport(available=False, reason="inactive"), talk.now
         )
@@ -201,8 +208,7 @@ class TestGoldenTraces:
 
     def test_old_entries_vanish_with_the_next_goal(self, talk: Conversation) -> None:
         talk.at(5.0)
-        talk.go_to(goal(1))
-        talk.array("A:2")
+        talk.drives()
         talk.array("A:4")
         talk.go_to(goal(2))
         talk.array("B:2")
@@ -210,8 +216,7 @@ class TestGoldenTraces:
         assert talk.events == [Arrived(1), Arrived(2)]
 
     def test_server_restarted(self, talk: Conversation) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
+        talk.drives()
         talk.array("X:2")
         assert talk.failure().failure is DriveFailure.NAVIGATION_GONE
         assert talk.goal_reports[-1] == ("X", True, "EXECUTING")
@@ -357,8 +362,7 @@ class TestForeignGoals:
         assert talk.cancelled == []
 
     def test_external_goal_that_takes_over_ours_is_named(self, talk: Conversation) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
+        talk.drives()
         talk.array("A:2 X:2")
         talk.array("A:6 X:2")
         assert talk.failure().failure is DriveFailure.TAKEN_OVER
@@ -375,8 +379,7 @@ class TestForeignGoals:
 
 class TestArrival:
     def test_asks_for_a_fresh_pose_and_waits_for_it(self, talk: Conversation) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
+        talk.drives()
         talk.at(4.2)
         talk.array("A:4")
         assert talk.events == []
@@ -386,8 +389,7 @@ class TestArrival:
         assert talk.events == [Arrived(1)]
 
     def test_fresh_pose_elsewhere_fails(self, talk: Conversation) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
+        talk.drives()
         talk.array("A:4")
         talk.later(0.1)
         talk.at(4.3)
@@ -398,8 +400,7 @@ class TestArrival:
         assert "4.30" in talk.failure().description
 
     def test_late_poses_of_a_robot_under_way_are_waited_out(self, talk: Conversation) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
+        talk.drives()
         talk.at(2.0)
         talk.array("A:4")
         for x in (3.0, 3.3, 3.6, 3.9):
@@ -411,8 +412,7 @@ class TestArrival:
         assert talk.events == [Arrived(1)]
 
     def test_poses_that_stay_away_while_the_robot_drives_are_waited_for(self, talk: Conversation) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
+        talk.drives()
         talk.at(2.0)
         talk.array("A:4")
         talk.later(5.0)
@@ -423,8 +423,7 @@ class TestArrival:
         assert talk.events == [Arrived(1)]
 
     def test_poses_that_stay_away_for_good_are_waited_for_so_long(self, talk: Conversation) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
+        talk.drives()
         talk.at(2.0)
         talk.array("A:4")
         talk.later(LATE_AT_MOST - 0.1)
@@ -433,8 +432,7 @@ class TestArrival:
         assert talk.failure().failure is DriveFailure.OUTSIDE_TOLERANCE
 
     def test_a_robot_that_drives_on_for_good_has_not_arrived(self, talk: Conversation) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
+        talk.drives()
         talk.at(2.0)
         talk.array("A:4")
         seconds = 0
@@ -455,8 +453,7 @@ class TestArrival:
         assert talk.failure().failure is DriveFailure.OUTSIDE_TOLERANCE
 
     def test_silent_localisation_is_given_the_slack_of_its_habits(self, talk: Conversation) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
+        talk.drives()
         talk.later(1.0)
         talk.at(4.3)
         talk.later(0.1)
@@ -471,8 +468,7 @@ class TestArrival:
         assert talk.failure().failure is DriveFailure.OUTSIDE_TOLERANCE
 
     def test_a_goal_that_ended_with_the_one_before_it_is_given_again_once(self, talk: Conversation) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
+        talk.drives()
         talk.at(4.8)
         talk.go_to(goal(2, 9.0))
         talk.array("A:6 B:4")
@@ -511,8 +507,7 @@ class TestStatuses:
     @pytest.mark.parametrize("status", [0, 1, 2, 3, 7, -1])
     def test_no_end_without_a_terminal_status(self, talk: Conversation, status: int) -> None:
         talk.at(5.0)
-        talk.go_to(goal(1))
-        talk.array("A:2")
+        talk.drives()
         talk.array(f"A:{status}")
         talk.later(20.0)
         assert talk.events == []
@@ -538,8 +533,7 @@ class TestStatuses:
 
     def test_late_end_of_an_older_goal_does_not_touch_the_newer(self, talk: Conversation) -> None:
         talk.at(5.0)
-        talk.go_to(goal(1))
-        talk.array("A:2")
+        talk.drives()
         talk.go_to(goal(2))
         talk.array("A:4")
         assert talk.events == []
@@ -554,8 +548,7 @@ class TestHalt:
         assert talk.events == [Halted()]
 
     def test_waits_for_the_end_and_for_standstill_by_odometry(self, talk: Conversation) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
+        talk.drives()
         talk.halt()
         assert talk.cancelled == ["A"]
         talk.tracker.on_velocity(0.5, 0.0, talk.now)
@@ -569,8 +562,7 @@ class TestHalt:
         assert talk.events == [Halted()]
 
     def test_robot_that_rolls_on_is_never_told_as_standing(self, talk: Conversation) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
+        talk.drives()
         talk.halt()
         talk.array("A:5")
         talk.rolls(2.9)
@@ -583,8 +575,7 @@ class TestHalt:
         assert talk.events[1:] == [Halted()]
 
     def test_a_halt_that_is_asked_for_again_is_answered_again(self, talk: Conversation) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
+        talk.drives()
         talk.halt()
         talk.rolls(3.2)
         talk.halt()
@@ -592,8 +583,7 @@ class TestHalt:
         assert [type(event) for event in talk.events] == [HaltFailed, HaltFailed]
 
     def test_a_robot_that_slows_down_is_waited_for(self, talk: Conversation) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
+        talk.drives()
         talk.halt()
         talk.array("A:5")
         for step in range(60):
@@ -604,8 +594,7 @@ class TestHalt:
         assert talk.events == [Halted()]
 
     def test_the_controller_is_stopped_where_the_navigator_does_not_do_it(self, talk: Conversation) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
+        talk.drives()
         talk.halt()
         talk.rolls(0.4)
         assert talk.motion_stopped == 0
@@ -620,8 +609,7 @@ class TestHalt:
     def test_a_standstill_does_not_count_while_a_navigator_that_hangs_may_drive_on(
         self, talk: Conversation
     ) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
+        talk.drives()
         talk.halt()
         talk.stands(5.0)
         assert talk.events == []
@@ -629,8 +617,7 @@ class TestHalt:
         assert talk.events == [Halted()]
 
     def test_goals_of_others_are_not_stopped_with_ours(self, talk: Conversation) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
+        talk.drives()
         talk.array("A:6 X:2")
         talk.halt()
         talk.rolls(5.0)
@@ -657,8 +644,7 @@ class TestHalt:
         assert talk.events == [Halted()]
 
     def test_cancel_without_effect_is_asked_again(self, talk: Conversation) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
+        talk.drives()
         talk.halt()
         talk.said += talk.tracker.on_cancel_answer("A", None, talk.now)
         talk.later(2.1)
@@ -666,8 +652,7 @@ class TestHalt:
         assert talk.events == []
 
     def test_goal_unknown_to_the_server_is_over(self, talk: Conversation) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
+        talk.drives()
         talk.halt()
         talk.said += talk.tracker.on_cancel_answer("A", 2, talk.now)
         talk.later(3.1)
@@ -675,16 +660,14 @@ class TestHalt:
 
     @pytest.mark.parametrize("status", [4, 5, 6])
     def test_any_end_will_do(self, talk: Conversation, status: int) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
+        talk.drives()
         talk.halt()
         talk.array(f"A:{status}")
         talk.later(3.1)
         assert talk.events == [Halted()]
 
     def test_both_goals_are_cancelled_in_the_middle_of_a_replacement(self, talk: Conversation) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
+        talk.drives()
         talk.go_to(goal(2))
         talk.halt()
         talk.array("A:3 B:2")
@@ -702,16 +685,15 @@ class TestHalt:
 
 class TestNavigationGone:
     def test_publisher_gone(self, talk: Conversation) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
-        talk.said += talk.tracker.on_servers(frozenset(), talk.now)
+        talk.drives()
+        talk.servers(frozenset())
         assert talk.failure().failure is DriveFailure.NAVIGATION_GONE
 
     def test_a_goal_that_was_not_confirmed_is_given_again_to_the_next_server(
         self, talk: Conversation
     ) -> None:
         talk.go_to(goal(1))
-        talk.said += talk.tracker.on_servers(frozenset({"other"}), talk.now)
+        talk.servers(frozenset({"other"}))
         talk.later(2.1)
         assert (talk.events, talk.given) == ([], [1, 1])
         talk.at(5.0)
@@ -721,22 +703,20 @@ class TestNavigationGone:
     def test_second_publisher_is_a_navigation_that_has_crashed_and_come_back(
         self, talk: Conversation
     ) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
-        talk.said += talk.tracker.on_servers(frozenset({"gid", "other"}), talk.now)
+        talk.drives()
+        talk.servers(frozenset({"gid", "other"}))
         assert talk.failure().failure is DriveFailure.NAVIGATION_GONE
 
     def test_drive_goes_on_when_the_crashed_publisher_disappears_at_last(self, talk: Conversation) -> None:
         both, new = frozenset({"gid", "other"}), frozenset({"other"})
-        talk.go_to(goal(1))
-        talk.array("A:2")
-        talk.said += talk.tracker.on_servers(both, talk.now)
+        talk.drives()
+        talk.servers(both)
         talk.later(3.0)
         talk.go_to(goal(2))
         talk.array("B:2")
         told = len(talk.events)
         for servers in (both, new, new):
-            talk.said += talk.tracker.on_servers(servers, talk.now)
+            talk.servers(servers)
         assert talk.events[told:] == []
         talk.array("B:4")
         talk.at(5.0)
@@ -745,19 +725,17 @@ class TestNavigationGone:
     def test_old_goal_that_still_runs_after_a_break_of_the_network_is_cancelled(
         self, talk: Conversation
     ) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
-        talk.said += talk.tracker.on_servers(frozenset(), talk.now)
+        talk.drives()
+        talk.servers(frozenset())
         talk.later(1.0)
-        talk.said += talk.tracker.on_servers(frozenset({"gid"}), talk.now)
+        talk.servers(frozenset({"gid"}))
         talk.array("A:2")
         assert talk.cancelled == ["A"]
 
     def test_halt_waits_for_what_a_navigation_that_is_back_has_to_show(self, talk: Conversation) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
+        talk.drives()
         for servers in ({"other"}, {"gid"}):
-            talk.said += talk.tracker.on_servers(frozenset(servers), talk.now)
+            talk.servers(frozenset(servers))
         talk.halt()
         assert talk.events[1:] == []
         talk.array("A:2")
@@ -767,10 +745,9 @@ class TestNavigationGone:
         assert talk.events[1:] == [Halted()]
 
     def test_halt_is_answered_when_navigation_goes(self, talk: Conversation) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
+        talk.drives()
         talk.halt()
-        talk.said += talk.tracker.on_servers(frozenset(), talk.now)
+        talk.servers(frozenset())
         assert talk.motion_stopped == 1
         talk.later(3.1)
         (failed,) = talk.events
@@ -780,10 +757,9 @@ class TestNavigationGone:
         assert talk.events[1:] == [Halted()]
 
     def test_the_controller_is_stopped_until_the_robot_stands(self, talk: Conversation) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
+        talk.drives()
         talk.rolls(0.1)
-        talk.said += talk.tracker.on_servers(frozenset(), talk.now)
+        talk.servers(frozenset())
         assert talk.motion_stopped == 1
         talk.rolls(2.1)
         assert talk.motion_stopped == 2
@@ -796,8 +772,7 @@ class TestNavigationGone:
     def test_the_controller_is_stopped_when_navigation_falls_silent(
         self, talk: Conversation, reason: str
     ) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
+        talk.drives()
         talk.rolls(0.1)
         talk.said += talk.tracker.on_navigation(NavigationReport(available=False, reason=reason), talk.now)
         assert talk.motion_stopped == 1
@@ -809,49 +784,44 @@ class TestNavigationGone:
     def test_feedback_that_stays_away_fails_the_drive_and_stops_the_controller(
         self, talk: Conversation
     ) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
-        talk.said += talk.tracker.on_silence(2.5, talk.now)
+        talk.drives()
+        talk.silent_for(2.5)
         assert talk.motion_stopped == 1
         assert talk.failure().failure is DriveFailure.NAVIGATION_GONE
 
     def test_a_navigator_that_was_only_busy_is_given_its_goal_again(self, talk: Conversation) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
+        talk.drives()
         talk.rolls(0.5)
-        talk.said += talk.tracker.on_silence(0.5, talk.now)
+        talk.silent_for(0.5)
         assert (talk.motion_stopped, talk.events) == (1, [])
         talk.stands()
-        talk.said += talk.tracker.on_silence(1.0, talk.now)
+        talk.silent_for(1.0)
         assert talk.events == [], "it stands"
         talk.array("A:4")
         assert (talk.events, talk.given) == ([], [1, 1])
 
     def test_a_robot_that_does_not_become_slower_fails_its_drive_sooner(self, talk: Conversation) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
+        talk.drives()
         talk.rolls(0.5)
-        talk.said += talk.tracker.on_silence(0.5, talk.now)
+        talk.silent_for(0.5)
         talk.rolls(0.5)
-        talk.said += talk.tracker.on_silence(1.0, talk.now)
+        talk.silent_for(1.0)
         assert talk.failure().failure is DriveFailure.NAVIGATION_GONE
 
     def test_feedback_that_returns_ends_the_stops_of_a_silence(self, talk: Conversation) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
+        talk.drives()
         talk.rolls(0.5)
-        talk.said += talk.tracker.on_silence(0.5, talk.now)
+        talk.silent_for(0.5)
         talk.tracker.on_feedback()
         talk.rolls(0.5)
         talk.later(10.0)
         assert (talk.motion_stopped, talk.events) == (1, [])
 
     def test_feedback_does_not_end_the_stops_after_a_crash(self, talk: Conversation) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
+        talk.drives()
         talk.rolls(0.5)
-        talk.said += talk.tracker.on_servers(frozenset(), talk.now)
-        talk.said += talk.tracker.on_silence(0.5, talk.now)
+        talk.servers(frozenset())
+        talk.silent_for(0.5)
         talk.tracker.on_feedback()
         stopped = talk.motion_stopped
         talk.rolls(0.5)
@@ -859,8 +829,7 @@ class TestNavigationGone:
         assert talk.motion_stopped > stopped
 
     def test_a_goal_that_is_not_accepted_yet_leaves_the_one_before_active(self, talk: Conversation) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
+        talk.drives()
         talk.go_to(goal(2, 9.0))
         assert not talk.tracker.driving
         assert talk.tracker.active, "it drives to the goal before"
@@ -869,15 +838,14 @@ class TestNavigationGone:
         talk = Conversation()
         talk.tracker.reclaim(MapOwnGoals(("A",), MapPose(5.0, 0.0, 0.0, "hall")))
         for _ in range(6):
-            talk.said += talk.tracker.on_servers(frozenset(), talk.now)
+            talk.servers(frozenset())
             assert talk.motion_stopped == 0
             talk.rolls(1.0)
-        talk.said += talk.tracker.on_servers(frozenset(), talk.now)
+        talk.servers(frozenset())
         assert talk.motion_stopped == 1
 
     def test_goal_not_taken_up_ends_the_one_before_too(self, talk: Conversation) -> None:
-        talk.go_to(goal(1))
-        talk.array("A:2")
+        talk.drives()
         talk.go_to(goal(2))
         talk.later(14.2)
         assert talk.failure().failure is DriveFailure.NOT_TAKEN_UP
@@ -1036,8 +1004,7 @@ def test_before_the_arrival_no_pose_is_late() -> None:
 
 def test_a_pose_of_the_robot_at_rest_is_asked_for_after_each_arrival() -> None:
     talk = Conversation().ready()
-    talk.go_to(goal(1))
-    talk.array("A:2")
+    talk.drives()
     talk.at(5.0)
     talk.array("A:4")
     assert talk.events[-1] == Arrived(1)
@@ -1051,8 +1018,7 @@ def test_a_pose_of_the_robot_at_rest_is_asked_for_after_each_arrival() -> None:
 
 def test_no_pose_at_rest_is_asked_for_when_the_next_goal_has_come() -> None:
     talk = Conversation().ready()
-    talk.go_to(goal(1))
-    talk.array("A:2")
+    talk.drives()
     talk.at(5.0)
     talk.array("A:4")
     talk.go_to(goal(2, 9.0))
