@@ -266,15 +266,8 @@ async def test_a_navigator_that_falls_silent_is_noticed_between_two_looks(
 async def test_a_navigator_that_hangs_is_stopped_by_the_odometry_before_the_drive_is_given_up(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    station, told, clock = Station(monkeypatch), list[MapDriverEvent](), ManualClock()
-    async with started(monkeypatch, told, Nav2Options()) as driver:
-        monkeypatch.setattr(driver, "_node", station)
-        monkeypatch.setattr(driver, "_clock", clock)
-        driver._on_statuses([])
-        available(driver)
-        driver.go_to(MapGoal(1, MapPose(1.0, 0.0, 0.0, "hall"), 0.3, None))
-        driver._on_statuses([GoalEntry("a" * 32, GoalStatus.EXECUTING)])
-        driver._on_feedback(FeedbackReading("a" * 32, 0.0, 0.0, 0.0, "map", 1.0, 0))
+    told: list[MapDriverEvent] = []
+    async with on_the_way(monkeypatch, told) as (driver, station, clock):
         stopped_at = 0.0
         for tick in range(1, 16):
             clock.advance(0.05)
@@ -288,7 +281,6 @@ async def test_a_navigator_that_hangs_is_stopped_by_the_odometry_before_the_driv
             clock.advance(0.05)
             driver._on_velocity((0.5, 0.0))
         await turn_passes()
-        monkeypatch.setattr(driver, "_node", None)
     (failed,) = (each for each in told if isinstance(each, DriveFailed))
     assert failed.failure is DriveFailure.NAVIGATION_GONE
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from math import asin, cos, dist, hypot, pi, sin
 
 import pytest
@@ -198,7 +198,8 @@ def test_the_near_end_of_a_path_is_no_return(drawn: Trajectory) -> None:
     path = courses.course(edge(drawn), at(first.x, first.y), at(last.x, last.y))
     found = courses.fault(edge(drawn), at(first.x, first.y), at(last.x, last.y), ROBOT, 0.25)
     around = [dist(each, path[-1]) for each in path]
-    lengths = [sum(dist(a, b) for a, b in pairwise(path[index:])) for index in range(len(path))]
+    steps = (dist(a, b) for a, b in pairwise(reversed(path)))
+    lengths = reversed([*accumulate(steps, initial=0.0)])
     early = any(
         away <= 0.25 and left > 0.25 + courses.DETOUR for away, left in zip(around, lengths, strict=True)
     )

@@ -1,6 +1,7 @@
 """The course of a NURBS trajectory, in metres of the plant frame."""
 
 from bisect import bisect_left, bisect_right
+from collections import Counter
 from itertools import pairwise
 from math import hypot
 from typing import Final
@@ -33,8 +34,8 @@ def fault(trajectory: PathTrajectory) -> str:
 def has_gap(trajectory: PathTrajectory) -> bool:
     """Return whether a curve without fault may jump: a knot inside is repeated more often than the degree."""
     knots, degree = trajectory.knot_vector, trajectory.degree
-    inner = [knot for knot in knots if knots[degree] < knot < knots[-degree - 1]]
-    return any(inner.count(knot) > degree for knot in set(inner))
+    inner = Counter(knot for knot in knots if knots[degree] < knot < knots[-degree - 1])
+    return any(count > degree for count in inner.values())
 
 
 def places(trajectory: PathTrajectory, samples: int = _SAMPLES) -> tuple[Place, ...]:
