@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import pytest
 
 from nena_edge_agent.nav2.presence import (
@@ -8,6 +10,7 @@ from nena_edge_agent.nav2.presence import (
     LifecycleWatch,
     PlannerWatch,
     Presence,
+    endpoints,
     judge,
 )
 from nena_edge_agent.nav2.settings import Navigation, RosSettings
@@ -51,6 +54,15 @@ def test_the_pose_is_asked_for_before_nav2_is_blamed(lifecycle: Lifecycle) -> No
 def test_a_localisation_that_is_not_active_keeps_the_robot() -> None:
     presence = Presence(GID, 1, Lifecycle.ACTIVE, localiser=Lifecycle.INACTIVE)
     assert "amcl/get_state" in judge(presence, SETTINGS, pose_known=True).reason
+
+
+def test_only_the_planners_own_node_counts_as_planner() -> None:
+    publishers = [
+        SimpleNamespace(node_name="planner_server", endpoint_gid=[1, 2]),
+        SimpleNamespace(node_name="some_tool", endpoint_gid=[3, 4]),
+    ]
+    assert endpoints(publishers, node_name="planner_server") == {"0102"}
+    assert endpoints(publishers) == {"0102", "0304"}
 
 
 def test_a_planner_that_has_gone_keeps_the_robot_until_it_is_back() -> None:

@@ -26,7 +26,7 @@ from nena_edge_agent.driver.map_port import MapPose
 from nena_edge_agent.nav2 import messages
 from nena_edge_agent.nav2.goals import GoalEntry
 from nena_edge_agent.nav2.poses import PoseReading
-from nena_edge_agent.nav2.presence import LifecycleWatch, Presence
+from nena_edge_agent.nav2.presence import LifecycleWatch, Presence, endpoints
 from nena_edge_agent.nav2.robot_base import BatteryReading
 from nena_edge_agent.nav2.session import RosSession
 from nena_edge_agent.nav2.session_control import NodeExtension
@@ -150,13 +150,14 @@ class Nav2Node:
         return self._publishers(status_of(self._settings.action))
 
     def planners(self) -> frozenset[str]:
-        """Return the endpoint IDs of the plan's publishers."""
-        return self._publishers(self._settings.names.plan)
+        """Return the endpoint IDs by which the planner publishes plans; other nodes may come and go."""
+        names = self._settings.names
+        found = self._node.get_publishers_info_by_topic(names.plan)
+        return endpoints(found, node_name=names.planner.rpartition("/")[2])
 
     def _publishers(self, topic: str) -> frozenset[str]:
         """Return the endpoint IDs of a topic's publishers."""
-        found = self._node.get_publishers_info_by_topic(topic)
-        return frozenset(bytes(publisher.endpoint_gid).hex() for publisher in found)
+        return endpoints(self._node.get_publishers_info_by_topic(topic))
 
     async def _call(self, client: Any, request: Any) -> Any:  # noqa: ANN401 - rclpy carries no types
         return await self._session.call(client, request, seconds=self._settings.call_timeout)

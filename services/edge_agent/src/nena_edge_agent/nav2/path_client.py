@@ -18,6 +18,7 @@ from nena_edge_agent.nav2.goals import GoalEntry
 from nena_edge_agent.nav2.messages import UnusablePoseError
 from nena_edge_agent.nav2.node import LATCHED, STATUS_ARRAYS
 from nena_edge_agent.nav2.offers import FOLLOW_PATH, interface
+from nena_edge_agent.nav2.presence import endpoints
 from nena_edge_agent.nav2.session import RosSession
 from nena_edge_agent.nav2.settings import RosSettings, status_of
 
@@ -55,8 +56,7 @@ class PathClient(ActionClient):
 
     def servers(self) -> frozenset[str]:
         """Return the endpoint IDs of the publishers of the status array."""
-        found = self._node.get_publishers_info_by_topic(self._status)
-        return frozenset(bytes(publisher.endpoint_gid).hex() for publisher in found)
+        return endpoints(self._node.get_publishers_info_by_topic(self._status))
 
     async def send_path(self, goal_id: str, path: Sequence[MapPose]) -> bool | None:
         """Send a path; return whether the server has accepted it, None: it did not answer in time."""

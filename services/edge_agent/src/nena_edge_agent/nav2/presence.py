@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum, auto
+from typing import Any
 
 from nena_edge_agent.driver.port import NavigationReport
 from nena_edge_agent.nav2.settings import Navigation, RosSettings, status_of
@@ -61,6 +63,15 @@ class Presence:
     localisers: frozenset[str] = frozenset()
     localiser: Lifecycle = Lifecycle.ABSENT
     planner_gone: bool = False
+
+
+def endpoints(publishers: Iterable[Any], *, node_name: str | None = None) -> frozenset[str]:
+    """Return the endpoint IDs of publishers in the ROS graph, of the nodes called ``node_name`` if given."""
+    return frozenset(
+        bytes(each.endpoint_gid).hex()
+        for each in publishers
+        if node_name is None or each.node_name == node_name
+    )
 
 
 class PlannerWatch:
