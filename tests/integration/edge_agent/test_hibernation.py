@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 from nena_edge_agent import __main__ as program
+from nena_edge_agent.journal import Journal
 from nena_shared.clock import SystemClock
 from nena_shared.mqtt import Inbound
 from nena_shared.program import StartError
@@ -237,6 +238,40 @@ async def test_a_robot_shuts_down_after_it_has_said_so(
         await there.connected("ONLINE", "OFFLINE")
         assert instant_status(there.fleet.states[-1], "d") == "FINISHED"
         assert there.story[-1] == "OFFLINE"
+
+
+def full_disk(*_: object) -> None:
+    raise OSError(28, "No space left on device")
+
+
+@pytest.mark.clause("6.2.3/shutdown")
+async def test_a_robot_whose_disk_fails_shuts_down(
+    broker: Broker, interface_name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with site(broker, interface_name, tmp_path) as there:
+        monkeypatch.setattr(Journal, "write", full_disk)
+        there.fleet.instant(SHUTDOWN)
+
+        await there.has_run("shutdown")
+        await there.connected("ONLINE", "OFFLINE")
+        assert instant_status(there.fleet.states[-1], "d") == "FINISHED"
+
+
+@pytest.mark.clause("6.2.3/startHibernation")
+async def test_a_robot_whose_disk_fails_stays_awake(
+    broker: Broker, interface_name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with site(broker, interface_name, tmp_path) as there:
+        with monkeypatch.context() as disk:
+            disk.setattr(Journal, "write", full_disk)
+            there.fleet.instant(SLEEP)
+            await there.fleet.state(lambda state: "JOURNAL_NOT_WRITTEN" in error_types(state))
+        await there.fleet.state(shows("s", "FINISHED"))
+
+        there.fleet.send(order("n0", "n1"))
+        await there.fleet.state(lambda state: state["orderId"] == "o1")
+        assert there.fleet.connections == ["ONLINE"]
+        assert there.commands == []
 
 
 @pytest.mark.clause("6.2.3/shutdown")

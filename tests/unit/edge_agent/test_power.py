@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import os
+import signal
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -10,13 +13,14 @@ import pytest
 from pydantic import ValidationError
 from structlog.testing import capture_logs
 
+from nena_edge_agent import power as commands
 from nena_edge_agent.doctor.finding import Link, LinkVerdict
 from nena_edge_agent.doctor.program import judge_power
 from nena_edge_agent.power import OUTPUT_LOGGED, PowerSettings, run_command
 from nena_edge_agent.protocol.declaration import HIBERNATION, POWER_ACTIONS
 from nena_edge_agent.protocol.events import PowerCommand
 from nena_edge_agent.settings import EdgeAgentSettings
-from support.waiting import until
+from support.waiting import PATIENCE, until
 
 SHUTDOWN = frozenset({"shutdown"})
 
@@ -44,6 +48,39 @@ async def test_a_command_that_hangs_is_killed() -> None:
     problem = await run_command(power("sleep", "3600", timeout=0.05), PowerCommand.SHUT_DOWN)
 
     assert problem == "sleep has not ended in 0.05 s"
+
+
+async def test_the_robot_wakes_although_no_file_can_hold_the_output(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", "/nonexistent")
+    waking = PowerSettings(hibernate_command=("true",), wake_command=("sh", "-c", "echo too hot; exit 3"))
+
+    assert await run_command(waking, PowerCommand.WAKE) == "sh ended with exit code 3"
+
+
+@pytest.mark.parametrize("refusal", [PermissionError, ProcessLookupError, None])
+async def test_the_robot_wakes_although_its_command_cannot_be_killed(
+    monkeypatch: pytest.MonkeyPatch, refusal: type[OSError] | None
+) -> None:
+    """Such as one of another user (sudo), or one that waits for a device."""
+    left: list[int] = []
+
+    def kill(group: int, _: int) -> None:
+        left.append(group)
+        if refusal:
+            raise refusal
+
+    waking = PowerSettings(hibernate_command=("true",), wake_command=("sleep", "3600"), command_timeout=0.05)
+    try:
+        with monkeypatch.context() as patched:
+            patched.setattr(os, "killpg", kill)
+            patched.setattr(commands, "KILL_TIMEOUT", 0.05)
+            problem = await asyncio.wait_for(run_command(waking, PowerCommand.WAKE), PATIENCE)
+    finally:
+        (group,) = left
+        os.killpg(group, signal.SIGKILL)
+
+    assert problem == "sleep has not ended in 0.05 s and cannot be killed"
+    await until(lambda: not _runs(Path(f"/proc/{group}/stat")), what="the command has ended")
 
 
 async def test_a_command_ends_with_the_task_that_waits_for_it_and_so_does_all_that_it_has_started(

@@ -473,7 +473,8 @@ class RobotAgent:
         if self._greeting or self._states.due <= now:
             self._publish_state()
             self._states.sent(now)
-            if self._core.power.signs_off and self._recorded and self._link.state.connected:
+            ends = self._core.power is PowerPhase.SHUTTING_DOWN  # a restart is awake, so it needs no record
+            if self._link.state.connected and (ends or (self._core.power.signs_off and self._recorded)):
                 self._mailbox.put(SignedOff())
         if self._visualizations.due <= now:
             if self._link.state.connected and self._core.robot.reports.pose is not None:
@@ -484,7 +485,10 @@ class RobotAgent:
         """Publish the state; the first one after a connect is kept until the link sends it."""
         if self._greeting or self._link.state.connected:
             state = self._core.state(self._messages.header(Topic.STATE))
-            state = self._shown = state if self._recorded else as_recorded(state, self._shown)
+            if not self._recorded:
+                ends = self._core.power is PowerPhase.SHUTTING_DOWN
+                state = as_recorded(state, self._shown, last=ends)
+            self._shown = state
             self._log_ended_actions(state)
             self._link.publish(self._messages.state(state, keep=self._greeting))
             self._greeting = False

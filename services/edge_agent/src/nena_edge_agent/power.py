@@ -7,6 +7,7 @@ import os
 import shutil
 import signal
 from collections.abc import Mapping
+from contextlib import AbstractContextManager, nullcontext, suppress
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import IO, Annotated, Self
@@ -25,6 +26,8 @@ WAKE_UP_VARIABLE = "NENA_WAKE_UP_TIME"
 """Environment variable of the hibernate command: its wakeUpTime."""
 OUTPUT_LOGGED = 4000
 """Bytes at the end of a failed command's output that are logged."""
+KILL_TIMEOUT = 5.0
+"""Seconds that a killed command has to end: one of another user, or one that waits for a device, may not."""
 
 Command = tuple[Annotated[str, Field(min_length=1, max_length=4096)], ...]
 
@@ -86,12 +89,13 @@ async def run_command(
 ) -> str:
     """Run a command to its end, if there is one; return what has failed, empty if nothing has.
 
-    Its output is logged if it fails. At the timeout, or if the task is cancelled, it is killed.
+    Its output is logged if it fails. At the timeout, or if the task is cancelled, it is killed. A robot must
+    wake in any case: a command that cannot be killed is left behind, and a full disk only costs the output.
     """
     command = settings.command(kind)
     if not command:
         return ""
-    with TemporaryFile() as output:
+    with _output_file() as output:
         problem = await _run(settings, command, output, {**os.environ, **(environment or {})})
         if problem:
             log.warning(
@@ -102,15 +106,25 @@ async def run_command(
     return problem
 
 
+def _output_file() -> AbstractContextManager[IO[bytes] | None]:
+    """Return a file for the output of a command, None if the disk has no room for it."""
+    try:
+        return TemporaryFile()
+    except OSError as error:
+        log.warning("the output of a power command is lost", problem=str(error))
+        return nullcontext()
+
+
 async def _run(
-    settings: PowerSettings, command: Command, output: IO[bytes], environment: Mapping[str, str]
+    settings: PowerSettings, command: Command, output: IO[bytes] | None, environment: Mapping[str, str]
 ) -> str:
+    written = asyncio.subprocess.DEVNULL if output is None else output
     try:
         process = await asyncio.create_subprocess_exec(
             *command,
             stdin=asyncio.subprocess.DEVNULL,
-            stdout=output,
-            stderr=output,
+            stdout=written,
+            stderr=written,
             env=environment,
             start_new_session=True,
         )
@@ -120,18 +134,30 @@ async def _run(
         async with asyncio.timeout(settings.command_timeout):
             code = await process.wait()
     except TimeoutError:
-        return f"{command[0]} has not ended in {settings.command_timeout:g} s"
-    finally:
-        if process.returncode is None:
-            os.killpg(process.pid, signal.SIGKILL)
-            await process.wait()
+        problem = f"{command[0]} has not ended in {settings.command_timeout:g} s"
+        return problem if await _kill(process) else f"{problem} and cannot be killed"
+    except asyncio.CancelledError:
+        await _kill(process)
+        raise
     if code < 0:
         return f"{command[0]} was ended by signal {-code}"
     return f"{command[0]} ended with exit code {code}" if code else ""
 
 
-def _tail(output: IO[bytes]) -> str:
+async def _kill(process: asyncio.subprocess.Process) -> bool:
+    """End a command and all that it has started; return whether it has ended."""
+    with suppress(ProcessLookupError, PermissionError):
+        os.killpg(process.pid, signal.SIGKILL)
+    with suppress(TimeoutError):
+        async with asyncio.timeout(KILL_TIMEOUT):
+            await process.wait()
+    return process.returncode is not None
+
+
+def _tail(output: IO[bytes] | None) -> str:
     """Return the end of what a command has written."""
+    if output is None:
+        return ""
     size = output.seek(0, os.SEEK_END)
     output.seek(max(0, size - OUTPUT_LOGGED))
     return output.read().decode(errors="replace").strip()

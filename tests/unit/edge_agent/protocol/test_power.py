@@ -10,13 +10,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_edge_agent.driver.port import Halted, HaltFailed
+from nena_edge_agent.driver.port import GoalReport, GoalTable, Halted, HaltFailed, VelocityReport
 from nena_edge_agent.protocol.declaration import HIBERNATION, POWER_ACTIONS, PREDEFINED, supported_actions
 from nena_edge_agent.protocol.events import (
     Event,
     GoOnline,
     Halt,
     Hibernate,
+    JournalReport,
     LinkReport,
     LogIgnored,
     MessageRefused,
@@ -34,6 +35,7 @@ from nena_edge_agent.protocol.events import (
     Wake,
     ZoneSetReceived,
 )
+from nena_edge_agent.protocol.power import REST_TIMEOUT
 from nena_edge_agent.protocol.robot_state import PowerPhase
 from nena_shared.vda5050.error import ErrorType, error
 from nena_shared.vda5050.state import OperatingMode
@@ -292,6 +294,86 @@ def test_a_robot_whose_standstill_is_not_confirmed_stays_awake() -> None:
 
     assert bench.status("s") == "FAILED"
     assert bench.core.power is PowerPhase.AWAKE
+
+
+FOREIGN = GoalReport("0a" * 16, external=True, status="executing")
+MOVED = [VelocityReport(1.0, 0.0), VelocityReport(0.0, -0.5), GoalTable((FOREIGN,))]
+"""A robot that moves without an order: by a joystick, by hand, by a goal of RViz."""
+AT_REST = (VelocityReport(0.0, 0.0), GoalTable())
+
+
+@pytest.mark.clause("6.2.3/startHibernation")
+@pytest.mark.parametrize("motion", MOVED, ids=["drives", "turns", "foreign goal"])
+def test_a_robot_that_moves_without_an_order_hibernates_once_it_rests(motion: Event) -> None:
+    bench = robot()
+    bench.do(motion, sleep())
+    assert (bench.status("s"), bench.core.power) == ("RUNNING", PowerPhase.FALLING_ASLEEP)
+    bench.now += REST_TIMEOUT - 0.1
+
+    bench.do(TimePassed(), *AT_REST)
+
+    assert bench.status("s") == "FINISHED"
+    assert bench.do(SignedOff()) == [Hibernate(SIX)]
+
+
+@pytest.mark.clause("6.2.3/startHibernation")
+@pytest.mark.parametrize("motion", MOVED, ids=["drives", "turns", "foreign goal"])
+def test_a_robot_that_does_not_come_to_rest_stays_awake(motion: Event) -> None:
+    bench = robot()
+    bench.do(sleep("before"), wake())
+    bench.now += 1000.0
+    bench.do(motion, sleep())
+    bench.now += REST_TIMEOUT
+
+    bench.do(TimePassed())
+
+    assert (bench.status("s"), bench.core.power) == ("FAILED", PowerPhase.AWAKE)
+
+
+@pytest.mark.clause("6.2.3/shutdown")
+@pytest.mark.parametrize("motion", MOVED, ids=["drives", "turns", "foreign goal"])
+def test_a_robot_that_moves_without_an_order_does_not_shut_down(motion: Event) -> None:
+    bench = robot()
+    bench.do(motion)
+
+    bench.do(shutdown())
+    assert (bench.status("d"), bench.core.power) == ("FAILED", PowerPhase.AWAKE)
+
+    bench.do(*AT_REST, instant(action("d2", "NONE", "shutdown")))
+    assert bench.status("d2") == "FINISHED"
+
+
+@pytest.mark.clause("6.2.3/startHibernation")
+def test_a_robot_whose_journal_fails_does_not_hibernate() -> None:
+    bench = robot()
+    bench.do(JournalReport("no space left"), sleep())
+
+    assert (bench.status("s"), bench.core.power) == ("FAILED", PowerPhase.AWAKE)
+
+
+@pytest.mark.clause("6.2.3/startHibernation")
+@pytest.mark.parametrize("stands", [True, False])
+def test_a_journal_that_fails_before_it_hibernates_keeps_it_awake(*, stands: bool) -> None:
+    bench = robot()
+    bench.send(order("n0", "n1"))
+    bench.do(sleep())
+    if stands:
+        bench.halted()
+
+    bench.do(JournalReport("no space left"), JournalReport(""))
+
+    assert bench.status("s") == ("FINISHED" if stands else "FAILED")
+    assert bench.core.power is PowerPhase.AWAKE
+
+
+@pytest.mark.clause("6.2.3/shutdown")
+def test_a_robot_whose_journal_fails_shuts_down() -> None:
+    bench = robot()
+
+    bench.do(JournalReport("no space left"), shutdown())
+
+    assert bench.status("d") == "FINISHED"
+    assert bench.do(SignedOff()) == [ShutDown()]
 
 
 @pytest.mark.clause("6.2.3/startHibernation")

@@ -37,6 +37,8 @@ from nena_shared.vda5050.action import (
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference
 
 POWER_COMMAND_FAILED = "POWER_COMMAND_FAILED"
+REST_TIMEOUT = 30.0
+"""Seconds that a robot about to hibernate waits for the end of what is not part of its order."""
 
 _DEAF = frozenset(PowerPhase) - {PowerPhase.AWAKE, PowerPhase.FALLING_ASLEEP}
 """Phases in which messages are ignored."""
@@ -50,11 +52,13 @@ def start_hibernation(robot: RobotState, action: Action) -> str | None:
 
     A second request joins the first, with its own wake-up time.
     """
+    if robot.journal_problem:
+        return f"the journal cannot be written: {robot.journal_problem}"
     at, now = wake_up_time(action), robot.utc_now
     if at is not None and now is not None and at <= now:
         return f"the wake-up time {iso(at)} has passed; it is {iso(now)}"
     robot.instant_actions.change(action.action_id, ActionStatus.RUNNING)
-    robot.power, robot.wake_up_at = PowerPhase.FALLING_ASLEEP, at
+    robot.power, robot.wake_up_at, robot.restless_since = PowerPhase.FALLING_ASLEEP, at, None
     orders.begin_clearing(robot)
     return None
 
@@ -75,6 +79,8 @@ def shut_down(robot: RobotState, action: Action) -> str | None:
         return "the robot is about to hibernate; send stopHibernation first"
     if robot.instant_actions_running > 1:
         return "another instant action is running; wait for its end"
+    if problem := _motion(robot):
+        return problem
     robot.instant_actions.change(action.action_id, ActionStatus.FINISHED)
     robot.power = PowerPhase.SHUTTING_DOWN
     return None
@@ -111,17 +117,39 @@ def heard(robot: RobotState, event: Event) -> Event:
 
 
 def advance(robot: RobotState) -> None:
-    """Sign off once the order is cleared and the robot stands; wake it at its wake-up time."""
+    """Sign off once the order is cleared and the robot is at rest; wake it at its wake-up time.
+
+    That it hibernates must be on the disk before it is said, so a robot without a journal stays awake.
+    """
     now = robot.utc_now
     if robot.wake_up_at is not None and now is not None and now >= robot.wake_up_at:
         if robot.power is PowerPhase.HIBERNATING:
             _wake(robot)
         elif not robot.power.silent:
             _stay_awake(robot, "the wake-up time has passed before the robot could hibernate")
-    stands = not robot.clearing and not robot.goal.moving
-    if robot.power is PowerPhase.FALLING_ASLEEP and stands:
+    if robot.journal_problem and robot.power in (PowerPhase.FALLING_ASLEEP, PowerPhase.SIGNING_OFF):
+        _stay_awake(robot, f"the journal cannot be written: {robot.journal_problem}")
+    if robot.power is PowerPhase.FALLING_ASLEEP and not robot.clearing and not robot.goal.moving:
+        _sign_off(robot)
+
+
+def _sign_off(robot: RobotState) -> None:
+    """End startHibernation: sign off, or fail if something beside the order keeps the robot awake."""
+    problem = _motion(robot)
+    if not problem:
         robot.end_instant_actions(START_HIBERNATION, ActionStatus.FINISHED)
         robot.power = PowerPhase.SIGNING_OFF
+    elif robot.restless_since is None:
+        robot.restless_since = robot.now
+    elif robot.now - robot.restless_since >= REST_TIMEOUT:
+        _stay_awake(robot, f"{problem}, for {REST_TIMEOUT:.0f} s")
+
+
+def _motion(robot: RobotState) -> str | None:
+    """Return what moves the robot without an order, such as a person or another program."""
+    if goals := robot.reports.goals.external:
+        return f"navigation drives to a goal of another program ({goals[0].goal_id})"
+    return "the robot moves without an order" if robot.reports.velocity.moves else None
 
 
 def signed_off(robot: RobotState, _: SignedOff) -> None:

@@ -254,7 +254,8 @@ class RobotState:
     were at ``areas_revision``. ``maps`` are those on the robot. ``header_ids`` are those from which the next
     run of the program continues to count. ``interrupted`` are actions that a restart has ended during a
     pause; they start again after it. ``zones_checked``: zones mattered at the last event. ``wake_up_at``: the
-    end of the hibernation.
+    end of the hibernation. ``restless_since``: the monotonic time in s since which something beside the order
+    keeps the robot from hibernating, None: nothing does.
     """
 
     capabilities: Capabilities
@@ -279,6 +280,7 @@ class RobotState:
     clearing: bool = False
     power: PowerPhase = PowerPhase.AWAKE
     wake_up_at: datetime | None = None
+    restless_since: float | None = None
     journal_problem: str = ""
     header_ids: tuple[tuple[Topic, int], ...] = ()
     refused_topics: tuple[str, ...] = ()

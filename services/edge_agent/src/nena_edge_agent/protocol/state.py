@@ -85,14 +85,17 @@ def _drives(robot: RobotState) -> bool:
     return moving or velocity.moves or not_known or bool(robot.reports.goals.external)
 
 
-def as_recorded(state: State, before: State) -> State:
+def as_recorded(state: State, before: State, *, last: bool = False) -> State:
     """Return ``state`` with its durable fields as in ``before``: as far as a restart would not revert it.
 
-    A goal that waits for the disk is not sent, so the robot drives if it moves.
+    A goal that waits for the disk is not sent, so the robot drives if it moves. ``last``: the state is the
+    last one before a shutdown, and also reports its end.
     """
     speed = state.velocity
     stands = speed is not None and not speed.vx and not speed.omega
     kept = {name: getattr(before, name) for name in DURABLE_FIELDS}
+    if last:
+        del kept["instant_action_states"]
     return state.model_copy(update=kept | {"driving": state.driving and not stands})
 
 
