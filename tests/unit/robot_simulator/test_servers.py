@@ -12,6 +12,7 @@ import pytest
 from nena_robot_simulator import faults
 from nena_robot_simulator.goals import Action
 from nena_robot_simulator.motion import Pose
+from nena_robot_simulator.navigator import Goal
 from nena_robot_simulator.robot import Feedback
 from nena_robot_simulator.servers import (
     BOND_TIMEOUT,
@@ -254,9 +255,8 @@ def test_a_new_goal_is_known_to_the_feedback_at_the_next_replanning() -> None:
     assert feedback(bench).left == 0.0, "no path yet"
     bench.run(3.0)
     bench.take(B, 25.0, 0.0)
-    bench.run(0.05)
-    assert feedback(bench).goal_id == B
-    assert feedback(bench).left < 13.0, "still the old path"
+    bench.run(5.0, lambda: feedback(bench).goal_id == B)
+    assert 10.0 < feedback(bench).left < 13.0, "still the old path, from its first feedback on"
     bench.run(1.0)
     assert feedback(bench).left > 20.0
 
@@ -292,3 +292,29 @@ def test_a_client_can_stop_and_start_all_servers() -> None:
     assert {robot.servers.state(each) for each in MANAGED[manager]} == {LifecycleState.FINALIZED}
     assert not robot.manage(manager, Command.STARTUP, bench.now), "its processes have to be started again"
     assert not robot.manage(manager, 99, bench.now)
+
+
+def test_the_feedback_of_a_new_goal_through_poses_counts_them_at_once() -> None:
+    """As recorded: 41c2b2ab took over with two poses left, of a goal that had one."""
+    bench = Bench(replan_period=1.0)
+
+    def left() -> int:
+        found = bench.robot.feedback(Action.THROUGH_POSES, bench.now)
+        assert found is not None
+        return found.places_left
+
+    def through(goal_id: UUID, *places: float) -> None:
+        way = [Pose(x, 0.0, 0.0) for x in places]
+        goal = Goal(goal_id, way[-1], "map", tuple(way[:-1]))
+        assert bench.robot.take_goal(goal, 1, bench.now, Action.THROUGH_POSES)
+
+    through(A, 5.0)
+    bench.run(1.0)
+    assert left() == 1
+    through(B, 5.0, 10.0)
+    bench.run(0.03)
+    assert left() == 2
+    bench.run(5.0, lambda: bench.robot.pose.x > 4.4)
+    assert left() == 2, "a pose that was passed counts until the next replanning"
+    bench.run(3.1)
+    assert left() == 1

@@ -103,7 +103,8 @@ class Robot:
         self._alone = False
         """Whether the controller drives for a navigator that has died."""
         self._followed: UUID | None = None
-        self._target_seen: tuple[UUID | None, float] = (None, now)
+        self._target_seen: UUID | None = None
+        self._path_from = now
         self.behaviour: tuple[float, float] | None = None
         """Velocity commanded by a behaviour or the docking server, m/s and rad/s; None: no command."""
         self.docked = False
@@ -202,7 +203,7 @@ class Robot:
             navigator.target.goal_id,
             self._shown(self.pose),
             seconds=seconds,
-            left=drive.left(self.pose) if now - self._target_seen[1] >= NO_PATH_YET else 0.0,
+            left=drive.left(self.pose) if now >= self._path_from else 0.0,
             speed=self.velocity[0],
             recoveries=recoveries,
             places_left=self._poses_left,
@@ -432,9 +433,15 @@ class Robot:
         self._poses_left = drive.places_left
 
     def _see(self, target: Target, now: float) -> None:
-        """Note when the navigator's loop first had a goal: on a busy computer, long after its acceptance."""
-        if self._target_seen[0] != target.goal_id:
-            self._target_seen = (target.goal_id, now)
+        """Note that the navigator's loop has a new goal, on a busy computer long after its acceptance.
+
+        Its feedback has its number of poses at once, and the path of the goal before until it has its own.
+        """
+        if self._target_seen == target.goal_id:
+            return
+        self._target_seen, self._poses_left = target.goal_id, len(target.via) + 1
+        if self._drive is None:
+            self._path_from = now + NO_PATH_YET
 
     def _follow_path(self, target: Target) -> None:
         """Drive along a path sent to the controller, from the path's nearest position; no plan is needed."""
