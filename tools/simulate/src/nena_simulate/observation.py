@@ -53,7 +53,7 @@ class Observer:
         self._created: set[str] = set()
         self._orders: dict[str, TransportOrderStatus] = {}
         """Unfinished orders by vehicle."""
-        self._words = _Words(each.vehicle.name for each in site.robots)
+        self._words = Words(each.vehicle.name for each in site.robots)
         site.engine.unit_of_work.listeners.append(self)
 
     @property
@@ -123,19 +123,20 @@ class Observer:
         return Doing.WORKS if drive.state is DriveOrderState.OPERATING else Doing.WAITS
 
 
-class _Words:
+class Words:
     """Merges reasons that differ only in names of robots, points and paths into one cause."""
 
     def __init__(self, vehicles: Iterable[str]) -> None:
         names = sorted(vehicles, key=len, reverse=True)
-        self._names = re.compile(rf"\b({'|'.join(map(re.escape, names))})\b(, )?")
+        self._names = re.compile(rf"\b({'|'.join(map(re.escape, names))})\b")
         self._known: dict[str, str] = {}
 
     def without_names(self, reason: str) -> str:
+        """Return the cause of a reason."""
         if reason not in self._known:
             text = re.sub(r"'[^']*'", "a place", reason)
             text = self._names.sub("another", text)
-            text = re.sub(r"(another )?(another)+", "another", text)
+            text = re.sub(r"another((, | and )another)+", "others", text)
             text = re.sub(r"^vehicle another travels to destination \d+ of \d+(, but it )?", "", text)
             self._known[reason] = re.sub(r"\d+(\.\d+)?", "n", text) or "between two parts of its base"
         return self._known[reason]
