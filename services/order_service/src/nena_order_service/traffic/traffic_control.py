@@ -286,9 +286,8 @@ class TrafficControl:
 
         Args:
             movable: whether a vehicle at rest could drive away now: it does nothing else there.
-            lost: whether it is unknown when a vehicle at rest could drive away. A vehicle that waits for such
-                a one takes a detour of any length, and does not get the right of way: the others would wait
-                for it forever.
+            lost: whether it is unknown when a vehicle at rest could drive away. A vehicle that waits for it
+                takes any detour, and does not get the right of way: others would wait for it forever.
             extending: the vehicles under way with a part of their route that is not allocated yet.
             searches: how many routes are searched at most; if that is not enough, it is ``unfinished``.
 
