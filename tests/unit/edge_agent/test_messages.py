@@ -190,6 +190,7 @@ def test_good_instant_actions_become_an_event() -> None:
     (event,) = desk.events
     assert isinstance(event, InstantActionsReceived)
     assert event.message.actions[0].action_id == "a"
+    assert event.utc == ManualClock().now()
 
 
 @pytest.mark.clause("4.1/retain")

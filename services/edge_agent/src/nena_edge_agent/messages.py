@@ -262,7 +262,7 @@ class Inbox:
         """Read a message under the instantActions topic (VDA 5050 3.0 section 7.4)."""
         actions = self._read(InstantActions, message, Topic.INSTANT_ACTIONS)
         if actions is not None:
-            self._put(InstantActionsReceived(actions))
+            self._put(InstantActionsReceived(actions, self._clock.now()))
 
     def take_zone_set(self, message: Inbound) -> None:
         """Read a message under the zoneSet topic (VDA 5050 3.0 section 7.6)."""

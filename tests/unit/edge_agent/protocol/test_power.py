@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -17,6 +18,7 @@ from nena_edge_agent.protocol.events import (
     GoOnline,
     Halt,
     Hibernate,
+    InstantActionsReceived,
     JournalReport,
     LinkReport,
     LogIgnored,
@@ -51,7 +53,7 @@ HAS_WOKEN = PowerReport(PowerCommand.WAKE)
 IN_3 = ("3.0.0", "3.0.1")
 
 
-def sleep(action_id: str = "s", at: Any = AT_SIX) -> Event:
+def sleep(action_id: str = "s", at: Any = AT_SIX) -> InstantActionsReceived:
     return instant(action(action_id, "NONE", "startHibernation", wakeUpTime=at))
 
 
@@ -328,6 +330,68 @@ def test_a_robot_that_does_not_come_to_rest_stays_awake(motion: Event) -> None:
     bench.do(TimePassed())
 
     assert (bench.status("s"), bench.core.power) == ("FAILED", PowerPhase.AWAKE)
+
+
+@pytest.mark.clause("6.2.3/startHibernation")
+@pytest.mark.parametrize("before", [True, False], ids=["before", "while the order ends"])
+def test_instant_actions_end_before_the_robot_hibernates(*, before: bool) -> None:
+    bench = robot()
+    bench.send(order("n0", "n1"))
+    begin = [instant(action("busy", "NONE", "press")), sleep()]
+    bench.do(*(begin if before else reversed(begin)))
+    bench.halted()
+    assert (bench.status("s"), bench.core.power) == ("RUNNING", PowerPhase.FALLING_ASLEEP)
+
+    bench.finishes("busy")
+
+    assert bench.status("s") == "FINISHED"
+    assert bench.do(SignedOff()) == [Hibernate(SIX)]
+
+
+@pytest.mark.clause("6.2.3/startHibernation")
+def test_an_instant_action_that_does_not_end_keeps_the_robot_awake() -> None:
+    bench = robot()
+    bench.do(instant(action("busy", "NONE", "press")), sleep())
+    bench.now += REST_TIMEOUT
+
+    bench.do(TimePassed())
+
+    assert (bench.status("s"), bench.core.power) == ("FAILED", PowerPhase.AWAKE)
+    (shown,) = (each for each in bench.state.instant_action_states or () if each.action_id == "s")
+    assert shown.action_result == "instant actions are running (press), for 30 s"
+
+
+@pytest.mark.clause("6.2.3/startHibernation")
+def test_a_wake_up_time_is_judged_by_the_clock_at_its_message() -> None:
+    """The clock was a year ahead when the agent started, and was corrected since."""
+    bench = robot()
+    bench.do(TimePassed(NOON + timedelta(days=365)))
+
+    bench.do(replace(sleep(), utc=NOON))
+
+    assert bench.do(SignedOff()) == [Hibernate(SIX)]
+
+
+@pytest.mark.clause("6.2.3/shutdown")
+@pytest.mark.parametrize("name", ["startHibernation", "stopHibernation", "press", "stateRequest"])
+def test_nothing_starts_behind_a_shutdown_in_one_message(name: str) -> None:
+    bench = robot()
+
+    bench.instant(action("d", "NONE", "shutdown"), action("i", "NONE", name, wakeUpTime=AT_SIX))
+
+    assert (bench.status("d"), bench.status("i")) == ("FINISHED", "FAILED")
+    assert not bench.effects_of(StartAction)
+    assert bench.do(SignedOff()) == [ShutDown()]
+
+
+@pytest.mark.clause("6.2.3/shutdown")
+def test_a_second_shutdown_joins_the_first() -> None:
+    bench = robot()
+
+    bench.instant(action("d", "NONE", "shutdown"), action("d2", "NONE", "shutdown"))
+
+    assert (bench.status("d"), bench.status("d2")) == ("FINISHED", "FINISHED")
+    assert bench.do(SignedOff()) == [ShutDown()]
 
 
 @pytest.mark.clause("6.2.3/shutdown")

@@ -37,9 +37,10 @@ class OrderReceived:
 
 @dataclass(frozen=True, slots=True)
 class InstantActionsReceived:
-    """Well-formed instant actions for this robot (section 6.2.1)."""
+    """Well-formed instant actions for this robot, received at ``utc``, if known (section 6.2.1)."""
 
     message: InstantActions
+    utc: datetime | None = None
 
 
 @dataclass(frozen=True, slots=True)

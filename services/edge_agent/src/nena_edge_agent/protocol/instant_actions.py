@@ -27,7 +27,12 @@ from nena_edge_agent.protocol.declaration import (
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.events import SendFactsheet, SetPosition, StartAction
 from nena_edge_agent.protocol.order_acceptance import EPOCH_HINT, map_list
-from nena_edge_agent.protocol.robot_state import INSTANT_ACTIONS_SHOWN, PositionRequest, RobotState
+from nena_edge_agent.protocol.robot_state import (
+    INSTANT_ACTIONS_SHOWN,
+    PositionRequest,
+    PowerPhase,
+    RobotState,
+)
 from nena_shared.vda5050.action import (
     SHUTDOWN,
     START_HIBERNATION,
@@ -103,7 +108,9 @@ def _order_problem(robot: RobotState) -> str | None:
 
 
 def _mode_problem(robot: RobotState, action: Action) -> str | None:
-    """Return why fleet control may not send this while a person controls the robot (section 6.6.6)."""
+    """Return why fleet control may not send this: the robot shuts down, or a person controls it (6.6.6)."""
+    if robot.power is PowerPhase.SHUTTING_DOWN and action.action_type != SHUTDOWN:
+        return "the robot is about to shut down"
     mode = robot.next_mode
     if mode.fleet_controls or action.action_type in IN_EVERY_MODE or robot.power.silent:
         return None

@@ -6,6 +6,8 @@ wake-up time. A robot that falls asleep or shuts down reports that in a last sta
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from nena_edge_agent.protocol import orders
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.events import (
@@ -74,7 +76,13 @@ def stop_hibernation(robot: RobotState, action: Action) -> None:
 
 
 def shut_down(robot: RobotState, action: Action) -> str | None:
-    """Begin to shut an idle robot down; return why it cannot be, if so."""
+    """Begin to shut an idle robot down; return why it cannot be, if so.
+
+    A second request joins the first.
+    """
+    if robot.power is PowerPhase.SHUTTING_DOWN:
+        robot.instant_actions.change(action.action_id, ActionStatus.FINISHED)
+        return None
     if robot.power is not PowerPhase.AWAKE:
         return "the robot is about to hibernate; send stopHibernation first"
     if robot.instant_actions_running > 1:
@@ -99,7 +107,7 @@ def heard(robot: RobotState, event: Event) -> Event:
             taken = tuple(each for each in message.actions if wakes and each.action_type == STOP_HIBERNATION)
             if rest := [each.action_type for each in message.actions if each not in taken]:
                 robot.effects.append(LogIgnored(f"instant actions: {', '.join(rest)}"))
-            return InstantActionsReceived(message.model_copy(update={"actions": taken}))
+            return replace(event, message=message.model_copy(update={"actions": taken}))
         case OrderReceived(order):
             robot.effects.append(LogIgnored(f"order '{order.order_id}'"))
         case ZoneSetReceived():
@@ -135,7 +143,7 @@ def advance(robot: RobotState) -> None:
 
 def _sign_off(robot: RobotState) -> None:
     """End startHibernation: sign off, or fail if something beside the order keeps the robot awake."""
-    problem = _motion(robot)
+    problem = _motion(robot) or _other_actions(robot)
     if not problem:
         robot.end_instant_actions(START_HIBERNATION, ActionStatus.FINISHED)
         robot.power = PowerPhase.SIGNING_OFF
@@ -150,6 +158,13 @@ def _motion(robot: RobotState) -> str | None:
     if goals := robot.reports.goals.external:
         return f"navigation drives to a goal of another program ({goals[0].goal_id})"
     return "the robot moves without an order" if robot.reports.velocity.moves else None
+
+
+def _other_actions(robot: RobotState) -> str | None:
+    """Return what runs beside startHibernation: no state could report its end."""
+    running = {each.action.action_type for each in robot.instant_actions if not each.status.ended}
+    others = ", ".join(sorted(running - {START_HIBERNATION}))
+    return f"instant actions are running ({others})" if others else None
 
 
 def signed_off(robot: RobotState, _: SignedOff) -> None:

@@ -245,6 +245,8 @@ def _order_received(robot: RobotState, event: OrderReceived) -> None:
 
 
 def _instant_actions_received(robot: RobotState, event: InstantActionsReceived) -> None:
+    if event.utc:
+        robot.utc = (event.utc, robot.now)
     instant_actions.receive(robot, event.message)
 
 
