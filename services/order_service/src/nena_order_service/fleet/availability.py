@@ -1,4 +1,4 @@
-"""Whether a robot can take an order now, and which fields of its state matter for that."""
+"""Whether a robot can accept an order now, and which fields of its state this depends on."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def occupied(state: State, instant_ids: Collection[str]) -> str | None:
 def unfit(state: State, *, placed: bool) -> str | None:
     """Return why a free robot would refuse an order or could not drive it; None if it could.
 
-    ``placed``: the robot has reported where it is before, and so will do it again.
+    ``placed``: the robot has reported its position before, and will do so again.
     """
     error = failures.fatal(state.errors)
     if error is not None:
@@ -91,7 +91,7 @@ def vehicle_state(state: State | None, link: LinkStatus, instant_ids: Collection
 
 
 def matters(state: State) -> tuple[object, ...]:
-    """Return all fields that VDA orders and events depend on: not the position, nor fractions of a percent.
+    """Return all fields that VDA orders and events depend on, without position and fractions of a percent.
 
     Of the coming nodes and edges, the first counts, and whether there are any: all others follow from it.
     """

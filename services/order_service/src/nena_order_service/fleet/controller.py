@@ -35,14 +35,14 @@ from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
 
 ENDED_MISSIONS_KEPT: Final = 50
-"""IDs of VDA orders that are remembered, so that a robot that accepts one too late is stopped."""
+"""Number of ended VDA orders that are remembered, to stop a robot that accepts one too late."""
 
 STRAY_PAUSE: Final = 30.0
-"""Seconds between tries to stop a robot that works on a VDA order that has ended for us."""
+"""Seconds between attempts to stop a robot that works on a VDA order that has ended for us."""
 
 
 class RobotControl:
-    """Everything about one robot. The methods yield what is to be sent and reported: exhaust them."""
+    """Controls one robot. The methods yield messages to send and events: exhaust them."""
 
     def __init__(
         self, key: RobotKey, settings: FleetSettings, new_id: Callable[[], str], *, broker: bool
@@ -57,7 +57,7 @@ class RobotControl:
         self._reported: tuple[object, ...] = ()
         self._reported_link = LinkStatus.UNKNOWN
         self._changes = 0
-        """Number of possible changes."""
+        """Counts possible changes."""
         self._mattered: tuple[object, ...] = ()
         """The significant fields of the last state."""
         self._left_at = -1
@@ -84,7 +84,7 @@ class RobotControl:
         yield from self._advance(now)
 
     def on_malformed(self, problem: str | None, now: float) -> Iterator[FleetOutput]:
-        """Handle that a message could not be read, and what is wrong with it."""
+        """Handle a message that could not be read; ``problem`` describes the error."""
         self.robot.take_malformed(problem, now)
         self._changes += 1
         yield from self._report_change(now)
@@ -130,7 +130,7 @@ class RobotControl:
         yield from self._advance(now)
 
     def start(self, run: OrderExecution, now: float) -> Iterator[FleetOutput]:
-        """Begin a VDA order. Raises RobotBusyError, before anything is taken from the iterator."""
+        """Start a VDA order; raise RobotBusyError before anything is taken from the iterator."""
         if self._run:
             raise RobotBusyError(self.robot.key, self._run.vda_order.order_id)
         self._run = run
@@ -176,7 +176,7 @@ class RobotControl:
         yield from self._advance(now)
 
     def tick(self, now: float) -> Iterator[FleetOutput]:
-        """Do what is overdue; a quiet robot has nothing, unless it has stopped sending."""
+        """Perform overdue work; a quiet robot has none, unless it has stopped sending."""
         if self.quiet and self.robot.link(now) is self._reported_link:
             return
         yield from self._instant_actions.on_tick(now)
@@ -195,7 +195,7 @@ class RobotControl:
 
     @property
     def vda_order(self) -> VdaOrder | None:
-        """Return the VDA order that the robot has or is to have."""
+        """Return the VDA order that the robot has or is about to receive."""
         return self._run.vda_order if self._run else None
 
     @property
@@ -235,7 +235,7 @@ class RobotControl:
         )
 
     def _advance(self, now: float) -> Iterator[FleetOutput]:
-        """Send what is due, drop what has ended, report what has changed."""
+        """Send due messages, drop ended actions and orders, and report changes."""
         self._changes += 1
         run = self._run
         if run and run.ended:
@@ -294,7 +294,7 @@ class RobotControl:
         link = self.robot.link(now)
         sent = self._run is not None and self._run.phase is VdaOrderPhase.SENT
         if link in REPORTS_NOTHING and self.robot.reachable and sent:
-            link = LinkStatus.ONLINE  # the sendings count, so that an order to a dead robot fails in the end
+            link = LinkStatus.ONLINE  # attempts count, so an order to a dead robot eventually fails
         reason = self._away_by(link)
         state = self.robot.state
         if reason or state is None:
@@ -384,7 +384,7 @@ class RobotControl:
 
 
 RETAINED_WITHIN: Final = 1.0
-"""Seconds after our own connect in which the broker delivers the retained connections of the robots."""
+"""Seconds after our own connect in which the broker delivers the robots' retained connection messages."""
 
 
 def _utc_now() -> datetime:
@@ -510,7 +510,7 @@ class FleetController:
         return self._reported(control, control.instruct(action, now))
 
     def tick(self, now: float) -> Outputs:
-        """Do what is overdue: resend, give up, notice silence. Call it a few times each second."""
+        """Perform overdue work: resend, give up, notice silence. Call it a few times each second."""
         ticks = chain.from_iterable(self._reported(each, each.tick(now)) for each in self._due(now))
         return (*ticks, *(self._answers(now) if self._instant_actions.busy else ()))
 
@@ -520,7 +520,7 @@ class FleetController:
         return (known or self._new_control(robot)).view(now)
 
     def vda_order(self, robot: RobotKey) -> VdaOrder | None:
-        """Return the VDA order that a robot has or is to have; None: it has none of ours."""
+        """Return the VDA order that a robot has or is about to receive; None: it has none of ours."""
         known = self._robots.get(robot)
         return known.vda_order if known else None
 
@@ -529,7 +529,7 @@ class FleetController:
         return now - self._broker_since if self._broker else 0.0
 
     def all_known(self, now: float) -> bool:
-        """Return whether each robot that is connected by the broker's record has reported its state."""
+        """Return whether each robot that is connected according to the broker has reported its state."""
         if self.connected_for(now) < RETAINED_WITHIN:
             return False
         return all(each.robot.state or not each.robot.reachable for each in self._robots.values())
@@ -554,7 +554,7 @@ class FleetController:
         return self._robots[robot].robot.reachable
 
     def _reported(self, control: RobotControl, outputs: Iterator[FleetOutput]) -> Outputs:
-        """Exhaust the outputs, and note when to check the robot if it stays silent."""
+        """Exhaust the outputs, and note when to check the robot for silence."""
         found, robot = tuple(outputs), control.robot
         if not control.quiet:
             self._busy[robot.key] = control
@@ -565,7 +565,7 @@ class FleetController:
         return found
 
     def _due(self, now: float) -> Iterator[RobotControl]:
-        """Yield the robots for which the passing of time makes a difference."""
+        """Yield the robots for which a timeout may have passed."""
         busy = dict(self._busy)
         yield from busy.values()
         yield from (self._robots[robot] for robot in self._silences.passed(now) if robot not in busy)

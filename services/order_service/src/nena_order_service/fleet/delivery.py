@@ -9,16 +9,16 @@ from nena_order_service.fleet.settings import FleetSettings
 
 @dataclass(slots=True)
 class Delivery:
-    """When a message is to be sent (again), in monotonic seconds; made when it is ready to be sent."""
+    """Schedule for sending and resending a message, monotonic seconds; created when it can be sent."""
 
     settings: FleetSettings
     sendings: int = 0
-    """How often it has been sent since the robot could last be reached."""
+    """Number of times it was sent since the robot was last unreachable."""
     in_all: int = 0
-    """How often it has been sent at all."""
+    """Number of times it was sent in total."""
     _due_at: float = 0.0
     _doubted_at: float | None = None
-    """When a refusal that may be of another message was seen first, in monotonic seconds."""
+    """Time at which a refusal, perhaps of another message, was first seen, in monotonic seconds."""
 
     def due(self, now: float) -> bool:
         """Return whether the message is to be sent now."""

@@ -13,7 +13,7 @@ from nena_shared.vda5050.v2_1.state import REJECTIONS, WRITTEN
 
 
 class FailureKind(StrEnum):
-    """How a VDA order has failed, which decides how much is known of its progress at the robot."""
+    """How a VDA order failed, which determines how much is known of its progress at the robot."""
 
     REFUSED = "REFUSED"
     """The robot has refused it, or has one already."""
@@ -56,7 +56,7 @@ ErrorIdentity = tuple[str, frozenset[tuple[str, str]]]
 
 
 def identity(error: ErrorEntry) -> ErrorIdentity:
-    """Return what makes an error the same one in the next state; its words may change."""
+    """Return the fields by which an error is recognised in the next state; its texts may change."""
     return error.error_type, frozenset(
         (each.reference_key, each.reference_value) for each in error.error_references
     )

@@ -119,7 +119,7 @@ class InstantRun:
 
 
 def cancel_order(action_id: str, order_id: str | None = None) -> Action:
-    """Make the action that ends the robot's order, named ``order_id`` where it may be (section 6.1.3)."""
+    """Return the action that ends the robot's order; ``order_id`` None: not named (section 6.1.3)."""
     parameters = () if order_id is None else (ActionParameter(key="orderId", value=order_id),)
     return Action(
         action_type=CANCEL_ORDER,
@@ -130,7 +130,7 @@ def cancel_order(action_id: str, order_id: str | None = None) -> Action:
 
 
 def retry_or_skip(action_id: str, failed: str, *, retry: bool) -> Action:
-    """Make the action that retries a RETRIABLE action, or sets it to FAILED (section 6.2.3)."""
+    """Return the action that retries a RETRIABLE action, or sets it to FAILED (section 6.2.3)."""
     return Action(
         action_type=RETRY if retry else "skipRetry",
         action_id=action_id,
@@ -140,23 +140,23 @@ def retry_or_skip(action_id: str, failed: str, *, retry: bool) -> Action:
 
 
 def clear_instant_actions(action_id: str) -> Action:
-    """Make the action that removes ended instant actions from the robot's state (section 6.2.3)."""
+    """Return the action that removes ended instant actions from the robot's state (section 6.2.3)."""
     return Action(action_type=CLEAR_INSTANT_ACTIONS, action_id=action_id, blocking_type=BlockingType.NONE)
 
 
 def factsheet_request(action_id: str) -> Action:
-    """Make the action that requests the robot's factsheet (section 6.2.3)."""
+    """Return the action that requests the robot's factsheet (section 6.2.3)."""
     return Action(action_type=FACTSHEET_REQUEST, action_id=action_id, blocking_type=BlockingType.NONE)
 
 
 INSTANT_IDS_KEPT: Final = 200
-"""IDs of instant actions that are remembered, so that their states are not mistaken for the order's."""
+"""Number of remembered IDs of instant actions, whose states must not be mistaken for the order's."""
 
 ALWAYS_ALLOWED: Final = frozenset({"stateRequest", "factsheetRequest"})
-"""Instant actions that are harmless in any operating mode but INTERVENED, which takes cancelOrder only."""
+"""Instant actions that are harmless in any operating mode; only INTERVENED allows nothing but cancelOrder."""
 
 CLEARING_PAUSE: Final = 30.0
-"""Seconds between tries to have a robot clear its ended instant actions."""
+"""Seconds between attempts to clear a robot's ended instant actions."""
 
 LEAVING_WITHIN: Final = 30.0
 """Seconds within which a robot that has reported its hibernation or shutdown changes its connection."""
@@ -178,7 +178,7 @@ class InstantActionManager:
         self.broker = broker
         self.unread = False
         self.ids: deque[str] = deque(maxlen=INSTANT_IDS_KEPT)
-        """Ids of the last ones, those that have ended included."""
+        """IDs of the last instant actions, including ended ones."""
         self._robot = robot
         self._settings = settings
         self._new_id = new_id
@@ -191,7 +191,7 @@ class InstantActionManager:
 
     @property
     def busy(self) -> bool:
-        """Whether any is active."""
+        """Whether any instant action is active."""
         return bool(self._runs) or self._left_at is not None
 
     @property
@@ -250,7 +250,7 @@ class InstantActionManager:
         return self.unsendable(CANCEL_ORDER, now) is None
 
     def reconnected(self) -> None:
-        """Handle a new connection: what did not arrive over the last one is requested again."""
+        """Handle a new connection: request again what did not arrive over the last one."""
         self._asked = None
         self._left_at = None
 
@@ -287,7 +287,7 @@ class InstantActionManager:
         yield from self._drop_ended(now)
 
     def send(self, now: float) -> Iterator[FleetOutput]:
-        """Send what is due, in messages as short as the robot wants them."""
+        """Send due actions, in messages as short as the robot requires."""
         due = tuple(
             each.action
             for each in self._runs.values()

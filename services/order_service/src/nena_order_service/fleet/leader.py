@@ -56,11 +56,11 @@ class LeaderRecord(Resource):
     store: str
     epoch: int
     instance: str
-    """Of one run of the program."""
+    """ID of one run of the program."""
 
     @property
     def rank(self) -> tuple[int, str]:
-        """The highest one keeps the fleet: robots refuse commands of older epochs."""
+        """The highest rank keeps the fleet: robots refuse commands of older epochs."""
         return self.epoch, self.instance
 
 
@@ -98,7 +98,7 @@ class LeaderElection:
 
     @property
     def epoch(self) -> int:
-        """Of the order service."""
+        """Epoch of this order service."""
         return self._own.epoch
 
     async def run(self) -> None:
@@ -202,7 +202,7 @@ class LeaderElection:
         self._link.publish(Outbound(self._topic, body, retain=True))
 
     def _lost(self) -> None:
-        """Discard what an earlier connection has shown."""
+        """Discard the results of an earlier connection."""
         self._holds, self._left = False, None
         if self._giving_up:
             self._giving_up.cancel()

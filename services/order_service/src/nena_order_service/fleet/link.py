@@ -1,4 +1,4 @@
-"""Robots over MQTT: reads what they send, in their version, and sends what the core decides."""
+"""Robots over MQTT: read their messages in their version, and send what the core decides."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class RobotAddress:
 
 @dataclass(frozen=True, slots=True)
 class Dialect:
-    """How a robot departs from the standard, by the plant model; no message reports it."""
+    """Deviations of a robot from the standard, configured in the plant model; no message reports them."""
 
     parameters_as_text: bool = False
     instant_actions_key: str = ""
@@ -121,7 +121,7 @@ class Dialect:
 
 
 TURNED_WITHIN: Final = pi / 4
-"""Radians that a robot at its last node may be off the heading there, where the order allows none itself."""
+"""Deviation from the heading at the last node, rad, that is accepted where the order names none."""
 
 
 def _has_to_turn(state: State, node: NodeState) -> bool:
@@ -259,7 +259,7 @@ HEADER_ID_COUNT: Final = 2**32
 
 
 class Outgoing:
-    """Makes the messages; headerIds are counted for each robot and topic (section 7.2).
+    """Builds the messages; headerIds are counted for each robot and topic (section 7.2).
 
     Commands carry the ``epoch`` of the order service, unless it is 0: a robot refuses those of an older one.
     """
@@ -364,7 +364,7 @@ class FleetLink:
         self._sent: dict[int, None] = {}
         """Marks of the last commands that this program has sent, oldest first."""
         self.deviations = Deviations(clock)
-        """What had to be repaired in the robots' messages."""
+        """Repairs of the robots' messages."""
         self._reader = MessageReader(self.deviations.note_message, strict=settings.strict)
         self._subscribe_to(Topic.CONNECTION, Connection, self._controller.on_connection, qos=1)
         self._subscribe_to(Topic.FACTSHEET, Factsheet, self._controller.on_factsheet, qos=settings.qos)
@@ -375,7 +375,7 @@ class FleetLink:
                 mqtt.subscribe(scheme.for_all(topic), self._check_command, qos=0, needed=False)
 
     async def run(self) -> None:
-        """Do what is overdue, until cancelled."""
+        """Perform overdue work until cancelled."""
         await forever("fleet control", self._look)
 
     def start_vda_order(self, robot: RobotKey, vda_order: VdaOrder) -> None:

@@ -63,7 +63,7 @@ class PendingUpdate:
 
 
 STATES_NAMED: Final = 3
-"""Nodes that a reason names."""
+"""Maximum number of nodes named in a reason."""
 
 NOT_BEGUN: Final = frozenset({ActionStatus.WAITING, ActionStatus.FAILED})
 """A waiting action fails without ever having begun when its order is cancelled."""
@@ -90,7 +90,7 @@ class Progress:
 
     @property
     def done(self) -> bool:
-        """Whether everything has been done, and with success."""
+        """Whether everything has been done successfully."""
         return self.idle and self.at_end and not self.failed and not self.unreported
 
 
@@ -139,7 +139,7 @@ def read(state: State, vda_order: VdaOrder) -> Progress:
 
 @dataclass(frozen=True, slots=True)
 class ExecutionFailure:
-    """Why a VDA order fails: how, a sentence, and the robot's own words."""
+    """Why a VDA order fails: the kind of failure, a sentence, and the robot's own texts."""
 
     kind: FailureKind
     reason: str

@@ -1,4 +1,4 @@
-"""What the fleet-control core returns: messages to send, and events for the order service."""
+"""Outputs of the fleet-control core: messages to send, and events for the order service."""
 
 from __future__ import annotations
 

@@ -11,10 +11,10 @@ from nena_shared.plant import MapPlace, MapTransform, PlantModel, PlantPlace, Po
 from nena_shared.vda5050.state import MobileRobotPosition, State
 
 DEFAULT_DEVIATION_XY: Final = 0.5
-"""m; wide enough to pass a node without a stop, and above the goal tolerance that Nav2 has by default."""
+"""Default deviation, m: enough to pass a node without a stop, and above Nav2's default goal tolerance."""
 
 DEFAULT_DEVIATION_THETA: Final = 0.35
-"""rad, about 20 degrees; above the goal tolerance that Nav2 has by default."""
+"""Default deviation, rad, about 20 degrees: above Nav2's default goal tolerance."""
 
 IDENTITY: Final = MapTransform()
 """Plant and map have the same frame."""
@@ -26,13 +26,13 @@ class RobotProfile:
 
     map_id: str
     deviation_xy: float = DEFAULT_DEVIATION_XY
-    """m of the plant: how far from a node the robot may pass or stop."""
+    """Maximum distance from a node at which the robot may pass or stop, m of the plant."""
     deviation_theta: float = DEFAULT_DEVIATION_THETA
-    """rad: how far from the wanted heading the robot may stop."""
+    """Maximum deviation from the heading at which the robot may stop, rad."""
     corridor_width: float | None = None
-    """m of the plant to each side: the widest corridor that it is sent; None: what the layout allows."""
+    """Maximum width of corridors to each side, m of the plant; None: as the layout allows."""
     transforms: Mapping[str, MapTransform] = field(default_factory=dict, hash=False)
-    """How the plant lies on maps, by their ids, for robots that do not transform themselves."""
+    """Transforms from the plant to maps, by map ID, for robots that do not transform themselves."""
     transforms_itself: bool | None = None
     """Whether the robot uses the plant's frame; None: unknown until its factsheet arrives."""
 

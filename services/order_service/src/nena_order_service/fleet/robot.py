@@ -32,11 +32,11 @@ BELIEVED_AFTER: Final = 10.0
 any other one, from which the sender has restarted with a wrong clock."""
 
 CONNECTIONS_KEPT: Final = 20
-"""Connection messages of a robot that are recognised when repeated."""
+"""Number of a robot's connection messages that are recognised when repeated."""
 
 
 POSITION_WITHIN: Final = 30.0
-"""Seconds of states without a position, after it has connected, from which a robot has none to report."""
+"""Seconds of states without a position after connecting, from which a robot counts as reporting none."""
 
 
 class MessageOrder:
@@ -91,7 +91,7 @@ class Silences:
         self._looked_at = -inf
 
     def expect(self, robot: RobotKey, at: float) -> None:
-        """Make :meth:`passed` yield the robot after ``at``, in monotonic s, unless it was checked since."""
+        """Let :meth:`passed` yield the robot after ``at`` (monotonic s), unless it was checked since."""
         known = self._at.get(robot, inf)
         if self._looked_at <= at < known:
             self._at[robot] = at
@@ -108,7 +108,7 @@ class Silences:
 
 
 class LinkStatus(StrEnum):
-    """What is known of the connection to a robot."""
+    """State of the connection to a robot."""
 
     UNKNOWN = "UNKNOWN"
     """It has never connected."""
@@ -123,7 +123,7 @@ class LinkStatus(StrEnum):
 
 
 REPORTS_NOTHING: Final = frozenset({LinkStatus.SILENT, LinkStatus.UNREADABLE})
-"""Links of robots that may still get what they are sent."""
+"""Links of robots that may still receive messages."""
 
 
 class VdaOrderPhase(StrEnum):
@@ -161,7 +161,7 @@ class RobotView:
     """Time of its arrival, in monotonic seconds."""
     factsheet: Factsheet | None
     malformed: int
-    """How many of its messages could not be read."""
+    """Number of its messages that could not be read."""
     order_id: str | None
     order_phase: VdaOrderPhase | None
     wait_reason: str
@@ -230,12 +230,12 @@ class Abilities:
 
     @cached_property
     def codec(self) -> Codec | None:
-        """What writes messages for this robot; None for an unsupported version."""
+        """Codec for messages to this robot; None for an unsupported version."""
         return nearest_codec(self.factsheet.version)
 
     @cached_property
     def transforms_itself(self) -> bool:
-        """Whether the robot speaks in the plant's frame, whatever its map's is."""
+        """Whether the robot uses the plant's frame instead of its map's."""
         return transforms_itself(self.factsheet)
 
     @property
@@ -280,7 +280,7 @@ class Robot:
     abilities: Abilities | None = None
     """Content of its factsheet; None before the first one."""
     malformed: int = 0
-    """How many of its messages could not be read."""
+    """Number of its messages that could not be read."""
     placed: bool = False
     """Whether it reports its position; some robots never do, or no longer since they were changed."""
     stale: bool = False
@@ -404,7 +404,7 @@ class Robot:
 
     @property
     def most_instant_actions(self) -> int:
-        """Return how many instant actions one message may hold, according to the factsheet (section 7.10)."""
+        """Return the maximum number of instant actions in one message by the factsheet (section 7.10)."""
         limit = self.factsheet.protocol_limits.maximum_array_lengths.instant_actions if self.factsheet else 0
         return limit or INSTANT_ACTIONS_LIMIT
 
