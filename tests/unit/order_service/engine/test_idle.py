@@ -18,6 +18,7 @@ from nena_shared.plant.track import PointType
 from support.clocks import ManualClock
 from support.fleet_examples import power
 from support.order_service import request
+from support.pausing import turn_passes
 from support.plants import path, point
 from support.scripted_fleet import MemoryStore, ScriptedFleet, engine_at, later, reason_of
 
@@ -221,6 +222,7 @@ async def test_others_make_room_for_who_parks_some_times_and_then_not_until_a_ho
         later(engine, 60)
         (parking,) = made(engine, "Park")
         assert parking.vehicle == "V1"
+        await turn_passes()  # a decision with many searches continues in the next turn
         engine.withdraw(parking.number, "to see whether it tries again")
         fleet.finish("V1")  # it has let V2 out
         fleet.appear("V1", "B")
