@@ -40,7 +40,7 @@ SECTION = 4
 """How many resource sets a vehicle claims ahead of what it holds; more where it cannot wait there."""
 LONGEST_DETOUR = 1.5
 """How many times the cost of the cheapest route a detour around vehicles at rest may cost."""
-CONGESTION = 0.1
+CONGESTION = 0.2
 """The share of its cost that a step costs more for each other vehicle whose route leads to the same point."""
 ONCOMING = 0.3
 """The share that a step costs more for each other vehicle that will drive its path in the other direction."""
