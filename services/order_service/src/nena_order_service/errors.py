@@ -135,12 +135,16 @@ class VehicleNotReachedError(RefusedError):
 
 
 class VehicleBusyError(RefusedError):
-    """The vehicle has an order, which the request would end."""
+    """The vehicle has an order, which the request would end; if it is empty, it makes room for another."""
 
     refusal = Refusal.VEHICLE_BUSY
 
     def __init__(self, name: str, order: str) -> None:
-        super().__init__(f"Vehicle {name!r} works on order {order!r}. Wait for its end, or withdraw it.")
+        if order:
+            text = f"works on order {order!r}. Wait for its end, or withdraw it."
+        else:
+            text = "makes room for another vehicle. Retry when it has arrived."
+        super().__init__(f"Vehicle {name!r} {text}")
 
 
 class NotReroutableError(RefusedError):

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from nena_order_service.api import encoding, host_requests
-from nena_order_service.api.encoding import SLICE, encode
+from nena_order_service.api.encoding import SLICE, EncodedPage, encode
 from nena_order_service.api.host_requests import STATUSES_AT_ONCE, HostRequests
 from nena_shared.fleet_api.requests import TransportOrderPage
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
@@ -62,6 +62,23 @@ async def test_a_long_page_is_encoded_in_slices(monkeypatch: pytest.MonkeyPatch)
     await encode(TransportOrderPage(transport_orders=(order,) * 1000, next=None))
     counting.cancel()
     assert 0 < turns.most <= encoding.SLICE
+
+
+@pytest.mark.parametrize("number", [0, 1, SLICE, SLICE + 1, 1000])
+async def test_a_page_is_sent_in_slices(number: int) -> None:
+    order = dispatchable_order().status
+    page = EncodedPage("transportOrders", (order.model_dump_json(by_alias=True).encode(),) * number, "7")
+    turns, parts = Turns(), []
+    counting = asyncio.create_task(turns.run())
+    async for part in page.parts():
+        turns.count()
+        parts.append(part)
+    counting.cancel()
+    whole = b"".join(parts)
+    assert TransportOrderPage.model_validate_json(whole).transport_orders == (order,) * number
+    assert page.size == len(whole)
+    assert len(parts) <= 2 + -(-number // SLICE)
+    assert turns.most <= 2
 
 
 async def test_a_large_fleet_is_listed_in_slices(monkeypatch: pytest.MonkeyPatch) -> None:

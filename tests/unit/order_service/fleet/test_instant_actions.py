@@ -530,3 +530,79 @@ def test_an_order_service_that_has_taken_over_wakes_a_robot_that_reports_nothing
     bench.instruct(action("stopHibernation", "w"))
 
     assert bench.instants_sent()[-1] == "stopHibernation"
+
+    bench.connection(ConnectionState.ONLINE)
+    bench.wait(1)
+    bench.robot.instants["w"] = (action("stopHibernation", "w"), ActionStatus.FINISHED)
+    bench.report()
+    assert bench.told(InstantActionEnded)[-1].status is ActionStatus.FINISHED
+
+
+@pytest.mark.clause("6.2.3/hibernationAsked")
+def test_a_robot_whose_hibernation_is_revoked_gets_orders_at_once() -> None:
+    bench = Bench().online()
+    bench.instruct(action("startHibernation", "s"))
+    bench.robot.instants["s"] = (action("startHibernation", "s"), ActionStatus.FINISHED)
+    bench.report()
+    bench.instruct(action("stopHibernation", "w"))
+    bench.robot.instants["w"] = (action("stopHibernation", "w"), ActionStatus.FINISHED)
+
+    bench.report()
+
+    assert bench.view().availability.can_take_order
+
+
+@pytest.mark.clause("6.2.3/hibernationAsked")
+@pytest.mark.parametrize(
+    ("leaving", "link"),
+    [("startHibernation", ConnectionState.HIBERNATING), ("shutdown", ConnectionState.OFFLINE)],
+)
+def test_the_connection_shows_that_a_robot_has_left_if_its_last_state_is_lost(
+    leaving: str, link: ConnectionState
+) -> None:
+    bench = Bench().online()
+    bench.instruct(action(leaving, "s"))
+    bench.robot.instants["s"] = (action(leaving, "s"), ActionStatus.RUNNING)
+    bench.report()
+
+    bench.connection(link)
+
+    assert ended(bench).status is ActionStatus.FINISHED
+    assert ended(bench).reason == f"done: the robot is {link}"
+
+    bench.connection(ConnectionState.ONLINE)
+    bench.robot.instants["s"] = (action(leaving, "s"), ActionStatus.FINISHED)
+    bench.report()
+    assert bench.view().availability.can_take_order
+
+
+@pytest.mark.clause("6.2.3/hibernationAsked")
+def test_a_robot_that_hibernated_unseen_gets_orders_once_it_is_back() -> None:
+    bench = Bench().online()
+    bench.instruct(action("startHibernation", "s"))
+    bench.robot.instants["s"] = (action("startHibernation", "s"), ActionStatus.RUNNING)
+    bench.report()
+    bench.connection(ConnectionState.CONNECTION_BROKEN)
+    bench.wait(1)
+    bench.connection(ConnectionState.ONLINE)
+    bench.robot.instants["s"] = (action("startHibernation", "s"), ActionStatus.FINISHED)
+
+    bench.report()
+
+    assert ended(bench).status is ActionStatus.FINISHED
+    assert bench.view().availability.can_take_order
+
+
+@pytest.mark.clause("6.2.3/hibernationAsked")
+def test_a_robot_that_goes_to_sleep_for_a_former_order_service_gets_no_order() -> None:
+    bench = Bench(robot=HonestRobot(reports_instants_apart=True)).online()
+    bench.robot.instants["s"] = (action("startHibernation", "s"), ActionStatus.RUNNING)
+    bench.report()
+    assert bench.view().availability.reason == "is about to hibernate or to shut down"
+
+    bench.robot.instants["s"] = (action("startHibernation", "s"), ActionStatus.FINISHED)
+    bench.report()
+    assert bench.view().availability.reason == "is about to hibernate or to shut down"
+
+    bench.wait(LEAVING_WITHIN, reporting=True)
+    assert bench.view().availability.can_take_order

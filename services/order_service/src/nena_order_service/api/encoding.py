@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,18 +27,25 @@ class EncodedPage:
     @property
     def size(self) -> int:
         """Length of the whole JSON, bytes."""
-        return sum(map(len, self._parts()))
+        commas = max(len(self.objects) - 1, 0)
+        return len(self._opening) + sum(map(len, self.objects)) + commas + len(self._closing)
 
     async def parts(self) -> AsyncIterator[bytes]:
-        """Yield the JSON in parts, so that it is in memory only once."""
-        for each in self._parts():
-            yield each
+        """Yield the JSON in parts, so that it is in memory only once; the event loop works in between."""
+        yield self._opening
+        for start in range(0, len(self.objects), SLICE):
+            part = b",".join(self.objects[start : start + SLICE])
+            yield b",%s" % part if start else part
+            await asyncio.sleep(0)
+        yield self._closing
 
-    def _parts(self) -> Iterator[bytes]:
-        yield b'{"%s":[' % self.name.encode()
-        for place, each in enumerate(self.objects):
-            yield b",%s" % each if place else each
-        yield b'],"next":%s}' % to_json(self.next)
+    @property
+    def _opening(self) -> bytes:
+        return b'{"%s":[' % self.name.encode()
+
+    @property
+    def _closing(self) -> bytes:
+        return b'],"next":%s}' % to_json(self.next)
 
 
 async def encode(body: BaseModel, *, exclude_none: bool = False) -> bytes:

@@ -345,7 +345,8 @@ class HostRequests:
             raise VehicleNotReachedError(name, f"it is {link} until {STOP_HIBERNATION} or its wake-up time")
         if link not in (LinkStatus.ONLINE, LinkStatus.HIBERNATING):
             raise VehicleNotReachedError(name, f"it is {link}")
-        if action_type in LEAVES and self._engine.works(vehicle):
+        sent = self._engine.state.sent_orders.of_robot(vehicle.key)
+        if action_type in LEAVES and (sent or self._engine.works(vehicle)):
             raise VehicleBusyError(name, self._engine.status(vehicle).transport_order or "")
         action = Action(
             action_type=action_type,

@@ -76,6 +76,7 @@ class RobotControl:
             self._instant_actions.reconnected()
             if self._run and self.robot.stale:
                 self._run.doubt_place()
+        yield from self._instant_actions.on_link(self.robot.link(now))
         yield from self._advance(now)
 
     def on_factsheet(self, message: Factsheet, now: float) -> Iterator[FleetOutput]:

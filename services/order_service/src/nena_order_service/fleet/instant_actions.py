@@ -77,6 +77,16 @@ class InstantRun:
             )
             self.outcome = Outcome(state.action_status, reason, state.action_result)
 
+    def on_link(self, link: LinkStatus) -> None:
+        """End a hibernation or shutdown that the robot's connection shows: its state may have been lost.
+
+        A robot disconnects for other reasons too, so a shutdown counts only if the robot had reported it.
+        """
+        hibernates = self.action.action_type == START_HIBERNATION and link is LinkStatus.HIBERNATING
+        shut_down = self.action.action_type == SHUTDOWN and link is LinkStatus.OFFLINE
+        if hibernates or (shut_down and self._seen_at is not None):
+            self.outcome = Outcome(ActionStatus.FINISHED, f"done: the robot is {link}")
+
     def wants_sending(self, now: float) -> bool:
         """Return whether the action is to be sent now; the caller then does so."""
         if self._seen_at is not None or not self._delivery.due(now):
@@ -186,6 +196,8 @@ class InstantActionManager:
         self._next_clearing = 0.0
         self._asked: InstantRun | None = None
         self._asked_at = 0.0
+        self._going: set[str] = set()
+        """Ids of actions in :data:`LEAVES` that have not ended in this connection, also a former owner's."""
         self._left_at: float | None = None
         """When the robot has reported its hibernation or shutdown, until its connection shows it."""
 
@@ -197,8 +209,10 @@ class InstantActionManager:
     @property
     def leaving(self) -> bool:
         """Whether the robot is about to hibernate or to shut down."""
-        return self._left_at is not None or any(
-            each.action.action_type in LEAVES for each in self._runs.values()
+        return (
+            bool(self._going)
+            or self._left_at is not None
+            or any(each.action.action_type in LEAVES for each in self._runs.values())
         )
 
     @property
@@ -212,8 +226,9 @@ class InstantActionManager:
         if link in REPORTS_NOTHING and self._robot.reachable:
             link = LinkStatus.ONLINE
         unread = self.unread
-        if link is LinkStatus.HIBERNATING and action_type == STOP_HIBERNATION:
-            link, unread = LinkStatus.ONLINE, False  # it reports no state before it is awake
+        if action_type == STOP_HIBERNATION:  # the robot reports no state before it is awake
+            unread = False
+            link = LinkStatus.ONLINE if link is LinkStatus.HIBERNATING else link
         away = availability.away(link, self._robot.unreadable, broker=self.broker, unread=unread)
         state = self._robot.state
         if away or state is None or state.operating_mode.fleet_controls:
@@ -252,7 +267,14 @@ class InstantActionManager:
     def reconnected(self) -> None:
         """Handle a new connection: request again what did not arrive over the last one."""
         self._asked = None
+        self._going.clear()
         self._left_at = None
+
+    def on_link(self, link: LinkStatus) -> Iterator[FleetOutput]:
+        """End the actions whose effect the robot's connection shows."""
+        for run in self._runs.values():
+            run.on_link(link)
+        yield from self._drop_ended()
 
     def awaits_factsheet(self, now: float) -> bool:
         """Return whether the robot's factsheet was just requested, and may still arrive."""
@@ -270,7 +292,8 @@ class InstantActionManager:
             }
             for run in self._runs.values():
                 run.on_states(reported, now)
-            yield from self._drop_ended(now)
+        self._note_leaving(state, now)
+        yield from self._drop_ended()
         self._ask_for_factsheet(now)
         self._clear_ended(state, now)
 
@@ -284,7 +307,7 @@ class InstantActionManager:
                 run.on_tick(now)
             else:
                 run.hold(f"the robot {reason}", now)
-        yield from self._drop_ended(now)
+        yield from self._drop_ended()
 
     def send(self, now: float) -> Iterator[FleetOutput]:
         """Send due actions, in messages as short as the robot requires."""
@@ -312,8 +335,29 @@ class InstantActionManager:
     def _begin(self, action: Action, *, requested: bool) -> InstantRun:
         run = InstantRun(action, self._settings, requested=requested)
         self._runs[action.action_id] = run
+        if action.action_type in LEAVES:
+            self._going.add(action.action_id)
         self.ids.append(action.action_id)
         return run
+
+    def _note_leaving(self, state: State, now: float) -> None:
+        """Update whether the robot is about to hibernate or to shut down, at anyone's request.
+
+        An end in the first state of a connection is from before: the robot is back.
+        """
+        reported = (*state.action_states, *state.instant_action_states)
+        finished = {each.action_id for each in reported if each.action_status is ActionStatus.FINISHED}
+        if self._going & finished:
+            self._left_at = now
+        self._going = {
+            each.action_id
+            for each in state.instant_action_states
+            if each.action_type in LEAVES and not each.action_status.ended
+        } | {
+            name
+            for name, run in self._runs.items()
+            if run.action.action_type in LEAVES and run.outcome is None
+        }
 
     def _ask_for_factsheet(self, now: float) -> None:
         """Request the factsheet of a robot if the broker has not retained it, once per connection."""
@@ -336,12 +380,13 @@ class InstantActionManager:
             self._next_clearing = now + CLEARING_PAUSE
             self._begin(action, requested=False)
 
-    def _drop_ended(self, now: float) -> Iterator[FleetOutput]:
+    def _drop_ended(self) -> Iterator[FleetOutput]:
         for run in [each for each in self._runs.values() if each.outcome]:
             del self._runs[run.action.action_id]
+            self._going.discard(run.action.action_id)
             finished = run.outcome is not None and run.outcome.status is ActionStatus.FINISHED
-            if finished and run.action.action_type in LEAVES:
-                self._left_at = now
+            if finished and run.action.action_type == STOP_HIBERNATION:
+                self._left_at = None
             if run.requested and run.outcome:
                 ended = run.outcome
                 yield InstantActionEnded(
