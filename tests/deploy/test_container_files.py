@@ -177,7 +177,7 @@ def test_each_image_of_others_has_a_version() -> None:
     assert [each for each in images if not re.fullmatch(r"[\w./-]+:v?\d[\w.-]*", each)] == []
 
 
-def test_whoever_comes_through_a_published_port_is_not_believed_to_be_a_proxy() -> None:
+def test_a_client_at_a_published_port_is_not_believed_to_be_a_proxy() -> None:
     """Requests come from the bridge's address; no proxy stands there that would replace X-Forwarded-For."""
     of_http = {name: value for name, value in COMPOSE["x-http"].items() if name.startswith("NENA_HTTP__")}
     fields = {name.removeprefix("NENA_HTTP__").lower(): value for name, value in of_http.items()}

@@ -278,6 +278,7 @@ def test_no_token_crosses_the_cluster_unencrypted() -> None:
     pods = {f"order-service-{each}.{spec['serviceName']}" for each in range(spec["replicas"])}
     certified = names_certified_by_the_guide("order-service")
     assert pods | {urlsplit(variables["NENA_ORDER_SERVICE__URL"]).hostname} <= certified
+    assert {"order-service.nena", "order-service.nena.svc"} <= certified  # names in other namespaces
     assert not [value for name in PROGRAMS for value in environment(name).values() if "http://" in value]
     assert variables["NENA_ORDER_SERVICE__CA"] in files_of("status-aggregator")
 
