@@ -30,12 +30,13 @@ BEEP = {
     "pauseAllowed": False,
     "cancelAllowed": False,
 }
+SHUTDOWN = {**BEEP, "actionType": "shutdown", "actionParameters": ()}
 AT_NODES_ONLY = {**BEEP, "actionType": "pick", "actionScopes": ("NODE",)}
 
 
 def sheet() -> Factsheet:
     content = factsheet(at=seconds_now()).model_dump(by_alias=True)
-    features = {"optionalParameters": (), "mobileRobotActions": (BEEP, AT_NODES_ONLY)}
+    features = {"optionalParameters": (), "mobileRobotActions": (BEEP, SHUTDOWN, AT_NODES_ONLY)}
     return Factsheet.model_validate({**content, "protocolFeatures": features}, strict=False)
 
 
@@ -73,6 +74,12 @@ async def test_the_form_is_made_from_the_factsheet(hall: Hall, browser: Browser)
             await form.get_by_label("tune").fill('{"notes": [1, 2]}')
             await send.click()
             await expect(form).to_contain_text("beep failed on Vehicle-1: no horn")
+            await form.get_by_label("Action").select_option("shutdown")
+            await send.click()  # not confirmed
+            assert len(sent) == 1
+            await form.get_by_label("Vehicle-1 has to be switched on by hand").check()
+            await send.click()
+            await expect(form).to_contain_text("shutdown failed on Vehicle-1")
     parameters = {each["key"]: each["value"] for each in sent[0]["parameters"]}
     assert sent[0]["actionType"] == "beep"
     assert parameters == {"times": 3, "loud": True, "tune": {"notes": [1, 2]}, "name": "3"}

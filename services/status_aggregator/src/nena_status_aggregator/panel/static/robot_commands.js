@@ -99,7 +99,9 @@ export async function actionForm(vehicle, robot) {
     const action = actions.find((each) => each.actionType === kind.value);
     inputs = (action?.actionParameters ?? []).map(parameter);
     const words = action?.description ? [foreign("p", action.description, { class: "hint" })] : [];
-    details.replaceChildren(...words, ...inputs.map((each) => each.element));
+    const box = () => element("input", { type: "checkbox", name: "sure", required: true });
+    const sure = kind.value === "shutdown" ? [field(t("action.byHand", { name: vehicle }), box())] : [];
+    details.replaceChildren(...words, ...inputs.map((each) => each.element), ...sure);
   };
   kind.addEventListener("change", choose);
   return commandForm({

@@ -472,6 +472,7 @@ export const TEXTS = {
   "action.type": "Aktion",
   "action.parameter": "{key}",
   "action.optional": "{key} (optional)",
+  "action.byHand": "Ja, herunterfahren: {name} muss von Hand eingeschaltet werden",
   "action.send": "Aktion starten",
   "form.x": "x in m",
   "form.y": "y in m",

@@ -472,6 +472,7 @@ export const TEXTS = {
   "action.type": "Action",
   "action.parameter": "{key}",
   "action.optional": "{key} (optional)",
+  "action.byHand": "Yes, shut down: {name} has to be switched on by hand",
   "action.send": "Start action",
   "form.x": "x in m",
   "form.y": "y in m",

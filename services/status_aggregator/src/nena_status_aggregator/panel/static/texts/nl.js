@@ -472,6 +472,7 @@ export const TEXTS = {
   "action.type": "Actie",
   "action.parameter": "{key}",
   "action.optional": "{key} (optioneel)",
+  "action.byHand": "Ja, afsluiten: {name} moet met de hand worden ingeschakeld",
   "action.send": "Actie starten",
   "form.x": "x in m",
   "form.y": "y in m",
