@@ -161,7 +161,10 @@ class RobotNode:
 
     def manage(self, manager: Server, command: int) -> bool:
         """Carry out a command to a lifecycle manager; return whether all servers have done it."""
-        done = self._robot.manage(manager, command, self._clock.monotonic())
+        now = self._clock.monotonic()
+        self._robot.end_goals(manager, command, now)
+        self._publish_statuses()  # and the results: the servers forget their goals
+        done = self._robot.manage(manager, command, now)
         self._log.info("lifecycle manager", manager=manager.value, command=command, done=done)
         self._publish_statuses()
         self._show_servers()

@@ -315,11 +315,15 @@ class Robot:
             active = self.servers.state(server) is LifecycleState.ACTIVE
             navigator.set_active(active=active and not gone)
 
-    def manage(self, manager: Server, command: int, now: float) -> bool:
-        """Do what a client asks of a lifecycle manager; return whether that succeeded."""
+    def end_goals(self, manager: Server, command: int, now: float) -> None:
+        """End all goals if a lifecycle manager is asked to stop the servers that drive."""
         if manager is Server.MANAGER and command in STOPPING:
             for navigator in self._navigators.values():
                 navigator.abort(now)
+
+    def manage(self, manager: Server, command: int, now: float) -> bool:
+        """Do what a client asks of a lifecycle manager; return whether that succeeded."""
+        self.end_goals(manager, command, now)
         done = self.servers.manage(manager, command)
         self.set_navigators()
         return done
