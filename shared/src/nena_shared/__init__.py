@@ -1,1 +1,1 @@
-"""What two or more NeNa services need: VDA 5050 messages, MQTT link, plant model, settings, logging."""
+"""Code shared by NeNa's services: VDA 5050 messages, MQTT link, plant model, settings, logging."""

@@ -1,4 +1,4 @@
-"""Clocks for durations and the time of day, and how times are read and written: UTC, milliseconds."""
+"""Clocks, and conversion of times: UTC, milliseconds."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Protocol
 
 
 class Clock(Protocol):
-    """Source of time for cores and shells."""
+    """Source of time."""
 
     def monotonic(self) -> float:
         """Return seconds since an arbitrary fixed time; never goes back."""
@@ -21,7 +21,7 @@ class Clock(Protocol):
 
 
 class SystemClock:
-    """The machine's clock."""
+    """The system clock."""
 
     def monotonic(self) -> float:
         """Return seconds since an arbitrary fixed time; never goes back."""
@@ -33,10 +33,10 @@ class SystemClock:
 
 
 def in_utc(value: datetime) -> datetime:
-    """Return the same time in UTC; a time without a zone is assumed to be UTC.
+    """Convert a time to UTC; a time without a zone is assumed to be UTC.
 
     Raises:
-        ValueError: in UTC the time would be before the year 1 or after the year 9999.
+        ValueError: the result is outside the years 1 to 9999.
     """
     try:
         return value.replace(tzinfo=UTC) if value.tzinfo is None else value.astimezone(UTC)
@@ -56,8 +56,7 @@ SAMPLES = 8
 class ClockSkew:
     """Estimates the deviation of another program's clock from the timestamps of its messages.
 
-    Latency only makes the other clock look slow, so the greatest of the last differences is the best
-    estimate.
+    Latency can only make the other clock look slow, so the largest recent difference is the best estimate.
     """
 
     __slots__ = ("_differences",)
@@ -66,10 +65,10 @@ class ClockSkew:
         self._differences: deque[float] = deque(maxlen=SAMPLES)
 
     def measure(self, sent: datetime, arrived: datetime) -> None:
-        """Add a message."""
+        """Add the timestamp of a message and its time of arrival."""
         self._differences.append((sent - arrived).total_seconds())
 
     @property
     def seconds(self) -> float | None:
-        """The other clock minus this computer's, s; None before the first message."""
+        """Other clock minus this computer's clock, s; None before the first message."""
         return max(self._differences, default=None)

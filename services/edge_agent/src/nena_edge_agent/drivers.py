@@ -1,4 +1,4 @@
-"""Which driver a robot gets."""
+"""Creation of a robot's driver from its settings."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ def driver_maker(
     extensions: Sequence[NodeExtension] = (),
     map_server: MapServer | None = None,
 ) -> DriverMaker:
-    """Return a maker of the driver of robot ``index``, from 0.
+    """Return a factory for the driver of robot ``index``, counted from 0.
 
-    ``control`` gets a loopback robot, ``switch`` the ROS session of another one, on whose nodes
-    ``extensions`` have topics and services of their own; ``map_server`` has its maps.
+    A loopback robot is attached to ``control``. A robot with Nav2 has its ROS session attached to ``switch``,
+    ``extensions`` on its nodes, and its maps in ``map_server``.
 
     Raises:
         StartError: ROS 2 for Python is required and missing.

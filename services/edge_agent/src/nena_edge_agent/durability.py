@@ -1,4 +1,4 @@
-"""Make files survive a power failure."""
+"""Writing files so that they survive a power failure."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ def sync_folder(folder: Path) -> None:
     """Flush the names in ``folder`` to the disk, so that a new file survives a power failure.
 
     Raises:
-        OSError: the folder is not there, or the disk fails.
-
+        OSError: the folder does not exist, or the disk fails.
     """
     handle = os.open(folder, os.O_RDONLY)
     try:

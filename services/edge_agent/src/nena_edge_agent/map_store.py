@@ -1,4 +1,4 @@
-"""The port to whatever keeps a robot's maps: a folder, or the robot's own map server."""
+"""The storage of a robot's maps: a folder, Nav2's map_server, or a plug-in."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ class DuplicateMapError(MapRefusedError):
 
 
 def find(maps: Iterable[Map], map_id: str, map_version: str) -> Map | None:
-    """Return the map of that id and version."""
+    """Return the map with this ID and version."""
     return next((each for each in maps if (each.map_id, each.map_version) == (map_id, map_version)), None)
 
 
 class MapStore(Protocol):
-    """Keeps maps by mapId and mapVersion; at most one version of each mapId is enabled (3.0 section 6.3).
+    """Stores maps by mapId and mapVersion; at most one version of each mapId is enabled (3.0 section 6.3).
 
-    The methods may take their time; each is called when the previous one has ended.
+    The methods may be slow; they are never called concurrently.
     """
 
     @property
     def maps(self) -> tuple[Map, ...]:
-        """All maps that are ready to be enabled, as the state shows them."""
+        """Return all maps that can be enabled, as reported in the state."""
         ...
 
     async def install(self, map_id: str, map_version: str, content: bytes) -> None:
@@ -50,20 +50,18 @@ class MapStore(Protocol):
         ...
 
     async def enable(self, map_id: str, map_version: str) -> None:
-        """Use this version, and no other one of the same mapId.
+        """Enable this version, and disable the other versions of the mapId.
 
         Raises:
-            MapRefusedError: it is not there, or cannot be used.
-
+            MapRefusedError: it does not exist, or cannot be used.
         """
         ...
 
     async def delete(self, map_id: str, map_version: str) -> None:
-        """Forget a map.
+        """Delete a map.
 
         Raises:
-            MapRefusedError: it is not there, or enabled.
-
+            MapRefusedError: it does not exist, or is enabled.
         """
         ...
 
@@ -74,7 +72,7 @@ UNFINISHED = ".new"
 
 
 class FolderMapStore:
-    """Stores maps unchanged; a robot that needs more than that has its own store.
+    """Stores maps unchanged in a folder.
 
     Raises:
         StartError: the folder cannot be used.
@@ -86,7 +84,7 @@ class FolderMapStore:
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
             if not self._read():
-                self._mark(first.map_id, first.map_version)  # first: alone it is no map
+                self._mark(first.map_id, first.map_version)  # first, because the mark alone is not a map
                 self._write(first.map_id, first.map_version, b"")
             self.maps = self._read()
         except OSError as error:
@@ -112,22 +110,20 @@ class FolderMapStore:
         self.maps = self._read()
 
     async def enable(self, map_id: str, map_version: str) -> None:
-        """Use this version, and no other one of the same mapId.
+        """Enable this version, and disable the other versions of the mapId.
 
         Raises:
-            MapRefusedError: it is not there.
-
+            MapRefusedError: it does not exist.
         """
         self._expect(map_id, map_version)
         self._mark(map_id, map_version)
         self.maps = self._read()
 
     async def delete(self, map_id: str, map_version: str) -> None:
-        """Forget a map.
+        """Delete a map.
 
         Raises:
-            MapRefusedError: it is not there, or enabled.
-
+            MapRefusedError: it does not exist, or is enabled.
         """
         if self._expect(map_id, map_version).map_status is MapStatus.ENABLED:
             message = f"map '{map_id}' is enabled in version '{map_version}'; enable another version first"
@@ -160,7 +156,7 @@ class FolderMapStore:
         unfinished.rename(place)
 
     def _files(self, content: bytes) -> Mapping[str, bytes]:
-        """Return what is kept of a map, by the names of its files."""
+        """Return the files to store for a map, by name."""
         return {CONTENT: content}
 
     def _remove(self, map_id: str, map_version: str) -> None:
@@ -175,7 +171,7 @@ class FolderMapStore:
         self._put(self._folder / _name(map_id) / ENABLED, map_version.encode())
 
     def _put(self, path: Path, content: bytes) -> None:
-        """Write a small file atomically: it has its old content or the new one."""
+        """Write a small file atomically."""
         path.parent.mkdir(exist_ok=True)
         new = _beside(path)
         _write_through(new, content)
@@ -202,7 +198,7 @@ class FolderMapStore:
 
 
 def _beside(place: Path) -> Path:
-    """Return where something is while it is not finished, or on its way out."""
+    """Return the temporary path of what is being written or removed."""
     return place.with_name(place.name + UNFINISHED)
 
 
@@ -214,5 +210,5 @@ def _write_through(path: Path, content: bytes) -> None:
 
 
 def _name(text: str) -> str:
-    """Return the name of a folder; its first letter keeps it from being a relative path or a file of ours."""
+    """Return the name of a folder; the leading ``=`` rules out relative paths and our own files."""
     return "=" + quote(text, safe=" ").replace(".", "%2E")

@@ -1,5 +1,4 @@
-"""The order service's API for hosts and the status aggregator, the same over REST and MQTT.
+"""The order service's API for hosts and status aggregator, the same over REST and MQTT.
 
-The terms are those of openTCS's web API, so that its users find them familiar; NeNa adds priorities,
-coordinates and an idempotency key.
+Uses the terms of openTCS's web API, and adds priorities, coordinates and idempotency keys.
 """

@@ -1,4 +1,4 @@
-"""MQTT topics of NeNa's own: of the order service for hosts, and of what robots send beside VDA 5050."""
+"""NeNa's own MQTT topics: the order service's API for hosts, and robot data that VDA 5050 does not cover."""
 
 from __future__ import annotations
 
@@ -15,65 +15,65 @@ class FleetTopics:
 
     @property
     def creation_requests(self) -> str:
-        """Return the filter of the topics for requests to create transport orders."""
+        """Topic filter of requests to create transport orders."""
         return f"{self.prefix}/hosts/+/transportOrders/create"
 
     def creation_request(self, host: str) -> str:
-        """Where ``host`` publishes a :class:`TransportOrderRequest`."""
+        """Return the topic on which ``host`` publishes a :class:`TransportOrderRequest`."""
         return f"{self.prefix}/hosts/{host}/transportOrders/create"
 
     def creation_answer(self, host: str) -> str:
-        """Where ``host`` gets its :class:`CreationAnswer`."""
+        """Return the topic on which ``host`` receives its :class:`CreationAnswer`."""
         return f"{self.prefix}/hosts/{host}/transportOrders/answer"
 
     @property
     def commands(self) -> str:
-        """Return the filter of the topics for all other commands."""
+        """Topic filter of all other commands."""
         return self.command("+", "+")
 
     def command(self, host: str, name: str) -> str:
-        """Where ``host`` publishes the command of this name."""
+        """Return the topic on which ``host`` publishes the command ``name``."""
         return f"{self.prefix}/hosts/{host}/commands/{name}"
 
     def command_answer(self, host: str, name: str) -> str:
-        """Where ``host`` gets the answer."""
+        """Return the topic on which ``host`` receives the answer to the command ``name``."""
         return f"{self.command(host, name)}/answer"
 
     def host_of(self, topic: str) -> str:
-        """Return the host that published on ``topic``."""
+        """Return the host of a request's ``topic``."""
         return topic.removeprefix(f"{self.prefix}/hosts/").split("/", 1)[0]
 
     def order_status(self, name: str) -> str:
-        """Topic of the changes of an order, as :class:`TransportOrderStatus`.
+        """Return the topic of an order's :class:`TransportOrderStatus`.
 
-        Retained while the order lives; an empty message clears it ``end_kept`` after the final one.
+        Retained until ``end_kept`` after the final status; then cleared by an empty message.
         """
         return f"{self.prefix}/transportOrders/{name}/status"
 
     def vehicle_status(self, serial_number: str) -> str:
-        """Topic of the changes of a vehicle, as :class:`VehicleStatus`, retained."""
+        """Return the topic of a vehicle's :class:`VehicleStatus`, retained."""
         return f"{self.prefix}/vehicles/{serial_number}/status"
 
     def sequence_status(self, name: str) -> str:
-        """Topic of the changes of an order sequence, as :class:`OrderSequenceStatus`.
+        """Return the topic of an order sequence's :class:`OrderSequenceStatus`.
 
-        Retained until it is finished; an empty message follows the last one and clears it.
+        Retained until the sequence is finished; then cleared by an empty message.
         """
         return f"{self.prefix}/orderSequences/{name}/status"
 
     @property
     def all_sequence_statuses(self) -> str:
-        """Filter of all order sequences' changes."""
+        """Topic filter of all order sequences' statuses."""
         return self.sequence_status("+")
 
     @property
     def all_order_statuses(self) -> str:
-        """Filter of all orders' changes."""
+        """Topic filter of all orders' statuses."""
         return self.order_status("+")
 
     @property
     def all_vehicle_statuses(self) -> str:
-        """Filter of all vehicles' changes."""
+        """Topic filter of all vehicles' statuses."""
         return self.vehicle_status("+")
 
     @property
@@ -83,19 +83,19 @@ class FleetTopics:
 
     @property
     def plant_model(self) -> str:
-        """Where the plant model is, as JSON, retained."""
+        """Topic of the plant model, as JSON, retained."""
         return f"{self.prefix}/plantModel"
 
     def robot_map(self, robot: RobotKey) -> str:
-        """Topic of a robot's own map, as :class:`MapImage`, retained; outside of the tree of VDA 5050."""
+        """Return the topic of a robot's own map, as :class:`MapImage`, retained; not part of VDA 5050."""
         return f"{self.prefix}/robots/{robot}/map"
 
     @property
     def all_robot_maps(self) -> str:
-        """Filter of all robots' maps."""
+        """Topic filter of all robots' maps."""
         return self.robot_map(RobotKey("+", "+"))
 
     def robot_of_map(self, topic: str) -> RobotKey | None:
-        """Return whose map ``topic`` is; None for a topic of another form."""
+        """Return the robot of a map's ``topic``; None for any other topic."""
         robot = RobotKey(*levels) if len(levels := topic.split("/")[-3:-1]) == len(RobotKey._fields) else None
         return robot if robot is not None and topic == self.robot_map(robot) else None

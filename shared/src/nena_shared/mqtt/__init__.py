@@ -1,4 +1,4 @@
-"""MQTT: one link to the broker per program, which reconnects when it is lost."""
+"""MQTT: one link to the broker per program, with automatic reconnects."""
 
 from nena_shared.mqtt.link import Handler, LinkHooks, LinkState, MqttLink, Term, always
 from nena_shared.mqtt.message import Inbound, Outbound

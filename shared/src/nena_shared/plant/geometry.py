@@ -165,7 +165,7 @@ class PlanarIndex(Generic[T]):
         self._rows = _range([row for _, row in self._cells])
 
     def near(self, x: float, y: float, reach: float) -> list[T]:
-        """Return at least all items whose boxes are nearer to the position than ``reach``, in their order."""
+        """Return all items with boxes nearer to the position than ``reach``, in order, and perhaps others."""
         columns, rows = self._span(Box(x - reach, y - reach, x + reach, y + reach))
         found = set(self._large)
         for column in _overlap(columns, self._columns):
@@ -191,7 +191,7 @@ class PlanarIndex(Generic[T]):
         return columns, range(floor(box.y_min / self._cell), floor(box.y_max / self._cell) + 1)
 
     def _rings(self, x: float, y: float) -> Iterator[Iterable[int]]:
-        """Yield the items of the cell nearest to the position, then of the cells around it, and so on."""
+        """Yield the items ring by ring, starting with the cell nearest to the position."""
         if not self._cells:
             return
         column = min(max(floor(x / self._cell), self._columns.start), self._columns.stop - 1)
@@ -205,7 +205,7 @@ class PlanarIndex(Generic[T]):
 
 
 def _cell_of(boxes: list[Box]) -> float:
-    """Return the side length of cells, so that there are about as many as items."""
+    """Return the cell size for which there are about as many cells as items."""
     if not boxes:
         return 1.0
     width = max(box.x_max for box in boxes) - min(box.x_min for box in boxes)
@@ -224,7 +224,7 @@ def _overlap(one: range, other: range) -> range:
 
 
 def _ring(column: int, row: int, ring: int, columns: range, rows: range) -> Iterator[tuple[int, int]]:
-    """Yield the existing cells at a distance of exactly ``ring`` columns or rows."""
+    """Yield the existing cells at a distance of exactly ``ring`` cells."""
     left, right, low, high = column - ring, column + ring, row - ring, row + ring
     for each in _overlap(range(left, right + 1), columns):
         if low in rows:

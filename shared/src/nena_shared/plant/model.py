@@ -37,7 +37,7 @@ class LocationType(PlantRecord):
 
 
 class Link(PlantRecord):
-    """A link to a point that serves a location; without operations it allows all of the location type."""
+    """A link to a point that serves a location; without operations, it allows all of the location type's."""
 
     point: str
     allowed_operations: tuple[str, ...] = ()
@@ -156,12 +156,12 @@ class Vehicle(PlantRecord):
 
     @property
     def instant_actions_key(self) -> str | None:
-        """Key of the array of instant actions in messages to the robot, if it is another one."""
+        """Key of the instant actions array in messages to the robot, if it is not the standard one."""
         return self.properties.get(keys.VDA5050_INSTANT_ACTIONS_KEY)
 
     @property
     def keeps_last_node_states(self) -> bool:
-        """Whether the robot's nodeStates are not empty when it is at the order's last node."""
+        """Whether the robot keeps nodeStates at the order's last node."""
         return self._is_set(keys.VDA5050_KEEPS_LAST_NODE_STATES)
 
     @property
@@ -201,7 +201,7 @@ class Vehicle(PlantRecord):
 
     @property
     def corridor_width_m(self) -> float | None:
-        """Widest corridor that it is sent, metres to each side; None if unset or invalid."""
+        """Maximum corridor width, metres to each side; None if unset or invalid."""
         return self._non_negative(keys.VDA5050_CORRIDOR_WIDTH)
 
     def _is_set(self, key: str) -> bool:
@@ -256,7 +256,7 @@ T = TypeVar("T")
 class PlantModel(PlantRecord):
     """An immutable plant model. Positions and lengths are whole millimetres; `..._m` properties are metres.
 
-    Building one does not check references between objects: importers do, with `nena_shared.plant.checks`.
+    References between objects are not checked here, but by importers with `nena_shared.plant.checks`.
     """
 
     name: str
@@ -277,8 +277,7 @@ class PlantModel(PlantRecord):
     def to_json(self) -> str:
         """Return the whole model as JSON with camelCase names, which `from_json` reads back unchanged.
 
-        Defaults are written out, so that readers in other languages need no knowledge of them; only None is
-        left out.
+        Defaults are included, so that readers need not know them; only None is omitted.
         """
         return self.model_dump_json(by_alias=True, exclude_none=True)
 
@@ -325,29 +324,29 @@ class PlantModel(PlantRecord):
 
     @cached_property
     def vehicle_types(self) -> frozenset[str]:
-        """Vehicle types that points and paths name; empty if none."""
+        """Vehicle types used by points and paths; empty if none."""
         at_points = (use.vehicle_type_id for point in self.points for use in point.vehicle_types)
         on_paths = (use.vehicle_type_id for path in self.paths for use in path.vehicle_types)
         return frozenset((*at_points, *on_paths))
 
     def point(self, name: str) -> Point:
-        """Return the point of this name; raises UnknownObjectError."""
+        """Return the point of this name. Raises UnknownObjectError."""
         return _known(self.points_by_name, ObjectKind.POINT, name)
 
     def path(self, name: str) -> Path:
-        """Return the path of this name; raises UnknownObjectError."""
+        """Return the path of this name. Raises UnknownObjectError."""
         return _known(self.paths_by_name, ObjectKind.PATH, name)
 
     def location(self, name: str) -> Location:
-        """Return the location of this name; raises UnknownObjectError."""
+        """Return the location of this name. Raises UnknownObjectError."""
         return _known(self.locations_by_name, ObjectKind.LOCATION, name)
 
     def location_type(self, name: str) -> LocationType:
-        """Return the location type of this name; raises UnknownObjectError."""
+        """Return the location type of this name. Raises UnknownObjectError."""
         return _known(self.location_types_by_name, ObjectKind.LOCATION_TYPE, name)
 
     def vehicle(self, name: str) -> Vehicle:
-        """Return the vehicle of this name; raises UnknownObjectError."""
+        """Return the vehicle of this name. Raises UnknownObjectError."""
         return _known(self.vehicles_by_name, ObjectKind.VEHICLE, name)
 
     def edges(self) -> Iterator[DirectedEdge]:
@@ -363,9 +362,9 @@ class PlantModel(PlantRecord):
         return tuple(operation for operation in allowed if operation in link.allowed_operations)
 
     def access_points(self, location_name: str, operation: str) -> tuple[str, ...]:
-        """Return the points at which `operation` can be done for a location; raises UnknownObjectError.
+        """Return the points at which a location allows `operation`. Raises UnknownObjectError.
 
-        Every link allows NO_OPERATION. An empty result means that the operation is not possible there at all.
+        Every link allows NO_OPERATION. The result is empty if no link allows the operation.
         """
         location = self.location(location_name)
         return tuple(
@@ -385,13 +384,13 @@ def _known(objects: Mapping[str, T], kind: ObjectKind, name: str) -> T:
 def map_transforms(model: PlantModel) -> Mapping[str, MapTransform]:
     """Return the transform for each map that has one; on other maps plant and map frame are identical.
 
-    Raises ValueError for a property that is no transform; importers refuse such a model.
+    Raises ValueError if a property is not a valid transform; importers reject such models.
     """
     return {map_id: parse_transform(text) for map_id, text in transform_texts(model)}
 
 
 def transform_texts(model: PlantModel) -> Iterator[tuple[str, str]]:
-    """Yield map id and text of each transform property."""
+    """Yield mapId and text of each transform property."""
     for key, text in model.properties.items():
         if key.startswith(keys.MAP_TRANSFORM):
             yield key.removeprefix(keys.MAP_TRANSFORM), text

@@ -8,7 +8,7 @@ from nena_shared.vda5050.base import Header
 
 
 class ConnectionState(StrEnum):
-    """State of a robot's MQTT connection, not of its health (section 6.5)."""
+    """State of a robot's MQTT connection; says nothing about the robot's health (section 6.5)."""
 
     ONLINE = "ONLINE"
     OFFLINE = "OFFLINE"
@@ -17,6 +17,6 @@ class ConnectionState(StrEnum):
 
 
 class Connection(Header):
-    """Retained, with quality of service 1; the broken one is the robot's last will (section 6.5)."""
+    """Connection state, retained, QoS 1. CONNECTION_BROKEN is the robot's last will (section 6.5)."""
 
     connection_state: ConnectionState

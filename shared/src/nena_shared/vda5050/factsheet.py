@@ -14,7 +14,7 @@ from nena_shared.vda5050.zone_set import ZoneType
 
 
 class Support(StrEnum):
-    """How a robot treats an optional field of the order (section 7.10)."""
+    """How a robot supports an optional field of the order (section 7.10)."""
 
     SUPPORTED = "SUPPORTED"
     REQUIRED = "REQUIRED"
@@ -41,7 +41,7 @@ class ValueDataType(StrEnum):
 
 
 class TypeSpecification(WireObject):
-    """The robot's class and how it finds its way; load in kg. The lists are open (section 7.10)."""
+    """Kinematics, class, navigation types and maximum load (kg); the lists are open (section 7.10)."""
 
     series_name: str
     series_description: str | None = None
@@ -69,7 +69,7 @@ class PhysicalParameters(WireObject):
 
 
 class MaximumStringLengths(WireObject):
-    """Most characters; absent or 0 is no limit (section 7.10)."""
+    """Maximum string lengths, characters; absent or 0: no limit (section 7.10)."""
 
     maximum_message_length: UInt32 | None = None
     maximum_topic_serial_length: UInt32 | None = None
@@ -80,7 +80,7 @@ class MaximumStringLengths(WireObject):
 
 
 class MaximumArrayLengths(WireObject):
-    """Maximum entries per array; absent or 0 is no limit. The names on the wire have a dot (section 7.10)."""
+    """Maximum array lengths; absent or 0: no limit. Names on the wire contain dots (section 7.10)."""
 
     model_config = ConfigDict(alias_generator=None)
 
@@ -106,7 +106,7 @@ class MaximumArrayLengths(WireObject):
 
 
 class Timing(WireObject):
-    """Seconds between messages (section 7.10)."""
+    """Intervals between messages, seconds (section 7.10)."""
 
     minimum_order_interval: NotNegative
     minimum_state_interval: NotNegative
@@ -115,7 +115,7 @@ class Timing(WireObject):
 
 
 class ProtocolLimits(WireObject):
-    """What messages must keep to (section 7.10)."""
+    """Limits of messages to and from the robot (section 7.10)."""
 
     maximum_string_lengths: MaximumStringLengths
     maximum_array_lengths: MaximumArrayLengths
@@ -123,7 +123,7 @@ class ProtocolLimits(WireObject):
 
 
 class OptionalParameter(WireObject):
-    """An optional field of the order, by its full dotted path, that the robot understands (section 7.10)."""
+    """A supported optional field, by its full dotted path (section 7.10)."""
 
     parameter: str
     support: Support
@@ -140,7 +140,7 @@ class ActionParameterDescription(WireObject):
 
 
 class MobileRobotAction(WireObject):
-    """An action that the robot can do (section 7.10)."""
+    """An action that the robot supports (section 7.10)."""
 
     action_type: str
     action_description: str | None = None
@@ -153,7 +153,7 @@ class MobileRobotAction(WireObject):
 
 
 class ProtocolFeatures(WireObject):
-    """Optional fields and actions; what is not listed is not supported (section 7.10)."""
+    """Supported optional fields and actions; anything not listed is unsupported (section 7.10)."""
 
     optional_parameters: tuple[OptionalParameter, ...]
     mobile_robot_actions: tuple[MobileRobotAction, ...]
@@ -175,7 +175,7 @@ class Envelope2d(WireObject):
 
 
 class Envelope3d(WireObject):
-    """An outline in space, in a format of the maker's, here or under an address (section 7.10)."""
+    """A 3D envelope in the manufacturer's format, inline or by URL (section 7.10)."""
 
     envelope3d_id: Annotated[str, Field(alias="envelope3dId")]
     format: str
@@ -193,7 +193,7 @@ class WheelPosition(WireObject):
 
 
 class WheelDefinition(WireObject):
-    """A wheel (section 7.10); m."""
+    """A wheel, m (section 7.10)."""
 
     type: str
     is_active_driven: bool
@@ -214,10 +214,7 @@ class MobileRobotGeometry(WireObject):
 
 
 class LoadSet(WireObject):
-    """A kind of load that the robot handles, and how it drives with it (section 7.10).
-
-    Kg, m, rad, m/s, m/s², s.
-    """
+    """A kind of load, and the limits that apply with it: kg, m, rad, m/s, m/s², s (section 7.10)."""
 
     set_name: str
     load_type: str
@@ -240,14 +237,14 @@ class LoadSet(WireObject):
 
 
 class LoadSpecification(WireObject):
-    """What the robot can carry; no load positions: nothing (section 7.10)."""
+    """Load handling: load positions and load sets; without positions it carries nothing (section 7.10)."""
 
     load_positions: tuple[str, ...] | None = None
     load_sets: tuple[LoadSet, ...] | None = None
 
 
 class VersionEntry(WireObject):
-    """Version of one part of the robot (section 7.10)."""
+    """Version of a hardware or software component (section 7.10)."""
 
     key: str
     value: str
@@ -264,7 +261,7 @@ class Network(WireObject):
 
 
 class BatteryCharging(WireObject):
-    """When to charge (section 7.10): percent of the battery's charge, and s."""
+    """Charging thresholds, percent, and the minimum charging time, s (section 7.10)."""
 
     critical_low_charging_level: Percent | None = None
     minimum_desired_charging_level: Percent | None = None
@@ -273,7 +270,7 @@ class BatteryCharging(WireObject):
 
 
 class MobileRobotConfiguration(WireObject):
-    """How this very robot is set up (section 7.10)."""
+    """Configuration of this individual robot (section 7.10)."""
 
     versions: tuple[VersionEntry, ...] | None = None
     network: Network | None = None
@@ -281,7 +278,7 @@ class MobileRobotConfiguration(WireObject):
 
 
 class Factsheet(Header):
-    """Retained; sent at each connect and on factsheetRequest (section 7.10)."""
+    """The factsheet; retained, sent on each connect and on factsheetRequest (section 7.10)."""
 
     type_specification: TypeSpecification
     physical_parameters: PhysicalParameters

@@ -1,4 +1,4 @@
-"""Rules of a valid order graph that a schema cannot express (VDA 5050 3.0 section 6.1.1)."""
+"""Rules of order graphs that JSON Schema cannot express (VDA 5050 3.0 section 6.1.1)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from nena_shared.vda5050.order import Order
 
 
 def violations(order: Order) -> tuple[str, ...]:
-    """Name every rule that ``order`` breaks, a sentence each; empty for a valid graph (section 6.1.1)."""
+    """Return a sentence for each rule that ``order`` violates; empty for a valid graph (section 6.1.1)."""
     return tuple(_violations(order))
 
 

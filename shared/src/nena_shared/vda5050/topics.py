@@ -22,7 +22,7 @@ class Topic(StrEnum):
 
 
 class RobotKey(NamedTuple):
-    """Which robot a topic is about (section 4.2)."""
+    """Manufacturer and serial number of a robot, as in its topics (section 4.2)."""
 
     manufacturer: str
     serial_number: str
@@ -32,24 +32,24 @@ class RobotKey(NamedTuple):
 
 
 class TopicScheme(NamedTuple):
-    """Builds and reads the topics of one interface and major version (section 4.2).
+    """Builds and parses the topics of one interface and major version (section 4.2).
 
-    The interface name may have levels.
+    The interface name may have several levels.
     """
 
     interface_name: str
     major_version: str = "v2"
 
     def of(self, robot: RobotKey, topic: Topic) -> str:
-        """Return the topic of one robot."""
+        """Return ``topic`` of one robot."""
         return f"{self.interface_name}/{self.major_version}/{robot}/{topic}"
 
     def for_all(self, topic: Topic) -> str:
-        """Return the filter for ``topic`` of all robots."""
+        """Return the topic filter for ``topic`` of all robots."""
         return f"{self.interface_name}/{self.major_version}/+/+/{topic}"
 
     def robot_of(self, topic: str) -> RobotKey | None:
-        """Return which robot ``topic`` is about; None for a topic of another form."""
+        """Return the robot of ``topic``; None if the topic does not belong to this scheme."""
         levels = topic.rsplit("/", LEVELS_BEHIND_INTERFACE)
         if len(levels) <= LEVELS_BEHIND_INTERFACE or levels[:2] != [self.interface_name, self.major_version]:
             return None

@@ -1,4 +1,4 @@
-"""Common parts of NeNa's HTTP services: listening, access, problems.
+"""Common parts of NeNa's HTTP services: server, access control, problem details.
 
-Needs the extra ``web`` of this distribution; robots go without it.
+Needs the extra ``web`` of this distribution, which robots do not install.
 """

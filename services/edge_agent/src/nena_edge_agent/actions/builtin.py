@@ -1,4 +1,7 @@
-"""Actions that every robot has: wait, logReport, downloadZoneSet, map transforms, and timed operations."""
+"""Built-in actions: wait, logReport, downloadZoneSet, map transforms and timed operations.
+
+``make_registry`` of the program decides which of them a robot has.
+"""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ class LinkVerdict(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class LinkFinding:
-    """The result for one link; ``remedy`` says what to do if it is not OK."""
+    """The result for a link; ``remedy`` explains what to do if it is not OK."""
 
     link: Link
     verdict: LinkVerdict

@@ -1,1 +1,1 @@
-"""Drivers: what moves a robot, behind one port."""
+"""The port between the protocol core and the drivers, and its frames."""

@@ -25,13 +25,13 @@ class MapPose:
 
 
 class MapGoal(GoalAt[MapPose]):
-    """Where to drive next, on the robot's map; the deviation is in metres of it."""
+    """A goal on the robot's map; the deviation is in metres of that map."""
 
     __slots__ = ()
 
 
 class MapPoseReport(PoseReportAt[MapPose]):
-    """Where the robot is on its map."""
+    """A pose on the robot's map."""
 
     __slots__ = ()
 
@@ -61,7 +61,7 @@ MapEmit = Callable[[MapDriverEvent], None]
 
 
 class MapDriver(Mover, Protocol):
-    """What moves a robot on its own map; all else as in :class:`nena_edge_agent.driver.port.Driver`."""
+    """A driver that uses the robot's own map; otherwise as :class:`nena_edge_agent.driver.port.Driver`."""
 
     def reclaim(self, goals: MapOwnGoals) -> None:
         """Treat ``goals`` as this robot's own if navigation still drives to them."""

@@ -1,6 +1,6 @@
-"""Features of Nav2 beside driving, if this machine has their types.
+"""Optional features of Nav2, used if this machine has their types.
 
-A robot's ROS installation has ``nav2_msgs`` as a rule; the agent works without.
+A robot's ROS installation usually has ``nav2_msgs``; the agent also works without it.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def interface(name: str) -> Any | None:  # noqa: ANN401 - rclpy carries no types
 
 @dataclass(frozen=True, slots=True)
 class Nav2Offers:
-    """The robot's features by Nav2.
+    """The optional features that Nav2 offers.
 
     ``limits_speed``: it obeys speed limits; ``keeps_out``: it plans around closed areas; ``follows_paths``:
     its controller follows paths of the agent; ``behavior_trees``: names that orders may request.

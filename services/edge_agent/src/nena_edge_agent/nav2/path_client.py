@@ -1,4 +1,4 @@
-"""The action of Nav2's controller in the ROS graph (nav2_msgs/FollowPath): paths, results and feedback."""
+"""Client of the Nav2 controller's action (nav2_msgs/FollowPath): paths, results and feedback."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from nena_edge_agent.nav2.settings import RosSettings, status_of
 
 @dataclass(frozen=True, slots=True)
 class PathListeners(ActionListeners):
-    """The handlers of the path action's events, called in the event loop."""
+    """Handlers of the path action's events, called in the event loop."""
 
     statuses: Callable[[list[GoalEntry]], None]
 
 
 class PathClient(ActionClient):
-    """Client of the controller's server."""
+    """Client of the controller's action server."""
 
     def __init__(self, settings: RosSettings, listeners: PathListeners) -> None:
         super().__init__(settings, interface(FOLLOW_PATH), listeners)

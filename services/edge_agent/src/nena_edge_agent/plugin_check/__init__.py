@@ -1,1 +1,1 @@
-"""Tries a plug-in for actions as the agent would use it."""
+"""Checks an action plug-in by using it as the agent would."""

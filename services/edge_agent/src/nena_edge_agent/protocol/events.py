@@ -52,7 +52,7 @@ class ZoneSetReceived:
 
 @dataclass(frozen=True, slots=True)
 class ResponsesReceived:
-    """Well-formed answers to the robot's requests, received at ``utc`` (section 6.9)."""
+    """Well-formed responses to the robot's requests, received at ``utc`` (section 6.9)."""
 
     message: Responses
     utc: datetime
@@ -60,7 +60,7 @@ class ResponsesReceived:
 
 @dataclass(frozen=True, slots=True)
 class MapsReport:
-    """The maps that the robot holds, all of them (section 6.3)."""
+    """All maps on the robot (section 6.3)."""
 
     maps: tuple[Map, ...]
 
@@ -80,9 +80,8 @@ class MessageRefused:
 class ActionReport:
     """The report of a plug-in about one of its actions.
 
-    ``loads`` and ``charging`` are what the robot carries now, and whether it charges; None: unchanged.
-    ``maps`` are the maps that the robot has now, ``zone_set`` is one that the action has downloaded.
-    ``error`` is shown in the state until the next instant action.
+    ``loads``, ``charging`` and ``maps`` are the robot's new values; None: unchanged. ``zone_set`` is a zone
+    set that the action has downloaded. ``error`` is shown in the state until the next instant action.
     """
 
     action_id: str
@@ -97,7 +96,7 @@ class ActionReport:
 
 @dataclass(frozen=True, slots=True)
 class OperatingModeSwitched:
-    """A person has switched the robot to ``mode`` (section 6.6.6); the state may show it only later."""
+    """A person has switched the robot to ``mode`` (section 6.6.6); the state may report it later."""
 
     mode: OperatingMode
 
@@ -144,14 +143,14 @@ class LocalTrigger:
 
 @dataclass(frozen=True, slots=True)
 class LoadSensed:
-    """Whether the robot carries something, by its sensor (section 7.8)."""
+    """Whether the robot is loaded, by its sensor (section 7.8)."""
 
     loaded: bool
 
 
 @dataclass(frozen=True, slots=True)
 class PluginsReport:
-    """Problems of installed action plug-ins that cannot be used; a sentence for each."""
+    """Problems of installed action plug-ins that cannot be used, one sentence each."""
 
     problems: tuple[str, ...]
 
@@ -179,9 +178,9 @@ class LinkReport:
 
 @dataclass(frozen=True, slots=True)
 class TimePassed:
-    """Only time has passed: a timeout may have expired.
+    """Time has passed: a timeout may have expired.
 
-    ``utc`` is the time of day, if known; a computer that was suspended has lost count of it.
+    ``utc`` is the time of day, if known; the monotonic clock stops while a computer is suspended.
     """
 
     utc: datetime | None = None
@@ -197,7 +196,7 @@ class PowerCommand(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class SignedOff:
-    """The state with the end of startHibernation or shutdown was sent: no other one follows (6.2.3)."""
+    """The last state before hibernation or shutdown was sent (section 6.2.3)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -255,7 +254,7 @@ class LimitSpeed:
 
 @dataclass(frozen=True, slots=True)
 class KeepOut:
-    """Make the driver plan around exactly these areas."""
+    """Make the driver plan around these areas, and no others."""
 
     areas: tuple[Area, ...]
 
@@ -325,7 +324,7 @@ class ShutDown:
 
 @dataclass(frozen=True, slots=True)
 class LogIgnored:
-    """Log a message of fleet control that a hibernating robot does not act on."""
+    """Log a message from fleet control that a hibernating robot ignores."""
 
     message: str
 

@@ -1,4 +1,4 @@
-"""The paths of our own that the robot follows along its order (sections 6.1.5 and 7.3)."""
+"""Follow trajectories and corridors along the order (sections 6.1.5 and 7.3)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from nena_shared.vda5050.order import Node, NodePosition
 
 
 def path_of(robot: RobotState, index: int = 0) -> tuple[Point, ...]:
-    """Return the path of the next edge, or the one ``index`` behind it; empty: navigation plans its own."""
+    """Return the path of the next edge, or of the one ``index`` after it; empty: navigation plans one."""
     progress = robot.progress
     edge = next(islice(progress.edges, index, None), None)
     node = next(islice(progress.nodes, index, None), None)
@@ -27,7 +27,7 @@ def path_of(robot: RobotState, index: int = 0) -> tuple[Point, ...]:
 
 
 def poses_from(robot: RobotState, pose: Pose, position: NodePosition) -> tuple[Pose, ...]:
-    """Return the path from ``pose`` to the next node, at ``position``; what is left of the last one first."""
+    """Return the path from ``pose`` to the next node, at ``position``, after the previous path."""
     path = path_of(robot)
     if not path:
         robot.goal.path = ()
@@ -42,7 +42,7 @@ def poses_from(robot: RobotState, pose: Pose, position: NodePosition) -> tuple[P
 
 
 def has_left(robot: RobotState) -> bool:
-    """Return whether the robot is so far off the path of its edge that it must not drive."""
+    """Return whether the robot is too far off the path of its edge to drive."""
     return _metres_outside(robot) > 0.0
 
 

@@ -1,4 +1,4 @@
-"""Paths that hosts lock and unlock, overriding the plant model; kept in the store."""
+"""Path locks set by hosts, which override the plant model and are kept in the store."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ log = get_logger(__name__)
 
 
 class PathLocks:
-    """New routes respect the locks, and so do driving vehicles beyond their bases."""
+    """Applies path locks to new routes, and to driving vehicles beyond their bases."""
 
     def __init__(self, engine: Engine) -> None:
         """Start with the locks of the plant model."""
@@ -22,7 +22,7 @@ class PathLocks:
         self._locks: dict[str, bool] = {}
 
     async def load(self) -> None:
-        """Restore the locks that hosts had set before a restart, for paths that still exist."""
+        """Restore the locks from before a restart, for paths that still exist."""
         stored = await self._engine.store.path_locks()
         self._locks = {name: locked for name, locked in stored.items() if name in self._plant.paths_by_name}
         if self._locks:
@@ -37,7 +37,7 @@ class PathLocks:
         return self._status(self._path(name))
 
     async def set(self, name: str, *, locked: bool) -> PathStatus:
-        """Lock or unlock a path; it is committed when this returns.
+        """Lock or unlock a path; the change is committed on return.
 
         Raises:
             UnknownPathError: no such path.
@@ -54,7 +54,7 @@ class PathLocks:
         self._locks[name] = locked
         log.info("path locked" if locked else "path unlocked", path=name)
         self._apply()
-        if not self._engine.unit_of_work.closed:  # otherwise the new parts load it from the store
+        if not self._engine.unit_of_work.closed:  # otherwise the new engine loads it from the store
             self._engine.plant_changed()
 
     def _apply(self) -> None:

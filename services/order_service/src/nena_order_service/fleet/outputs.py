@@ -1,4 +1,4 @@
-"""Outputs of the fleet-control core: messages to send, and events for the order service."""
+"""Outputs of the core of fleet control: messages to send, and events for the engine."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class PublishOrder:
 
 @dataclass(frozen=True, slots=True)
 class PublishInstantActions:
-    """Send instant actions (section 7.4); header fields are the sender's."""
+    """Send instant actions (section 7.4); the sender adds the header."""
 
     robot: RobotKey
     actions: tuple[Action, ...]
@@ -31,7 +31,7 @@ class PublishInstantActions:
 
 @dataclass(frozen=True, slots=True)
 class PublishResponses:
-    """Answer requests of the robot (section 7.5); header fields are the sender's."""
+    """Answer the robot's requests (section 7.5); the sender adds the header."""
 
     robot: RobotKey
     responses: tuple[Response, ...]
@@ -39,7 +39,7 @@ class PublishResponses:
 
 @dataclass(frozen=True, slots=True)
 class PublishZoneSet:
-    """Send the robot a zone set (section 7.6); header fields are the sender's."""
+    """Send a zone set (section 7.6); the sender adds the header."""
 
     robot: RobotKey
     zone_set: ZoneSet
@@ -50,9 +50,9 @@ Publish = PublishOrder | PublishInstantActions | PublishResponses | PublishZoneS
 
 @dataclass(frozen=True, slots=True)
 class RobotChanged:
-    """Something relevant to people or a dispatcher has changed about a robot.
+    """A robot has changed in a way relevant to users or the dispatcher.
 
-    Its pose and fractions of the battery's percent change all the time and make no such event: read them from
+    Its pose and fractions of its charge change continuously and cause no event: read them from
     :meth:`FleetController.view`.
     """
 
@@ -61,7 +61,7 @@ class RobotChanged:
 
 @dataclass(frozen=True, slots=True)
 class VdaOrderAccepted:
-    """The robot's state echoes the VDA order (section 6.1.2): the robot has accepted it."""
+    """The robot has accepted the VDA order: its state echoes it (section 6.1.2)."""
 
     robot: RobotKey
     order_id: str
@@ -69,7 +69,7 @@ class VdaOrderAccepted:
 
 @dataclass(frozen=True, slots=True)
 class NodePassed:
-    """The robot has traversed a node, or is on the first one (section 6.6.2); in order, without gaps."""
+    """The robot has traversed a node, or is on the first one (section 6.6.2); sent in order, without gaps."""
 
     robot: RobotKey
     order_id: str
@@ -79,7 +79,7 @@ class NodePassed:
 
 @dataclass(frozen=True, slots=True)
 class BaseWanted:
-    """The robot approaches the end of its base, and the VDA order has more nodes (section 6.6.3)."""
+    """The robot requests a longer base (newBaseRequest), and the VDA order has a horizon (section 6.6.3)."""
 
     robot: RobotKey
     order_id: str
@@ -87,7 +87,7 @@ class BaseWanted:
 
 @dataclass(frozen=True, slots=True)
 class OperationStarted:
-    """The first of the VDA order's actions has begun."""
+    """The first action at the VDA order's last node has begun."""
 
     robot: RobotKey
     order_id: str
@@ -105,7 +105,7 @@ class VdaOrderFinished:
 class VdaOrderFailed:
     """The VDA order has ended without success.
 
-    ``reason`` is one sentence for people; ``details`` has the robot's own texts, one per error.
+    ``reason`` is one sentence; ``details`` has the robot's own texts, one per error.
     """
 
     robot: RobotKey
@@ -117,9 +117,9 @@ class VdaOrderFailed:
 
 @dataclass(frozen=True, slots=True)
 class ActionRetriable:
-    """An action of the VDA order has failed, and the robot waits for ``retry`` or ``skipRetry``.
+    """An action is RETRIABLE: the robot waits for ``retry`` or ``skipRetry`` (section 6.6.9).
 
-    See section 6.6.9; words as in :class:`VdaOrderFailed`.
+    ``reason`` and ``details`` are as in :class:`VdaOrderFailed`.
     """
 
     robot: RobotKey
@@ -131,7 +131,7 @@ class ActionRetriable:
 
 @dataclass(frozen=True, slots=True)
 class VdaOrderCancelled:
-    """The VDA order was cancelled (section 6.1.3); the robot has confirmed it or never had it."""
+    """The VDA order was cancelled (section 6.1.3): the robot has confirmed that, or never had the order."""
 
     robot: RobotKey
     order_id: str
@@ -141,8 +141,8 @@ class VdaOrderCancelled:
 class InstantActionEnded:
     """A requested instant action has ended (section 6.2.1).
 
-    ``status`` is FINISHED or FAILED as reported by the robot, FAILED for one that was not sent, None if the
-    robot never reported it; ``reason`` describes what happened, ``result`` is the robot's own.
+    ``status`` is FINISHED or FAILED as reported by the robot, FAILED if it was not sent, or None if the robot
+    never reported its end. ``reason`` describes what happened; ``result`` is the robot's actionResult.
     """
 
     robot: RobotKey

@@ -53,9 +53,9 @@ def short(text: str | None) -> str | None:
 def view_robot(
     robot: Robot, *, silence_limit: float, skew_limit: float, chain: WaitChain | None = None
 ) -> RobotView:
-    """Build the view of a robot; nothing in it changes with time alone. ``chain``: where its waiting leads.
+    """Build the view of a robot; nothing in it changes with time alone. ``chain``: the robots it waits for.
 
-    ``clockSkew`` is None while it is below ``skew_limit`` (s), so that noise makes no changes.
+    ``clockSkew`` is None below ``skew_limit`` (s), so that noise causes no changes.
     """
     state, vehicle, skew = robot.state, robot.vehicle, robot.skew.seconds
     header = state or robot.connection or robot.factsheet
@@ -241,7 +241,7 @@ def _order(robot: Robot, state: State) -> RobotOrderView:
 
 
 def is_active(state: State) -> bool:
-    """Return whether the robot's order is active (the reverse of idle, VDA 5050 3.0, 6.6.8)."""
+    """Return whether the robot's order is active (not idle, VDA 5050 3.0, 6.6.8)."""
     return bool(state.node_states or state.edge_states) or not all(
         each.action_status.ended for each in state.action_states
     )

@@ -38,8 +38,8 @@ LAST_WRITE_SECONDS = 3.0
 class HistoryWriter:
     """Queues events and writes them in batches.
 
-    While the database is slow or unavailable, up to ``queue_limit`` events wait. Beyond it the oldest are
-    dropped and counted in ``dropped``; a ``historyGap`` entry counts them.
+    While the database is slow or unavailable, up to ``queue_limit`` events are queued. Beyond, the oldest are
+    dropped and counted in ``dropped`` and in a ``historyGap`` entry.
     """
 
     def __init__(self, settings: HistorySettings, engine: Engine, clock: Clock) -> None:
@@ -134,7 +134,7 @@ class HistoryWriter:
         database.write(self._engine, batch)
 
     def _take_back(self, batch: list[Event]) -> None:
-        """Put a batch back to the front of the queue; the oldest events are dropped if there is no room."""
+        """Requeue a batch at the front; drop the oldest events beyond the limit."""
         room = max(0, self._settings.queue_limit - len(self._queue))
         lost = max(0, len(batch) - room)
         self._lose(lost)

@@ -1,4 +1,4 @@
-"""What LIF cannot hold of a plant model, by its versions."""
+"""Content of plant models that a version of LIF cannot represent."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -28,7 +28,7 @@ _KEPT: Final = ("lif:", keys.VDA5050_MAP_ID)
 
 
 def export_warnings(model: PlantModel, version: LifVersion = LifVersion.V1_0) -> Iterator[PlantProblem]:
-    """Yield a warning for each kind of content that LIF of this version cannot represent."""
+    """Yield a warning for each kind of content that this LIF version cannot represent."""
     of_version = in_1_0(model) if version is LifVersion.V1_0 else in_2_0(model)
     found = Counter[str]()
     for what, times in (*_of_points(model), *_of_paths(model), *_of_the_rest(model), *of_version):
@@ -40,7 +40,7 @@ def export_warnings(model: PlantModel, version: LifVersion = LifVersion.V1_0) ->
 
 
 def in_1_0(model: PlantModel) -> Iterator[tuple[str, int]]:
-    """Yield what only LIF 2.0 has, and how often."""
+    """Yield content that only LIF 2.0 supports, with its number of occurrences."""
     at_points = [use for point in model.points for use in point.vehicle_types]
     on_paths = [use for path in model.paths for use in path.vehicle_types]
     everywhere: list[_Use] = [*at_points, *on_paths]
@@ -78,7 +78,7 @@ def in_1_0(model: PlantModel) -> Iterator[tuple[str, int]]:
 
 
 def in_2_0(model: PlantModel) -> Iterator[tuple[str, int]]:
-    """Yield what only LIF 1.0 has, and how often."""
+    """Yield content that only LIF 1.0 supports, with its number of occurrences."""
     at_points = [use for point in model.points for use in point.vehicle_types]
     uses: list[_Use] = [*at_points, *(use for path in model.paths for use in path.vehicle_types)]
     optional = sum(
@@ -147,7 +147,7 @@ def _of_the_rest(model: PlantModel) -> Iterator[tuple[str, int]]:
 
 
 def rules_of_types(model: PlantModel) -> Iterator[tuple[str, int]]:
-    """Yield the rules of vehicle types other than access, and how often they occur."""
+    """Yield rules of vehicle types, except access, with their number of occurrences."""
     at_points = [use for point in model.points for use in point.vehicle_types]
     on_paths = [use for path in model.paths for use in path.vehicle_types]
     everywhere: list[_Use] = [*at_points, *on_paths]

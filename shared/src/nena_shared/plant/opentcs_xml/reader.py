@@ -53,8 +53,8 @@ from nena_shared.plant.track import (
 def read(data: bytes, *, limits: Limits = DEFAULT_LIMITS) -> ImportReport:
     """Read a plant model in openTCS's XML, formats 0.0.2 to 7.0.0.
 
-    Raises PlantModelError with all problems if the file is no plant model, is of a version that cannot be
-    read, breaks a limit, or if its objects contradict each other.
+    Raises PlantModelError with all problems if the file is not a plant model, has an unsupported version,
+    exceeds a limit or is inconsistent.
     """
     with paused_collector():
         return _read(parse(data, limits))
@@ -404,7 +404,7 @@ def bounding_box(obj: XmlObject, tag: str) -> BoundingBox:
 
 
 def given_speeds(obj: XmlObject, **attributes: str) -> dict[str, Any]:
-    """Read speeds in mm/s, by field; one that is missing in old formats stays the model's default, not 0."""
+    """Return speeds in mm/s by field; those missing in old formats keep the model's default instead of 0."""
     speeds: dict[str, Any] = {}
     for name, attribute in attributes.items():
         if obj.findings.is_old and not obj.has(attribute):

@@ -25,7 +25,7 @@ Value = str | bool | float | None
 
 
 def add(parent: Element, tag: str, **attributes: Value) -> Element:
-    """Add an element; attributes that are None are left out."""
+    """Add an element; attributes that are None are omitted."""
     written = {name: _text(value) for name, value in attributes.items() if value is not None}
     return SubElement(parent, tag, written)
 
@@ -61,7 +61,7 @@ def add_point(parent: Element, point: Point, outgoing: Iterable[str]) -> None:
 
 
 def add_path(parent: Element, path: Path, layout: VisualLayout) -> None:
-    """Add a path; its control points become pixels of the layout."""
+    """Add a path; its control points are converted to pixels of the layout."""
     element = add(
         parent,
         "path",
@@ -222,9 +222,9 @@ _NOT_XML: Final = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U001
 
 
 def write(model: PlantModel) -> ExportReport:
-    """Write a plant model. Reading the result returns the same model, except for what the warnings name.
+    """Write a plant model. Reading the result returns the same model, except for the losses in the warnings.
 
-    Raises PlantModelError for names and values with characters that XML cannot hold.
+    Raises PlantModelError for names and values with characters that XML cannot represent.
     """
     root = Element("model", version=VERSION, name=model.name)
     _add_objects(root, model)

@@ -1,4 +1,4 @@
-"""The messages of VDA 5050 2.0 where they differ from 2.1."""
+"""VDA 5050 2.0: messages that differ from 2.1."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from nena_shared.vda5050.wire_names import Absent
 
 
 class EdgeV20(EdgeV21):
-    """The connection between two nodes (2.0 section 6.7); 2.0 has no corridors."""
+    """An edge (2.0 section 6.7); 2.0 has no corridors."""
 
     corridor: Absent = None
 
@@ -44,7 +44,7 @@ class ErrorEntryV20(ErrorEntryV21):
 
 
 class PowerSupplyV20(PowerSupplyV21):
-    """The battery (2.0 section 6.10.6); its health is a whole number."""
+    """The battery (2.0 section 6.10.6); batteryHealth is an integer."""
 
     battery_health: WholePercent | None = None
 
@@ -58,7 +58,7 @@ class StateV20(StateV21):
 
     @classmethod
     def from_neutral(cls, neutral: WireObject) -> Self:
-        """Make the 2.0 form of a state: its schema demands a theta of each position of a node."""
+        """Convert a state to its 2.0 form; drop node positions without theta, which 2.0 requires."""
         state = State.model_validate(neutral, by_name=True, by_alias=False)
         nodes = tuple(map(_with_theta_or_no_position, state.node_states))
         return super().from_neutral(state.model_copy(update={"node_states": nodes}))
@@ -78,7 +78,7 @@ class PhysicalParametersV20(PhysicalParametersV21):
 
 
 class MaximumArrayLengthsV20(MaximumArrayLengthsV21):
-    """Maximum entries per array (2.0 section 7); the text has another name for one of the arrays."""
+    """Maximum array lengths (2.0 section 7); one array has another name in the text of the standard."""
 
     state_information: Annotated[
         UInt32 | None,
@@ -103,20 +103,20 @@ class ProtocolLimitsV20(ProtocolLimitsV21):
 
 
 class MobileRobotActionV20(MobileRobotActionV21):
-    """An action of the robot; 2.0 has no blocking types here (2.0 section 7)."""
+    """A supported action (2.0 section 7); 2.0 has no blocking types here."""
 
     blocking_types: Absent = None
 
 
 class ProtocolFeaturesV20(ProtocolFeaturesV21):
-    """Optional fields and actions (2.0 section 7); without fields that 2.0 does not have."""
+    """Optional fields and actions (2.0 section 7), without fields that 2.0 lacks."""
 
     missing: ClassVar[frozenset[str]] = missing_names(OrderV20, NodeV21, EdgeV20, CorridorV21, ActionV21)
     mobile_robot_actions: Annotated[tuple[MobileRobotActionV20, ...], Field(alias="agvActions")]
 
 
 class FactsheetV20(FactsheetV21):
-    """Properties and abilities of a robot (2.0 section 7)."""
+    """The factsheet (2.0 section 7)."""
 
     physical_parameters: PhysicalParametersV20
     protocol_limits: ProtocolLimitsV20

@@ -1,7 +1,7 @@
-"""VDA 5050 3.0.1, as its draft has it: the messages of 3.0.0, and another name for one parameter.
+"""VDA 5050 3.0.1 (draft): the messages of 3.0.0, with another name for one parameter.
 
-What 3.0.1 states more exactly than 3.0.0 (angles up to 3.1416, the warning of a lost release, when a request
-ends) is done in all versions, since it is allowed in them.
+Clarifications of 3.0.1 (angles up to 3.1416, the warning of a lost release, the end of requests) apply to all
+versions, as the others allow them.
 """
 
 from dataclasses import replace

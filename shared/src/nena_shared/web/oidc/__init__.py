@@ -1,5 +1,5 @@
-"""People and programs that an OpenID Connect issuer vouches for, beside NeNa's own users.
+"""Users of an OpenID Connect issuer, in addition to NeNa's own users.
 
 Optional: the libraries are in the extra ``oidc`` of this distribution, and only
-:func:`.enabled.access_tokens_of` loads the modules that need them.
+:func:`nena_shared.web.access.access_tokens_of` imports the modules that need them.
 """
