@@ -14,7 +14,7 @@ def clause(**more: object) -> Clause:
     return Clause.model_validate({"id": "6.1", "title": "an order", "side": "robot", "how": "driven"} | more)
 
 
-def test_each_clause_is_shown_and_each_marker_known() -> None:
+def test_each_clause_has_a_test_and_each_marker_a_clause() -> None:
     assert problems(chapters(), by_clause(shown_by_tests())) == []
 
 
@@ -44,24 +44,24 @@ def test_a_clause_without_a_test_and_a_marker_without_a_clause_are_named() -> No
     ]
 
 
-def test_what_is_not_done_needs_a_reason() -> None:
+def test_an_unsupported_clause_needs_a_reason() -> None:
     with pytest.raises(ValidationError, match=r"clause 6\.1 is not done, and no reason says why"):
         clause(standing=Standing.NOT_DONE)
 
 
-def test_what_is_done_says_how() -> None:
+def test_an_implemented_clause_describes_how() -> None:
     with pytest.raises(ValidationError, match=r"clause 6\.1 does not say how it is kept"):
         clause(how="")
 
 
-def test_a_version_has_its_own_words_before_those_of_all() -> None:
+def test_the_texts_of_a_version_override_the_common_ones() -> None:
     said = clause(side=Side.BOTH, how="all", in_2_1="2.1")
     assert [said.in_version(each) for each in ("2.0.0", "2.1.0", "3.0.0")] == ["all", "2.1", "all"]
     said = clause(how="", in_2="2.x", in_2_0="2.0")
     assert [said.in_version(each) for each in ("2.0.0", "2.1.0", "3.0.0")] == ["2.0", "2.x", ""]
 
 
-def test_a_clause_stands_once(tmp_path: Path) -> None:
+def test_a_clause_is_defined_once(tmp_path: Path) -> None:
     for name in ("a", "b"):
         (tmp_path / f"{name}.toml").write_text(
             'title = "t"\n[[clause]]\nid = "6.1"\ntitle = "t"\nside = "robot"\nhow = "h"\n'

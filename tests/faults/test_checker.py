@@ -91,33 +91,33 @@ def both_legs(robot: Robot) -> list[Inbound]:
     return [*robot.does(f"{NAME}-0"), *robot.does(f"{NAME}-1")]
 
 
-def test_an_order_that_was_done_once_is_well() -> None:
+def test_an_order_executed_once_is_consistent() -> None:
     judge(both_legs(Robot()))
 
 
-def test_an_order_that_failed_half_done_is_well() -> None:
+def test_an_order_that_failed_halfway_is_consistent() -> None:
     robot = Robot()
     failed = status("FAILED")
 
     judge([*robot.does(f"{NAME}-0"), robot.says(f"{NAME}-1", "FAILED")], store=[failed])
 
 
-def test_nothing_ordered_shows_nothing() -> None:
+def test_nothing_ordered_yields_no_findings() -> None:
     with pytest.raises(AssertionError, match="nothing was ordered"):
         judge([], store=[], answered=())
 
 
-def test_a_lost_order_is_found() -> None:
+def test_a_lost_order_is_detected() -> None:
     with pytest.raises(AssertionError, match=r"lost: .*T-2"):
         judge(both_legs(Robot()), answered=(NAME, "T-2"))
 
 
-def test_an_order_that_nobody_gave_is_found() -> None:
+def test_an_unrequested_order_is_detected() -> None:
     with pytest.raises(AssertionError, match=r"nobody gave: .*T-2"):
         judge(both_legs(Robot()), store=[status(), status(name="T-2")])
 
 
-def test_work_that_nobody_ordered_is_found() -> None:
+def test_unrequested_work_is_detected() -> None:
     robot = Robot()
 
     with pytest.raises(AssertionError, match=r"done without an order: .*T-2-0"):
@@ -166,7 +166,7 @@ def again_under_a_new_action(robot: Robot) -> list[Inbound]:
     ],
 )
 @pytest.mark.parametrize("end", ["FINISHED", "FAILED"])
-def test_what_is_done_twice_is_found(again: Callable[[Robot], list[Inbound]], end: str) -> None:
+def test_repeated_executions_are_detected(again: Callable[[Robot], list[Inbound]], end: str) -> None:
     robot = Robot()
     first = both_legs(robot)
 
@@ -174,32 +174,32 @@ def test_what_is_done_twice_is_found(again: Callable[[Robot], list[Inbound]], en
         judge([*first, *again(robot)], store=[status(end)])
 
 
-def test_a_load_that_another_robot_sets_down_is_found() -> None:
+def test_a_load_dropped_by_another_robot_is_detected() -> None:
     with pytest.raises(AssertionError, match="set down by another robot"):
         judge([*Robot().does(f"{NAME}-0"), *Robot("loop-2").does(f"{NAME}-1")])
 
 
-def test_a_try_that_failed_and_one_that_succeeds_are_done_once() -> None:
+def test_a_failed_attempt_and_a_successful_one_count_as_done_once() -> None:
     robot = Robot()
     failed = [robot.says(f"{NAME}-0", each) for each in ("WAITING", "RUNNING", "FAILED")]
 
     judge([*failed, *robot.does(f"{NAME}-0~1", "of the second try"), *robot.does(f"{NAME}-1")])
 
 
-def test_an_action_that_the_robot_repeats_after_it_failed_is_done_once() -> None:
+def test_an_action_repeated_after_a_failure_counts_once() -> None:
     robot = Robot()
     failed = [robot.says(f"{NAME}-0", each) for each in ("RUNNING", "RETRIABLE")]
 
     judge([*failed, *both_legs(robot)])
 
 
-def test_states_that_are_replayed_are_no_second_execution() -> None:
+def test_replayed_states_do_not_count_as_second_execution() -> None:
     said = both_legs(Robot())
 
     judge([*said, *said, said[0], said[2], said[0], said[2]])
 
 
-def test_states_of_before_a_restart_that_are_replayed_are_no_second_execution() -> None:
+def test_replayed_states_from_before_a_restart_do_not_count_as_second_execution() -> None:
     said = both_legs(Robot())
     restarted = Robot(start=LATER)
     now = [restarted.says(f"{NAME}-1", "FINISHED") for _ in range(2)]
@@ -207,7 +207,7 @@ def test_states_of_before_a_restart_that_are_replayed_are_no_second_execution() 
     judge([*said, now[0], *said, now[1]])
 
 
-def test_damaged_states_are_no_second_execution() -> None:
+def test_damaged_states_do_not_count_as_second_execution() -> None:
     robot = Robot()
     said = both_legs(robot)
     more = robot.does(f"{NAME}-0")
@@ -227,14 +227,14 @@ def test_a_robot_that_restarts_with_its_journal_does_nothing_twice() -> None:
     judge(said)
 
 
-def test_a_robot_whose_header_ids_begin_anew_does_nothing_twice() -> None:
+def test_a_robot_with_restarted_header_ids_executes_nothing_twice() -> None:
     said = both_legs(Robot())
     restarted = Robot(start=LATER)
 
     judge([*said, *(restarted.says(f"{NAME}-1", "FINISHED") for _ in said)])
 
 
-def test_what_is_told_as_done_and_is_not_done_is_found() -> None:
+def test_falsely_reported_executions_are_detected() -> None:
     said = Robot().does(f"{NAME}-0")
 
     with pytest.raises(AssertionError, match=r"told as done, and not done: .*T-1-1"):
@@ -250,7 +250,7 @@ def logged(order: str, *, robot: str = "loop-1", status: str = "FINISHED", actio
     )
 
 
-def test_what_the_broker_has_lost_is_read_from_the_robots_logs() -> None:
+def test_messages_lost_by_the_broker_are_read_from_robot_logs() -> None:
     said = Robot().does(f"{NAME}-0")
 
     judge(said, log=logged(f"{NAME}-1~1"))
@@ -259,7 +259,7 @@ def test_what_the_broker_has_lost_is_read_from_the_robots_logs() -> None:
             judge(said, log=log)
 
 
-def test_what_is_done_twice_by_the_logs_is_found() -> None:
+def test_repeated_actions_in_the_logs_are_detected() -> None:
     said = both_legs(Robot())
 
     with pytest.raises(AssertionError, match="done twice"):
@@ -275,12 +275,12 @@ def test_what_is_done_twice_by_the_logs_is_found() -> None:
         ([status("FAILED"), status()], "ended in several ways"),
     ],
 )
-def test_what_is_told_otherwise_than_stored_is_found(told: list[TransportOrderStatus], said: str) -> None:
+def test_published_and_stored_differences_are_detected(told: list[TransportOrderStatus], said: str) -> None:
     with pytest.raises(AssertionError, match=said):
         judge(both_legs(Robot()), told=told)
 
 
-def test_a_journal_that_has_grown_is_found(tmp_path: Path) -> None:
+def test_a_growing_journal_is_detected(tmp_path: Path) -> None:
     for name, size in (("loop-1", MOST_JOURNAL_KB * 1024), ("loop-2", MOST_JOURNAL_KB * 1024 + 1)):
         (tmp_path / name).write_bytes(bytes(size))
 

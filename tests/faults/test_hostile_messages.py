@@ -28,7 +28,7 @@ SWITCHED_OFF = "/api/v1/control"
 """Where the aggregator says that it has no order service to ask, 503."""
 
 
-async def test_nobody_is_impressed(trial: Callable[..., Any]) -> None:
+async def test_hostile_messages_do_no_harm(trial: Callable[..., Any]) -> None:
     async with trial(seed=6, services_in=STRICT_SERVICES, robots_in=STRICT_ROBOTS) as running:
         enemy = Enemy(running.site, Random(6))
         async with httpx.AsyncClient(base_url=running.site.aggregator_url, timeout=60) as aggregator:

@@ -85,7 +85,7 @@ async def test_another_robot_in_its_place(trial: Callable[..., Any]) -> None:
         await at_an_order(site, OTHER)
 
 
-async def test_there_twice(trial: Callable[..., Any]) -> None:
+async def test_two_programs_with_one_identity(trial: Callable[..., Any]) -> None:
     """Run two programs with one identity: they disconnect each other at the broker at growing intervals, and
     log it.
 

@@ -50,7 +50,7 @@ async def answer_time(found: Line, seconds: float = 20) -> float:
     return float(out) if program.returncode == 0 else float("inf")
 
 
-async def test_a_line_is_slow_or_cut_and_whole_again() -> None:
+async def test_a_link_is_slow_or_cut_and_restored() -> None:
     with line() as found:
         assert await answer_time(found) < float("inf")
 
@@ -68,7 +68,7 @@ async def test_a_line_is_slow_or_cut_and_whole_again() -> None:
         assert await answer_time(found) < float("inf")
 
 
-def test_a_full_disk_takes_nothing_until_there_is_room(tmp_path: Path) -> None:
+def test_a_full_disk_rejects_writes_until_there_is_room(tmp_path: Path) -> None:
     with small_disk(tmp_path / "disk", megabytes=1) as disk:
         file = disk.folder / "file"
         file.write_bytes(b"old")
@@ -82,7 +82,7 @@ def test_a_full_disk_takes_nothing_until_there_is_room(tmp_path: Path) -> None:
         assert file.read_bytes() == b"old"
 
 
-def test_a_clock_jumps_for_its_programs_alone(tmp_path: Path) -> None:
+def test_a_clock_jump_affects_only_its_programs(tmp_path: Path) -> None:
     clock = ShiftedClock(tmp_path)
     clock.jump_to(timedelta(hours=-3))
     out = subprocess.run(
@@ -145,7 +145,7 @@ def test_a_clock_drifts_while_its_program_runs_and_is_set_right_again(tmp_path: 
         lambda each: Footprint(each.megabytes, each.descriptors, each.threads + 100),
     ],
 )
-def test_what_grows_is_told(more: Callable[[Footprint], Footprint]) -> None:
+def test_growth_is_reported(more: Callable[[Footprint], Footprint]) -> None:
     now = Footprint.of(os.getpid())
 
     assert grown({"here": now}, {"here": now, "new": now}) == {}

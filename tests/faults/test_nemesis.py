@@ -42,7 +42,7 @@ def test_faults_that_come_together_strike_different_parts() -> None:
         assert Kind.TWO_LEADERS not in {fault.kind for fault in each.faults}
 
 
-def test_where_a_robot_is_silent_it_is_known_to_have_been_as_long_as_it_said_so() -> None:
+def test_a_silent_robot_is_located_only_until_its_last_report() -> None:
     robot = RobotKey("NeNa", "r")
     seen = [
         state(number, robot=robot, at=at, last_node_id=node)
@@ -65,7 +65,7 @@ def test_where_a_robot_is_silent_it_is_known_to_have_been_as_long_as_it_said_so(
 @pytest.mark.broker
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("seed", SEEDS)
-async def test_a_site_under_the_faults_of_a_seed_loses_nothing_and_does_nothing_twice(
+async def test_a_site_under_seeded_faults_loses_and_repeats_nothing(
     seed: int, tmp_path: Path, own_postgres: Postgres
 ) -> None:
     """As `python -m faults.nemesis` does with 200 seeds."""

@@ -40,7 +40,7 @@ def store(*states: TransportOrderState, **more: Any) -> dict[str, Any]:
     return {f"T-{n}": order_status(name=f"T-{n}", state=state, **more) for n, state in enumerate(states)}
 
 
-def test_each_leg_of_a_finished_order_is_done_once() -> None:
+def test_each_leg_of_a_finished_order_is_executed_once() -> None:
     assert done_wrongly(work("T-0-0", "T-0-1~2"), store(FINISHED)) == []
     assert done_wrongly(work("T-0-0"), store(FAILED)) == []
 
@@ -53,25 +53,25 @@ def test_each_leg_of_a_finished_order_is_done_once() -> None:
         (work("T-0-0", "T-0-1", "T-9-0"), FINISHED, "T-9-0 was done without an order"),
     ],
 )
-def test_what_is_done_wrongly_is_said(history: History, state: TransportOrderState, said: str) -> None:
+def test_wrong_executions_are_reported(history: History, state: TransportOrderState, said: str) -> None:
     (found,) = done_wrongly(history, store(state))
     assert said in found
 
 
-def test_an_action_that_a_robot_begins_twice_is_found() -> None:
+def test_an_action_started_twice_is_detected() -> None:
     once = at(0, "r", Kind.BEGUN, "a", "T-0-0")
     assert begun_again(History([once, at(1, "r", Kind.BEGUN, "a", "T-0-0~2")])) == []
     assert begun_again(History([once, once])) == ["r began a of T-0-0 2 times"]
 
 
-def test_two_robots_in_one_place_are_found() -> None:
+def test_two_robots_in_one_place_are_detected() -> None:
     come, go = at(1, "r", Kind.ENTERED, "P"), at(2, "r", Kind.LEFT, "P")
     assert shared_places(History([come, go, at(3, "s", Kind.ENTERED, "P")])) == []
     (found,) = shared_places(History([come, at(1.5, "s", Kind.ENTERED, "P"), go]))
     assert found == "s came to P 0.500 s after r, which is still there"
 
 
-def test_orders_without_an_end_or_a_reason_are_found() -> None:
+def test_orders_without_an_end_or_a_reason_are_detected() -> None:
     assert lost({"T-0"}, store(FINISHED, reason="")) == []
     assert lost({"T-1"}, store(FINISHED, reason="")) == ["T-1 was answered, and is not in the store"]
     assert lost({"T-0"}, store(FAILED, reason="")) == ["T-0 is FAILED without a reason"]
@@ -84,7 +84,7 @@ def told(state: TransportOrderState, version: int, epoch: int) -> Inbound:
     return Inbound("nena/v1/transportOrders/T-0/status", with_epoch(body, epoch), retained=False)
 
 
-def test_statuses_that_go_back_are_found() -> None:
+def test_statuses_that_go_back_are_detected() -> None:
     active = TransportOrderState.ACTIVE
     good = [told(active, 1, 1), told(FINISHED, 2, 1), told(FINISHED, 2, 2)]
     assert told_back(good) == []
@@ -92,7 +92,7 @@ def test_statuses_that_go_back_are_found() -> None:
         assert len(told_back([*good, worse])) == 1
 
 
-def test_pauses_go_from_the_shortest_to_the_longest() -> None:
+def test_delays_grow_from_the_shortest_to_the_longest() -> None:
     assert steps(3) == [1.0, 30.5, 60.0]
     assert len(steps(50)) == 50
 
@@ -100,7 +100,7 @@ def test_pauses_go_from_the_shortest_to_the_longest() -> None:
 @pytest.mark.e2e
 @pytest.mark.broker
 @pytest.mark.timeout(1200)
-async def test_a_leader_that_hangs_harms_nobody(tmp_path: Path, own_postgres: Postgres) -> None:
+async def test_a_hanging_leader_does_no_harm(tmp_path: Path, own_postgres: Postgres) -> None:
     """As `python -m faults.pauses` does 50 times; here one pause is borne, and two end in a takeover."""
     result = await run(steps(10) if WHOLE else [1.0, 6.0, 9.0], tmp_path, own_postgres.url)
 

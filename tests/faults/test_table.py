@@ -41,5 +41,5 @@ def test_each_fault_has_a_line_with_its_times() -> None:
     assert "2 ended with a reason" in text
 
 
-def test_programs_are_shown_with_what_they_have_grown_by() -> None:
+def test_programs_are_listed_with_their_growth() -> None:
     assert "| order-service | 112 | +12 | 19 | -1 | 6 | +1 |" in document([record("a", 1.0)])

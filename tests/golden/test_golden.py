@@ -25,7 +25,7 @@ def test_each_document_has_its_file(present: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("name", [each for each in NAMES if each not in GROWING])
-def test_it_is_as_it_was(name: str, present: dict[str, Any]) -> None:
+def test_interface_is_unchanged(name: str, present: dict[str, Any]) -> None:
     expected = json.loads(file_of(name).read_text(encoding="utf-8"))
     assert json.loads(text_of(present[name])) == expected
 

@@ -63,7 +63,7 @@ async def test_an_operator_does_not_administrate(site: TlsSite) -> None:
 
 
 @pytest.mark.parametrize("service", SERVICES)
-async def test_who_speaks_no_tls_is_not_heard(site: TlsSite, service: str) -> None:
+async def test_connections_without_tls_are_rejected(site: TlsSite, service: str) -> None:
     plain = site.url(service).replace("https", "http")
     async with httpx.AsyncClient(timeout=MOST_SECONDS) as client:
         with pytest.raises(httpx.TransportError):
@@ -78,9 +78,7 @@ async def test_who_speaks_no_tls_is_not_heard(site: TlsSite, service: str) -> No
 
 
 @pytest.mark.parametrize("service", SERVICES)
-async def test_browsers_are_told_to_come_over_tls_and_to_run_nothing_else(
-    site: TlsSite, service: str
-) -> None:
+async def test_browsers_receive_hsts_and_a_content_policy(site: TlsSite, service: str) -> None:
     async with site.client(service, Role.VIEWER) as client:
         answer = await client.get("/")
     assert "max-age" in answer.headers["strict-transport-security"]
@@ -138,7 +136,7 @@ TEXTS = (
 """Of SQL, HTML, headers, paths, templates, formats and topics."""
 
 
-async def test_no_text_is_taken_for_code(site: TlsSite) -> None:
+async def test_texts_are_never_interpreted_as_code(site: TlsSite) -> None:
     """A name is refused, free text is kept unchanged, and lookups find nothing or are refused."""
     async with site.client("order-service", Role.OPERATOR) as operator:
         before = len((await operator.get(ORDERS)).json()["transportOrders"])
@@ -225,7 +223,7 @@ async def test_an_xml_bomb_of_an_administrator_is_refused_at_once(site: TlsSite,
 
 
 @pytest.mark.parametrize("service", SERVICES)
-async def test_connections_that_say_nothing_keep_nobody_out(site: TlsSite, service: str) -> None:
+async def test_silent_connections_do_not_block_others(site: TlsSite, service: str) -> None:
     with ExitStack() as stack:
         for _ in range(FILES + 100):
             stack.enter_context(
@@ -253,9 +251,7 @@ async def test_connections_that_say_nothing_keep_nobody_out(site: TlsSite, servi
     ],
     ids=["CL and TE", "line feeds", "two lengths", "unknown coding", "space before colon", "folded"],
 )
-async def test_a_request_that_a_proxy_may_read_otherwise_is_refused(
-    site: TlsSite, service: str, head: str
-) -> None:
+async def test_ambiguous_request_is_refused(site: TlsSite, service: str, head: str) -> None:
     answer = await site.say(service, head.encode())
     assert re.match(rb"HTTP/1.1 (400|401|501) ", answer), answer[:300]
     assert answer.count(b"HTTP/1.1 ") == 1

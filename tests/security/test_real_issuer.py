@@ -128,7 +128,7 @@ async def test_a_person_signs_in_at_the_panel(issuer: Issuer) -> None:
         assert (await panel.get(FLEET)).status_code == 200
 
 
-async def test_who_has_no_role_is_not_let_in(issuer: Issuer) -> None:
+async def test_user_without_a_role_is_rejected(issuer: Issuer) -> None:
     async with panel_of(issuer) as panel:
         back = await signed_in(panel, "bob")
 

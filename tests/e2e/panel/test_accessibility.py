@@ -150,7 +150,7 @@ async def test_no_text_is_outside_the_catalogue(hall: Hall, browser: Browser) ->
         ),
     ],
 )
-async def test_the_browsers_language_is_taken(
+async def test_browser_language_is_used(
     hall: Hall, browser: Browser, language: str, words: tuple[str, ...]
 ) -> None:
     async with hall.connected():
@@ -165,7 +165,7 @@ async def test_the_browsers_language_is_taken(
                 await picture(page, "german")
 
 
-async def test_the_language_is_switched_and_kept(hall: Hall, browser: Browser) -> None:
+async def test_language_is_switched_and_stored(hall: Hall, browser: Browser) -> None:
     async with hall.connected():
         populate(hall)
         async with opened(browser, hall.url + VIEWS["robot"]) as page:

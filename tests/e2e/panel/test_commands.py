@@ -222,9 +222,7 @@ async def test_the_initial_position_is_set(
         await expect(page.locator("nena-robot-page .facts")).to_contain_text("x 15.0")
 
 
-async def test_a_position_that_comes_later_is_filled_in_but_replaces_nothing_typed(
-    hall: Hall, browser: Browser
-) -> None:
+async def test_late_position_is_filled_in_unless_one_was_typed(hall: Hall, browser: Browser) -> None:
     async with hall.connected("--order_service.url", f"http://127.0.0.1:{free_port()}"):
         hall.send(Topic.STATE, state(1, at=seconds_now(), mobile_robot_position=None))
         vehicle = vehicle_status().model_dump_json(by_alias=True)
@@ -271,7 +269,7 @@ async def test_pause_resume_and_an_action_of_the_factsheet(
         await form.wait_for(state="detached")
 
 
-async def test_a_withdrawal_needs_two_steps_and_a_refusal_is_shown(
+async def test_withdrawal_is_confirmed_and_a_refusal_shown(
     broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
 ) -> None:
     async with operated(broker, interface_name, tmp_path, speed=SLOW) as fleet:
@@ -297,7 +295,7 @@ async def test_a_withdrawal_needs_two_steps_and_a_refusal_is_shown(
             await expect(form).to_contain_text("T-1")
 
 
-async def test_an_order_is_held_and_goes_on_when_it_is_resumed(
+async def test_order_is_held_and_resumed(
     broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
 ) -> None:
     async with operated(broker, interface_name, tmp_path, speed=SLOW) as fleet:

@@ -106,7 +106,7 @@ async def leaving_ends_the_load(page: Page) -> None:
     assert await page.evaluate(SHOWN) is None  # the map stays live
 
 
-async def test_without_a_history_the_page_says_so(hall: Hall, browser: Browser) -> None:
+async def test_page_reports_a_missing_history(hall: Hall, browser: Browser) -> None:
     async with (
         hall.connected("--history.url", "none"),
         opened(browser, f"{hall.url}#/history", expected=("404",)) as page,

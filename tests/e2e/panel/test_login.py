@@ -101,7 +101,7 @@ async def test_a_viewer_sees_everything_and_commands_nothing(site: Site, browser
         await expect(page.get_by_text("Read-only access")).to_be_visible()
 
 
-async def test_who_is_taken_out_of_the_users_is_asked_to_log_in(site: Site, browser: Browser) -> None:
+async def test_removed_user_is_sent_to_the_login_page(site: Site, browser: Browser) -> None:
     async with site.aggregator(), opened(browser, site.hall.url, expected=UNKNOWN) as page:
         await site.log_in(page, "viewer")
         await expect(page.locator("tr[data-robot='ACME/r1']")).to_be_visible()

@@ -79,7 +79,7 @@ async def test_the_robots_own_map_lies_under_the_plan_and_is_switched_off(
             await becomes(page, COLOUR_NEAR, [10, 13.15, "muted"], lambda found: found < 5)
 
 
-async def test_a_footprint_of_the_factsheet_is_drawn_as_it_is(hall: Hall, browser: Browser) -> None:
+async def test_factsheet_footprint_is_drawn(hall: Hall, browser: Browser) -> None:
     corners = [{"x": x, "y": y} for x, y in ((0.0, -0.5), (2.5, -0.5), (2.5, 0.5), (0.0, 0.5))]
     geometry = {"envelopes2d": ({"envelope2dId": "all", "vertices": corners},)}
     sheet = factsheet(at=seconds_now()).model_dump(by_alias=True)

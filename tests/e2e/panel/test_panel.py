@@ -27,7 +27,7 @@ pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 OTHER = RobotKey("ACME", "r2")
 
 
-async def test_an_empty_page_says_what_to_do(hall: Hall, browser: Browser) -> None:
+async def test_empty_page_has_advice(hall: Hall, browser: Browser) -> None:
     async with hall.connected(), opened(browser, hall.url) as page:
         await expect(page.get_by_text("No plant model yet")).to_be_visible()
         await expect(page.get_by_text("No robots yet")).to_be_visible()
@@ -72,7 +72,7 @@ async def test_robots_and_orders_live(hall: Hall, browser: Browser) -> None:
         await expect(page.locator("nena-fleet-summary")).to_contain_text("1 Connection broken")
 
 
-async def test_a_robot_that_deviates_says_so(hall: Hall, browser: Browser) -> None:
+async def test_deviations_are_shown(hall: Hall, browser: Browser) -> None:
     async with hall.connected():
         plain = CODEC.encode(state(at=seconds_now()))
         hall.peer.publish(hall.robots.of(ROBOT, Topic.STATE), plain.replace(b'"errors":[]', b'"errors":null'))
@@ -150,7 +150,7 @@ async def test_the_page_outlives_the_aggregator(hall: Hall, browser: Browser) ->
                 await expect(row).to_contain_text("Manual")
 
 
-async def test_a_lost_broker_is_said(own_broker: Broker, browser: Browser) -> None:
+async def test_lost_broker_connection_is_shown(own_broker: Broker, browser: Browser) -> None:
     port = free_port()
     with AggregatorProcess("--http.port", str(port), "--mqtt.port", str(own_broker.port)) as aggregator:
         await aggregator.logged("broker connected")

@@ -21,7 +21,7 @@ ROBOTS = 50
 MEMORY_LIMIT = 120 * 1024 * 1024
 
 
-async def test_without_a_broker_it_starts_and_says_so() -> None:
+async def test_starts_without_a_broker_and_reports_it() -> None:
     port = free_port()
     with AggregatorProcess("--http.port", "0", "--mqtt.port", str(port)) as aggregator:
         url = await aggregator.url()

@@ -78,7 +78,7 @@ async def test_an_operator_signs_in_works_and_logs_out(
         assert await page.context.cookies(hall.url) == []
 
 
-async def test_who_has_no_role_is_told_on_the_page(hall: Hall, issuer: OidcIssuer, browser: Browser) -> None:
+async def test_missing_role_is_shown_on_the_page(hall: Hall, issuer: OidcIssuer, browser: Browser) -> None:
     async with aggregator(hall, issuer), opened(browser, hall.url, expected=UNKNOWN) as page:
         await sign_in(page, "bob")
         await expect(page.get_by_role("alert")).to_contain_text("Your account has no role in NeNa.")
@@ -88,7 +88,7 @@ async def test_who_has_no_role_is_told_on_the_page(hall: Hall, issuer: OidcIssue
         await expect(page.locator("tr[data-robot='ACME/r1']")).to_be_visible()
 
 
-async def test_an_issuer_that_is_away_is_told_on_the_page(
+async def test_unavailable_issuer_is_shown_on_the_page(
     hall: Hall, issuer: OidcIssuer, browser: Browser
 ) -> None:
     issuer.broken[DISCOVERY] = b"gone"

@@ -73,7 +73,7 @@ async def show(page: Page, layer: str, *, shown: bool) -> None:
     await page.get_by_role("checkbox", name=layer, exact=True).set_checked(shown)
 
 
-async def test_what_robots_hold_and_for_whom_they_wait_is_drawn_and_said(
+async def test_traffic_plan_is_drawn_and_described(
     broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
 ) -> None:
     async with crossing(broker, interface_name, tmp_path) as hall, opened(browser, hall.url) as page:

@@ -40,7 +40,7 @@ async def client(service: Start, tmp_path: Path) -> httpx.AsyncClient:
     return await service(http={"port": free_port(), "users": users_in(tmp_path)})
 
 
-async def test_a_viewer_sees_orders_and_gives_none(client: httpx.AsyncClient) -> None:
+async def test_a_viewer_reads_orders_and_creates_none(client: httpx.AsyncClient) -> None:
     refused = await client.post("/v1/transportOrders", json=ORDER, headers=as_("VIEWER"))
     assert refused.status_code == 403
     assert refused.json()["detail"] == "VIEWER is viewer; this requires the role operator."
@@ -62,14 +62,14 @@ async def test_a_viewer_cannot_withdraw_what_an_operator_has_ordered(client: htt
 
 
 @pytest.mark.parametrize("headers", [{}, as_("NOBODY"), {"authorization": "Basic T1BFUkFUT1I="}])
-async def test_nobody_else_is_told_anything(client: httpx.AsyncClient, headers: dict[str, str]) -> None:
+async def test_other_clients_receive_nothing(client: httpx.AsyncClient, headers: dict[str, str]) -> None:
     for method, path in (("GET", "/v1/vehicles"), ("POST", "/v1/transportOrders"), ("GET", "/openapi.json")):
         assert (await client.request(method, path, headers=headers)).status_code == 401
 
     assert (await client.get("/healthz", headers=headers)).status_code == 200
 
 
-async def test_who_is_removed_is_told_no_more_events(service: Start, tmp_path: Path) -> None:
+async def test_removed_listeners_receive_no_events(service: Start, tmp_path: Path) -> None:
     users = users_in(tmp_path)
     client = await service(http={"port": free_port(), "users": users})
     async with client.stream("GET", "/v1/events", headers=as_("VIEWER")) as answer:
@@ -86,7 +86,7 @@ async def test_who_is_removed_is_told_no_more_events(service: Start, tmp_path: P
     assert (await client.get("/v1/vehicles", headers=as_("OPERATOR"))).status_code == 200
 
 
-async def test_over_tls_tokens_are_not_seen_on_the_way(fleet: Fleet, tmp_path: Path) -> None:
+async def test_tls_hides_tokens_in_transit(fleet: Fleet, tmp_path: Path) -> None:
     authority, port = Authority(tmp_path), free_port()
     files = authority.sign("order-service")
     tls = {"tls_certificate": files.certificate, "tls_key": files.key}
@@ -107,7 +107,7 @@ async def test_over_tls_tokens_are_not_seen_on_the_way(fleet: Fleet, tmp_path: P
         ({"users": "none.toml"}, "No such file"),
     ],
 )
-async def test_it_does_not_start_where_others_could_come_unasked(
+async def test_an_unprotected_api_does_not_start_on_public_interfaces(
     fleet: Fleet, http: dict[str, object], complaint: str
 ) -> None:
     settings = fleet.settings(http={"host": "0.0.0.0", "port": 0, **http})

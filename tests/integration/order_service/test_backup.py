@@ -51,7 +51,7 @@ async def test_a_planned_move_in_mid_work_loses_nothing(fleet: Fleet, keeper: Ke
     await every_order_finished_once(fleet, wire, ORDERS)
 
 
-async def test_after_a_loss_the_site_goes_on_from_its_last_backup(fleet: Fleet, keeper: Keeper) -> None:
+async def test_after_a_loss_the_site_continues_from_its_last_backup(fleet: Fleet, keeper: Keeper) -> None:
     wire = fleet.peer()
     names = ("--interface_name", fleet.interface, "--interface_name_v3", fleet.interface)
     options = (*names, "--topic_prefix", fleet.prefix, "--mqtt.port", str(fleet.broker.port))
@@ -145,7 +145,7 @@ async def robots_stand(panel: httpx.AsyncClient) -> dict[str, dict[str, Any]]:
     return {each["name"]: each for each in (await panel.get("/api/v1/orders")).json()}
 
 
-def test_a_copy_is_for_its_owner_alone_while_it_is_made_too(
+def test_a_copy_is_private_to_its_owner_even_while_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     source, copy = tmp_path / "orders.db", tmp_path / "copy.db"
@@ -168,7 +168,7 @@ def test_a_copy_is_for_its_owner_alone_while_it_is_made_too(
     assert modes | {stat.S_IMODE(copy.stat().st_mode)} == {0o600}
 
 
-def test_a_copy_that_cannot_be_made_leaves_the_older_one(tmp_path: Path) -> None:
+def test_a_failed_copy_keeps_the_older_one(tmp_path: Path) -> None:
     (tmp_path / "orders.db").write_bytes(b"no database at all" * 100)
     (tmp_path / "copy.db").write_bytes(b"of yesterday")
 

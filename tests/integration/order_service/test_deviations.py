@@ -140,7 +140,7 @@ def amiss(deviation: Deviation, vehicle: Mapping[str, Any], order: Mapping[str, 
     return ""
 
 
-async def test_each_of_them_works_or_is_refused_with_the_reason(fleet: Fleet, service: Start) -> None:
+async def test_each_request_works_or_is_refused_with_a_reason(fleet: Fleet, service: Start) -> None:
     file = fleet.folder / "lanes.json"
     file.write_text(lanes().to_json())
     client = await service(plant=file, fleet={"silent_after": SILENT_AFTER, "silent_intervals": 0})

@@ -30,7 +30,7 @@ TRANSPORT = {
 }
 
 
-async def test_order_over_rest_is_done(fleet: Fleet, service: Start) -> None:
+async def test_order_over_rest_is_executed(fleet: Fleet, service: Start) -> None:
     wire = fleet.peer(f"{fleet.interface}/v2/+/+/order")
     client = await service()
     fleet.agent()
@@ -62,7 +62,7 @@ async def test_order_over_rest_is_done(fleet: Fleet, service: Start) -> None:
     assert vehicle["currentPosition"].startswith("Storage")
 
 
-async def test_a_host_that_was_away_finds_the_end_at_the_broker(fleet: Fleet, service: Start) -> None:
+async def test_a_reconnecting_host_finds_the_final_status_at_the_broker(fleet: Fleet, service: Start) -> None:
     client = await service(end_kept=60)
     await client.post("/v1/transportOrders", json=TRANSPORT)
     topic = f"{fleet.prefix}/transportOrders/T-1/status"
@@ -75,7 +75,7 @@ async def test_a_host_that_was_away_finds_the_end_at_the_broker(fleet: Fleet, se
     assert TransportOrderStatus.model_validate_json(found.payload).state == "FAILED"
 
 
-async def test_order_over_mqtt_is_answered_told_and_cleared(fleet: Fleet, service: Start) -> None:
+async def test_order_over_mqtt_is_answered_published_and_cleared(fleet: Fleet, service: Start) -> None:
     client = await service()
     fleet.agent()
     await vehicle_idle(client)
@@ -135,7 +135,9 @@ async def test_bad_requests_over_mqtt_are_answered(
     assert (await client.get("/v1/transportOrders")).json()["transportOrders"] == []
 
 
-async def test_retained_request_is_refused_and_same_key_makes_one_order(fleet: Fleet, service: Start) -> None:
+async def test_retained_request_is_refused_and_same_key_creates_one_order(
+    fleet: Fleet, service: Start
+) -> None:
     host = fleet.peer(f"{fleet.prefix}/hosts/+/transportOrders/answer")
     create = f"{fleet.prefix}/hosts/wms/transportOrders/create"
     host.publish(create, json.dumps(TRANSPORT), retain=True)
@@ -162,7 +164,7 @@ async def test_retained_request_is_refused_and_same_key_makes_one_order(fleet: F
     assert len((await client.get("/v1/transportOrders")).json()["transportOrders"]) == 1
 
 
-async def test_drive_that_cannot_be_done_fails_the_order_and_says_why(fleet: Fleet, service: Start) -> None:
+async def test_an_infeasible_drive_fails_the_order_with_a_reason(fleet: Fleet, service: Start) -> None:
     client = await service()
     fleet.agent()
     await vehicle_idle(client)
@@ -176,7 +178,7 @@ async def test_drive_that_cannot_be_done_fails_the_order_and_says_why(fleet: Fle
     await client.post("/v1/vehicles/Robot-01/dispatch", json={"point": "South 2"})
 
 
-async def test_withdrawn_order_ends_when_the_robot_has_let_it_go(fleet: Fleet, service: Start) -> None:
+async def test_withdrawn_order_ends_when_the_robot_has_released_it(fleet: Fleet, service: Start) -> None:
     wire = fleet.peer(f"{fleet.interface}/v2/#")
     client = await service()
     fleet.agent(speed=0.5)
@@ -194,7 +196,7 @@ async def test_withdrawn_order_ends_when_the_robot_has_let_it_go(fleet: Fleet, s
     assert vehicle["transportOrder"] is None
 
 
-async def test_vehicle_is_sent_to_a_coordinate_and_on_from_there(fleet: Fleet, service: Start) -> None:
+async def test_vehicle_drives_to_a_coordinate_and_continues_from_there(fleet: Fleet, service: Start) -> None:
     client = await service()
     fleet.agent()
     await vehicle_idle(client)
@@ -210,7 +212,7 @@ async def test_vehicle_is_sent_to_a_coordinate_and_on_from_there(fleet: Fleet, s
     assert order["state"] == "FINISHED", order["reason"]
 
 
-async def test_instant_actions_are_followed_to_their_end(fleet: Fleet, service: Start) -> None:
+async def test_instant_actions_are_tracked_to_their_end(fleet: Fleet, service: Start) -> None:
     client = await service()
     fleet.agent()
     await vehicle_idle(client)
@@ -238,9 +240,7 @@ async def test_instant_actions_are_followed_to_their_end(fleet: Fleet, service: 
     await awaited(position, lambda point: point == "Middle 2", seconds=PATIENCE, what="it is at Middle 2")
 
 
-async def test_robot_that_is_not_in_the_plant_is_listed_and_gets_no_orders(
-    fleet: Fleet, service: Start
-) -> None:
+async def test_robot_outside_the_plant_is_listed_without_orders(fleet: Fleet, service: Start) -> None:
     client = await service()
     fleet.agent("stranger")
     await vehicle_idle(client, "stranger")
@@ -251,9 +251,7 @@ async def test_robot_that_is_not_in_the_plant_is_listed_and_gets_no_orders(
     assert (await client.post("/v1/vehicles/stranger/dispatch", json={"point": "South 2"})).status_code == 404
 
 
-async def test_robot_that_is_not_in_the_plant_is_adopted_where_that_is_set(
-    fleet: Fleet, service: Start
-) -> None:
+async def test_robot_outside_the_plant_is_adopted_if_configured(fleet: Fleet, service: Start) -> None:
     client = await service(kernel={"adopt_unknown": True})
     fleet.agent("stranger")
     await vehicle_idle(client, "stranger")
@@ -262,7 +260,9 @@ async def test_robot_that_is_not_in_the_plant_is_adopted_where_that_is_set(
     assert (order["state"], order["processingVehicle"]) == ("FINISHED", "stranger")
 
 
-async def test_orders_wait_while_the_broker_is_away(fleet: Fleet, service: Start, own_broker: Broker) -> None:
+async def test_orders_wait_while_the_broker_is_unavailable(
+    fleet: Fleet, service: Start, own_broker: Broker
+) -> None:
     fleet.broker = own_broker
     own_broker.kill()
     client = await service()
@@ -276,7 +276,7 @@ async def test_orders_wait_while_the_broker_is_away(fleet: Fleet, service: Start
     assert (await client.get("/readyz")).status_code == 200
 
 
-async def test_most_urgent_order_is_done_first(fleet: Fleet, service: Start) -> None:
+async def test_most_urgent_order_is_executed_first(fleet: Fleet, service: Start) -> None:
     client = await service()
     for name, priority in (("low", 0), ("high", 5), ("middle", 1)):
         body = {"name": name, "priority": priority, "destinations": [{"locationName": "South 2"}]}

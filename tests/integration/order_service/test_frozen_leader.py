@@ -86,7 +86,7 @@ async def test_a_leader_that_wakes_after_a_takeover_sends_nothing(shared: Fleet,
         assert retained["state"] == (await standby.get("/v1/vehicles/Robot-01")).json()["state"]
 
 
-async def test_statuses_that_an_older_epoch_left_at_the_broker_are_cleared(shared: Fleet) -> None:
+async def test_retained_statuses_of_an_older_epoch_are_cleared(shared: Fleet) -> None:
     gone = f"{shared.prefix}/vehicles/gone/status"
     with MqttPeer(shared.broker, f"{shared.prefix}/vehicles/+/status") as statuses:
         statuses.publish(gone, with_epoch(b'{"name":"Gone"}', 0), retain=True)

@@ -55,7 +55,7 @@ async def killed_with_a_full_disk(fleet: Fleet, disk: SmallDisk) -> None:
     program.kill()
 
 
-async def test_it_says_what_it_waits_for_ends_in_order_and_goes_on_when_there_is_room(
+async def test_starting_with_a_full_disk_is_reported_stoppable_and_continues_with_room(
     fleet_on_it: Fleet, disk: SmallDisk
 ) -> None:
     await killed_with_a_full_disk(fleet_on_it, disk)
@@ -82,7 +82,9 @@ async def test_it_says_what_it_waits_for_ends_in_order_and_goes_on_when_there_is
         assert (await client.get("/readyz")).json()["role"] == "active"
 
 
-async def test_without_room_for_a_new_store_it_ends_and_says_why(fleet_on_it: Fleet, disk: SmallDisk) -> None:
+async def test_without_room_for_a_new_store_it_exits_with_the_reason(
+    fleet_on_it: Fleet, disk: SmallDisk
+) -> None:
     disk.fill()
     program = fleet_on_it.order_service()
 

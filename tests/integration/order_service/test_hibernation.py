@@ -106,7 +106,7 @@ async def test_a_robot_with_an_order_is_neither_hibernated_nor_shut_down(
 
 @pytest.mark.clause("6.2.3/hibernationAsked")
 @pytest.mark.parametrize(("version", "request_"), [("2.1.0", SLEEP), ("3.0.1", SHUTDOWN)])
-async def test_a_robot_that_does_not_list_it_is_not_asked(
+async def test_a_robot_that_does_not_list_it_is_not_sent_it(
     fleet: Fleet, service: Start, version: str, request_: dict[str, Any]
 ) -> None:
     wire = fleet.peer()

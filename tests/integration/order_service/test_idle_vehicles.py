@@ -70,7 +70,7 @@ async def ended(client: httpx.AsyncClient, kind: str) -> list[dict[str, Any]]:
     return await awaited(lambda: orders(client, kind), finished, seconds=PATIENCE, what=f"the end of {kind}")
 
 
-async def test_an_idle_robot_parks_recharges_and_is_called_away(fleet: Fleet, service: Start) -> None:
+async def test_an_idle_robot_parks_recharges_and_is_reassigned(fleet: Fleet, service: Start) -> None:
     client = await service(kernel=SETTINGS)
     robot(fleet)
 

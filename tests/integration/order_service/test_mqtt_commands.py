@@ -155,9 +155,7 @@ async def everything_is_as_documented(client: httpx.AsyncClient, host: Host) -> 
     assert used == channels
 
 
-async def test_every_command_does_its_work_as_the_document_says(
-    fleet: Fleet, service: Start, host: Host
-) -> None:
+async def test_every_command_works_as_documented(fleet: Fleet, service: Start, host: Host) -> None:
     client = await service()
     fleet.agent(speed=2.5)
     await vehicle_idle(client)
@@ -213,7 +211,7 @@ async def test_every_command_does_its_work_as_the_document_says(
         ("dance", {}, 404),
     ],
 )
-async def test_what_cannot_be_done_is_a_problem(
+async def test_impossible_requests_are_problems(
     service: Start, host: Host, command: str, body: dict[str, object], status: int
 ) -> None:
     await listening(await service())
@@ -221,7 +219,7 @@ async def test_what_cannot_be_done_is_a_problem(
     assert (answer["status"], answer["problem"]["status"]) == (status, status)
 
 
-async def test_bad_commands_are_told_so_and_the_next_one_is_heard(service: Start, host: Host) -> None:
+async def test_bad_commands_are_refused_and_the_next_one_is_handled(service: Start, host: Host) -> None:
     await listening(await service(max_body=1024))
     assert (await host.send("withdraw", "{"))["status"] == 400
     assert (await host.send("withdraw", "x" * 2000))["status"] == 413

@@ -75,7 +75,7 @@ async def names(client: httpx.AsyncClient) -> set[str]:
     return {each["name"] for each in (await client.get("/v1/transportOrders")).json()["transportOrders"]}
 
 
-async def test_one_order_more_than_may_be_in_work_is_refused_and_the_rest_goes_on(
+async def test_orders_beyond_the_limit_are_refused_and_others_continue(
     fleet: Fleet, service: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(mqtt_limits, "REQUESTS_LIMIT", 2)
@@ -96,7 +96,7 @@ async def test_one_order_more_than_may_be_in_work_is_refused_and_the_rest_goes_o
     assert (await hosts.order("T-3"))["status"] == 201, "there is room again"
 
 
-async def test_one_command_more_than_may_be_in_work_is_refused_and_the_rest_goes_on(
+async def test_commands_beyond_the_limit_are_refused_and_others_continue(
     fleet: Fleet, service: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(mqtt_limits, "REQUESTS_LIMIT", 2)
@@ -115,7 +115,7 @@ async def test_one_command_more_than_may_be_in_work_is_refused_and_the_rest_goes
     assert (await hosts.told_of("T-4"))["status"] == 404, "there is room again"
 
 
-async def test_a_host_that_asks_too_often_is_refused_and_others_are_not(fleet: Fleet, service: Start) -> None:
+async def test_only_a_host_over_its_rate_limit_is_refused(fleet: Fleet, service: Start) -> None:
     hosts = Hosts(fleet)
     client = await service(hosts={"requests_per_second": 0.001, "burst": 2})
     await listening(client)

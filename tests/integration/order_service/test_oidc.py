@@ -43,7 +43,7 @@ def as_(token: str) -> dict[str, str]:
     return {"authorization": f"Bearer {token}"}
 
 
-async def test_roles_of_the_issuer_are_roles_here(service: Start, issuer: OidcIssuer) -> None:
+async def test_issuer_roles_are_mapped(service: Start, issuer: OidcIssuer) -> None:
     client = await service(http=http_of(issuer))
     assert (await client.get(ORDERS)).status_code == 401
 
@@ -73,7 +73,7 @@ async def test_a_hosts_key_of_opentcs_may_be_a_token_too(service: Start, issuer:
         ({"nbf": 9_999_999_999}, "not valid yet"),
     ],
 )
-async def test_what_does_not_count_gives_no_order(
+async def test_an_invalid_token_creates_no_order(
     service: Start, issuer: OidcIssuer, claims: dict[str, Any], reason: str
 ) -> None:
     client = await service(http=http_of(issuer))
@@ -83,7 +83,7 @@ async def test_what_does_not_count_gives_no_order(
     assert (await client.get(ORDERS, headers=as_(issuer.token("vic")))).json()["transportOrders"] == []
 
 
-async def test_a_table_of_the_sites_own_and_keys_that_change(service: Start, issuer: OidcIssuer) -> None:
+async def test_custom_tables_and_changing_keys(service: Start, issuer: OidcIssuer) -> None:
     table = {"roles_claim": "realm_access.roles", "roles": {"driver": "operator"}}
     client = await service(http=http_of(issuer, **table))
     claims: dict[str, Any] = {"realm_access": {"roles": ["driver"]}, "roles": ["nena-admin"]}
@@ -114,7 +114,7 @@ async def test_without_its_issuer_it_starts_and_serves_its_own_users(
     assert (await client.get(ORDERS, headers=as_(issuer.token("ann")))).status_code == 200
 
 
-async def test_what_a_person_holds_is_held_in_their_name(service: Start, issuer: OidcIssuer) -> None:
+async def test_a_hold_by_a_person_names_them(service: Start, issuer: OidcIssuer) -> None:
     client = await service(http=http_of(issuer))
     await client.post(ORDERS, json=ORDER, headers=as_(issuer.token("ann")))
     held = await client.post(f"{ORDERS}/TO-1/hold", headers=as_(issuer.token("ann")))
@@ -134,9 +134,7 @@ async def test_an_event_stream_ends_with_the_token(service: Start, issuer: OidcI
     assert "event: heartbeat" not in lines
 
 
-async def test_commands_of_the_panel_are_given_in_the_name_of_its_user(
-    service: Start, issuer: OidcIssuer
-) -> None:
+async def test_commands_of_the_panel_carry_its_users_name(service: Start, issuer: OidcIssuer) -> None:
     client = await service(http=http_of(issuer))
     oidc = PanelOidcSettings(issuer=issuer.address, audience=AUDIENCE)
     http = AggregatorHttpSettings(port=0, oidc=oidc)

@@ -17,7 +17,7 @@ Start = Callable[..., Awaitable[httpx.AsyncClient]]
 API = "/opentcs/v1"
 
 
-async def test_what_the_plant_says_is_changed_and_kept(service: Start) -> None:
+async def test_properties_of_plant_objects_are_changed_and_kept(service: Start) -> None:
     client = await service()
     await client.post(f"{API}/transportOrders/T-1", json=FOR_ROBOT)
     vehicle = f"{API}/vehicles/Robot-01"
@@ -49,7 +49,7 @@ async def test_what_the_plant_says_is_changed_and_kept(service: Start) -> None:
     assert (refused.status_code, "T-1" in refused.text) == (409, True)
 
 
-async def test_the_stream_has_what_is_chosen_with_the_state_before(service: Start) -> None:
+async def test_the_stream_contains_chosen_objects_with_their_previous_state(service: Start) -> None:
     client = await service()
     chosen = {"/events/transportOrders": "true", "/events/orderSequences": "true"}
     async with client.stream("GET", f"{API}/sse", params=chosen, timeout=60) as stream:

@@ -42,7 +42,7 @@ async def sequence(client: httpx.AsyncClient, name: str) -> dict[str, Any]:
     return found
 
 
-async def test_killed_in_mid_sequence_the_same_robot_does_the_rest_in_turn(site: Fleet) -> None:
+async def test_killed_during_a_sequence_the_same_robot_executes_the_rest_in_order(site: Fleet) -> None:
     wire = site.peer()
     program = site.order_service()
     client = await program.client()
@@ -80,7 +80,7 @@ async def test_killed_in_mid_sequence_the_same_robot_does_the_rest_in_turn(site:
     assert actions_done(wire, site) == {f"T-{order}-{leg}": 1 for order in range(2) for leg in range(2)}
 
 
-async def test_a_sequence_over_mqtt_is_told_as_it_goes_on(fleet: Fleet, service: Start) -> None:
+async def test_a_sequence_created_over_mqtt_publishes_its_progress(fleet: Fleet, service: Start) -> None:
     client = await service()
     fleet.agent()
     await vehicle_idle(client)

@@ -58,7 +58,7 @@ async def order_from(client: httpx.AsyncClient, name: str, *stops: dict[str, str
     return await client.post("/v1/transportOrders", json=body)
 
 
-async def test_an_order_service_that_ends_under_load_has_all_that_it_answered(fleet: Fleet) -> None:
+async def test_an_order_service_stopped_under_load_keeps_all_answered_requests(fleet: Fleet) -> None:
     program = fleet.order_service()
     client = await program.client()
     host = Host(client)
@@ -118,7 +118,7 @@ async def end_while_asked(program: Program, hosts: MqttHosts) -> list[str]:
     return [key for key in hosts.asked if key not in hosts.taken]
 
 
-async def test_orders_over_mqtt_at_its_end_are_answered_and_there_or_taken_when_sent_again(
+async def test_mqtt_orders_during_shutdown_are_saved_or_accepted_when_resent(
     fleet: Fleet,
 ) -> None:
     program, hosts = fleet.order_service(), MqttHosts(fleet)
@@ -137,7 +137,7 @@ async def test_orders_over_mqtt_at_its_end_are_answered_and_there_or_taken_when_
     assert names == sorted([*hosts.taken.values(), *(name for _, name in again)]), "none is lost or twice"
 
 
-async def test_an_agent_that_ends_in_mid_order_goes_on_with_it_later(fleet: Fleet) -> None:
+async def test_an_agent_stopped_during_an_order_continues_it_later(fleet: Fleet) -> None:
     wire = fleet.peer()
     client = await fleet.order_service().client()
     agent = fleet.agent(speed=1.0)
@@ -156,7 +156,7 @@ async def test_an_agent_that_ends_in_mid_order_goes_on_with_it_later(fleet: Flee
     assert not any(b'"actionStatus":"FAILED"' in state for state in wire.payloads("+/v2/+/+/state"))
 
 
-async def test_an_aggregator_that_ends_has_written_what_it_was_told(fleet: Fleet) -> None:
+async def test_a_stopped_aggregator_has_written_everything_it_received(fleet: Fleet) -> None:
     options = (
         *("--mqtt.port", str(fleet.broker.port), "--http.port", "0", "--topic_prefix", fleet.prefix),
         *("--interface_name", fleet.interface, "--interface_name_v3", fleet.interface),

@@ -62,7 +62,7 @@ def way(order: dict[str, Any]) -> list[str]:
 
 
 @pytest.mark.parametrize("version", ["2.0.0", "2.1.0", "3.0.0"])
-async def test_other_ways_are_stitched_to_the_base(fleet: Fleet, service: Start, version: str) -> None:
+async def test_replanned_routes_are_joined_to_the_base(fleet: Fleet, service: Start, version: str) -> None:
     wire = fleet.peer()
     client = await service(kernel={"release_ahead": 1})
     fleet.agent("robot-01", version=version, x=3.0, y=12.0, speed=2.0)

@@ -20,7 +20,7 @@ UNLOAD = {"locationName": "Storage", "operation": "Unload cargo"}
 
 
 @pytest.mark.clause("6.6/restart")
-async def test_killed_in_mid_order_it_goes_on_where_the_robot_is(fleet: Fleet) -> None:
+async def test_killed_during_an_order_it_continues_from_the_robots_position(fleet: Fleet) -> None:
     wire = fleet.peer()
     program = fleet.order_service()
     client = await program.client()
@@ -71,7 +71,7 @@ async def test_killed_again_and_again_under_load_every_order_is_done_once(fleet:
     assert done == {f"{name}-{leg}": 1 for name in answered for leg in range(2)}
 
 
-async def test_withdrawn_order_is_withdrawn_after_the_restart_too(fleet: Fleet) -> None:
+async def test_withdrawn_order_stays_withdrawn_after_a_restart(fleet: Fleet) -> None:
     wire = fleet.peer()
     program = fleet.order_service()
     client = await program.client()
@@ -91,7 +91,7 @@ async def test_withdrawn_order_is_withdrawn_after_the_restart_too(fleet: Fleet) 
     await vehicle_idle(client)
 
 
-async def test_end_that_was_never_told_is_told_after_the_restart(fleet: Fleet) -> None:
+async def test_unpublished_end_is_published_after_the_restart(fleet: Fleet) -> None:
     program = fleet.order_service()
     client = await program.client()
     await client.post("/v1/transportOrders", json={"name": "T-1", "destinations": [LOAD]})
@@ -110,7 +110,7 @@ async def test_end_that_was_never_told_is_told_after_the_restart(fleet: Fleet) -
     assert json.loads(host.payloads(topic)[0])["state"] == "FAILED"
 
 
-async def test_end_of_a_sequence_that_was_never_told_is_told_after_the_restart(fleet: Fleet) -> None:
+async def test_unpublished_end_of_a_sequence_is_published_after_the_restart(fleet: Fleet) -> None:
     program = fleet.order_service()
     client = await program.client()
     await client.post("/v1/orderSequences", json={"name": "S"})
@@ -131,7 +131,7 @@ async def test_end_of_a_sequence_that_was_never_told_is_told_after_the_restart(f
     assert json.loads(host.payloads(topic)[0])["finished"] is True
 
 
-async def test_second_order_service_is_kept_away_from_the_store(fleet: Fleet) -> None:
+async def test_second_order_service_cannot_use_the_store(fleet: Fleet) -> None:
     """Its files alone keep the second one away: a lock beside them could be deleted."""
     await fleet.order_service().client()
     for file in fleet.folder.glob("*orders*"):
@@ -143,7 +143,7 @@ async def test_second_order_service_is_kept_away_from_the_store(fleet: Fleet) ->
     assert "another order service uses" in second.log
 
 
-async def test_what_was_answered_is_in_the_file(fleet: Fleet) -> None:
+async def test_answered_requests_are_in_the_file(fleet: Fleet) -> None:
     program = fleet.order_service()
     client = await program.client()
     answer: httpx.Response = await client.post("/v1/transportOrders", json={"destinations": [LOAD]})

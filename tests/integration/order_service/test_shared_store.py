@@ -88,7 +88,9 @@ async def started(fleet: Fleet, full: Engine) -> AsyncIterator[Started]:
     full.dispose()
 
 
-async def test_it_says_so_and_goes_on_when_there_is_room(started: Started, full: Engine) -> None:
+async def test_starting_with_a_full_store_is_reported_and_continues_with_room(
+    started: Started, full: Engine
+) -> None:
     ready = await started.is_in("starting")
     assert (ready.status_code, "no room is left" in ready.text) == (503, True)
     told(full, ROOM)

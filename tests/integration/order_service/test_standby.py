@@ -64,7 +64,7 @@ async def heard(client: httpx.AsyncClient, event: str, *, last_id: int | None = 
     raise AssertionError(event)
 
 
-async def test_a_standby_is_well_and_sends_hosts_to_the_active_one(shared: Fleet) -> None:
+async def test_a_standby_is_healthy_and_redirects_hosts_to_the_active_one(shared: Fleet) -> None:
     first = await active(await shared.order_service(name="first").client())
     second = await shared.order_service(name="second").client()
     assert (await second.get("/healthz")).status_code == 200
@@ -118,7 +118,7 @@ async def test_a_standby_takes_over_when_the_active_one_is_killed(shared: Fleet)
     assert await role(standby) == "active"
 
 
-async def test_an_active_one_that_hangs_is_replaced_and_writes_nothing_any_more(shared: Fleet) -> None:
+async def test_a_hanging_active_service_is_replaced_and_writes_nothing_afterwards(shared: Fleet) -> None:
     start = time.monotonic()
     first = shared.order_service(name="first")
     await active(await first.client())
@@ -136,7 +136,7 @@ async def test_an_active_one_that_hangs_is_replaced_and_writes_nothing_any_more(
     assert (await standby.get("/v1/transportOrders/T-1")).json()["state"] == "DISPATCHABLE"
 
 
-async def test_nothing_acknowledged_is_lost_when_the_database_goes_and_comes_back(
+async def test_nothing_acknowledged_is_lost_during_a_database_outage(
     shared: Fleet, postgres: Postgres
 ) -> None:
     program = shared.order_service("--kernel.commit_timeout", 3, name="first")
@@ -169,7 +169,7 @@ async def test_nothing_acknowledged_is_lost_when_the_database_goes_and_comes_bac
     assert program.process.poll() is None
 
 
-async def test_the_active_one_stays_so_over_a_restart_of_the_database(
+async def test_the_active_service_keeps_the_lead_over_a_database_restart(
     shared: Fleet, postgres: Postgres
 ) -> None:
     first = shared.order_service(name="first")
@@ -183,7 +183,7 @@ async def test_the_active_one_stays_so_over_a_restart_of_the_database(
     assert len((await client.get("/v1/transportOrders")).json()["transportOrders"]) == 11
 
 
-async def test_orders_are_done_once_each_while_the_database_crashes_again_and_again(
+async def test_orders_are_executed_once_while_the_database_keeps_crashing(
     shared: Fleet, postgres: Postgres
 ) -> None:
     wire = shared.peer()

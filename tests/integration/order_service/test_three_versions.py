@@ -31,7 +31,7 @@ TARGETS = {"robot-01": "South 4", "robot-02": "North 3", "robot-03": "Packing st
 
 @pytest.mark.clause("4.2", "6.1.1", "7.2")
 @pytest.mark.parametrize("versions", FLEETS, ids=["three", "both of 3.0"])
-async def test_each_robot_does_its_order_in_its_version(
+async def test_each_robot_executes_its_order_in_its_version(
     fleet: Fleet, service: Start, versions: dict[str, str]
 ) -> None:
     wire = fleet.peer()
@@ -68,7 +68,7 @@ async def test_each_robot_does_its_order_in_its_version(
 
 @pytest.mark.clause("6.1.2/fleet", "6.6.3/fleet")
 @pytest.mark.parametrize("version", ["2.0.0", "2.1.0", "3.0.0", "3.0.1"])
-async def test_a_way_is_released_piece_by_piece_and_nothing_of_it_breaks_the_standard(
+async def test_a_route_is_released_stepwise_and_conforms_to_the_standard(
     fleet: Fleet, service: Start, version: str
 ) -> None:
     wire = fleet.peer()

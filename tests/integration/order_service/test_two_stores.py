@@ -32,7 +32,7 @@ def topic(fleet: Fleet) -> str:
     return f"{fleet.prefix}/leader/{fleet.interface}"
 
 
-async def test_the_second_one_ends_before_it_has_sent_anything(fleet: Fleet) -> None:
+async def test_the_second_service_exits_before_sending_anything(fleet: Fleet) -> None:
     fleet.agent()
     first = await fleet.order_service(name="first").client()
     await listening(first)
@@ -51,7 +51,7 @@ async def test_the_second_one_ends_before_it_has_sent_anything(fleet: Fleet) -> 
     await order_in(first, "T", "FINISHED")
 
 
-async def test_the_second_one_accepts_no_order_while_it_asks_who_leads(fleet: Fleet) -> None:
+async def test_the_second_service_accepts_no_order_during_the_election(fleet: Fleet) -> None:
     """An order that it accepted would be in the store of a program that has exited."""
     await listening(await fleet.order_service(name="first").client())
     url, accepted = f"http://127.0.0.1:{(port := free_port())}/v1/transportOrders", []
@@ -80,7 +80,7 @@ async def test_without_a_broker_to_ask_it_accepts_orders(fleet: Fleet) -> None:
     ).is_success
 
 
-async def test_a_later_one_on_a_copy_of_the_store_ends_it_and_it_says_so(fleet: Fleet) -> None:
+async def test_a_newer_service_on_a_copied_store_ends_the_older_one_with_a_message(fleet: Fleet) -> None:
     program = fleet.order_service()
     await listening(await program.client())
     with MqttPeer(fleet.broker, topic(fleet)) as peer:
@@ -93,7 +93,7 @@ async def test_a_later_one_on_a_copy_of_the_store_ends_it_and_it_says_so(fleet: 
     assert TAKEN not in program.log
 
 
-async def test_it_leads_once_the_first_one_is_gone(fleet: Fleet) -> None:
+async def test_it_leads_once_the_first_leader_has_left(fleet: Fleet) -> None:
     first = fleet.order_service(name="first")
     await listening(await first.client())
     first.kill()
@@ -103,7 +103,7 @@ async def test_it_leads_once_the_first_one_is_gone(fleet: Fleet) -> None:
     await listening(second)
 
 
-async def test_a_record_that_nobody_stands_behind_keeps_nobody_out(fleet: Fleet) -> None:
+async def test_a_stale_record_does_not_block_a_new_leader(fleet: Fleet) -> None:
     """As a broker keeps it that lost power together with the order service."""
     left = LeaderRecord(store="gone", epoch=2**40, instance="gone")
     with MqttPeer(fleet.broker, topic(fleet)) as peer:
@@ -115,7 +115,7 @@ async def test_a_record_that_nobody_stands_behind_keeps_nobody_out(fleet: Fleet)
     assert ANSWERED_WITHIN < PATIENCE
 
 
-async def test_a_broker_that_has_lost_the_record_is_told_again(fleet: Fleet, own_broker: Broker) -> None:
+async def test_a_broker_that_lost_the_record_is_sent_it_again(fleet: Fleet, own_broker: Broker) -> None:
     fleet.broker = own_broker
     client = await fleet.order_service().client()
     await listening(client)
@@ -127,7 +127,7 @@ async def test_a_broker_that_has_lost_the_record_is_told_again(fleet: Fleet, own
         await until(lambda: peer.received()[-1].payload, what="the record again")
 
 
-async def test_one_that_was_cut_off_and_replaced_ends_when_it_is_back(fleet: Fleet) -> None:
+async def test_a_disconnected_and_replaced_leader_exits_when_it_returns(fleet: Fleet) -> None:
     """Suspend it until the broker drops it and another one with a separate store leads."""
     first = fleet.order_service("--mqtt.keep_alive", 5, name="first")
     await listening(await first.client())

@@ -72,9 +72,7 @@ async def robot_takes_its_order(fleet: Fleet, wire: MqttPeer) -> None:
 
 
 @pytest.mark.parametrize("sent", [False, True], ids=["order not sent yet", "robot has its order"])
-async def test_what_was_under_way_in_the_first_release_comes_to_its_end(
-    fleet: Fleet, keeper: Keeper, *, sent: bool
-) -> None:
+async def test_orders_of_the_first_release_are_completed(fleet: Fleet, keeper: Keeper, *, sent: bool) -> None:
     first_tables(keeper.url)
     wire = fleet.peer()
     start_robots(fleet, [AT_STORAGE, AT_SOUTH_3])
@@ -95,7 +93,7 @@ async def test_what_was_under_way_in_the_first_release_comes_to_its_end(
     assert actions_done(wire, fleet) == dict.fromkeys(legs, 1)
 
 
-async def test_hosts_that_ask_again_after_the_upgrade_are_told_the_orders_of_before(
+async def test_repeated_requests_after_the_upgrade_return_the_old_orders(
     fleet: Fleet, keeper: Keeper
 ) -> None:
     first_tables(keeper.url)
@@ -114,7 +112,7 @@ async def test_hosts_that_ask_again_after_the_upgrade_are_told_the_orders_of_bef
         assert answer.json()["created"] == before["created"]
 
 
-async def test_the_way_back_is_the_copy_from_before_the_upgrade(fleet: Fleet, keeper: Keeper) -> None:
+async def test_the_backup_before_the_upgrade_allows_a_downgrade(fleet: Fleet, keeper: Keeper) -> None:
     """This release plays the older one: the store is such as the next one would leave."""
     wire = fleet.peer()
     program, _ = await in_mid_work(fleet, ORDERS)

@@ -33,7 +33,7 @@ async def stands(client: httpx.AsyncClient, name: str, vehicle: str, phase: str)
     )
 
 
-async def test_sets_come_to_robots_of_3_0_and_are_enabled_and_deleted(fleet: Fleet) -> None:
+async def test_zone_sets_are_sent_enabled_and_deleted_on_3_0_robots(fleet: Fleet) -> None:
     async with running(fleet.settings()) as client:
         fleet.agent("robot-01", version="3.0.0")
         await vehicle_idle(client)
@@ -53,7 +53,7 @@ async def test_sets_come_to_robots_of_3_0_and_are_enabled_and_deleted(fleet: Fle
         await stands(client, "day", "Robot-02", "MISSING")
 
 
-async def test_what_is_wrong_is_refused(fleet: Fleet, service: Start) -> None:
+async def test_invalid_zone_set_requests_are_refused(fleet: Fleet, service: Start) -> None:
     client = await service()
     assert (await client.post(URL, json=zones("day"))).status_code == 200
     assert (await client.post(URL, json=zones("day"))).status_code == 200

@@ -35,7 +35,7 @@ async def test_the_loopback_driver_needs_no_ros_and_begins_where_the_robot_was(
     assert [event.pose.x for event in events if isinstance(event, PoseReport)] == [x]
 
 
-def test_without_ros_the_nav2_driver_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_ros_the_nav2_driver_names_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "nena_edge_agent.nav2.driver", None)
 
     with pytest.raises(StartError, match=r"nena-edge-agent\[ros\]"):

@@ -11,12 +11,12 @@ def descriptors() -> int:
     return len(list(Path("/proc/self/fd").iterdir()))
 
 
-def test_a_folder_is_brought_to_the_disk_and_let_go(tmp_path: Path) -> None:
+def test_a_folder_is_synced_to_disk_and_closed(tmp_path: Path) -> None:
     before = descriptors()
     sync_folder(tmp_path)
     assert descriptors() == before
 
 
-def test_a_folder_that_is_not_there_is_told(tmp_path: Path) -> None:
+def test_a_missing_folder_is_reported(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
         sync_folder(tmp_path / "nowhere")

@@ -88,7 +88,7 @@ def test_it_follows_the_settings() -> None:
 
 
 @pytest.mark.clause("6.10/parameters", "7.3/speed")
-def test_a_limit_of_speed_is_offered_only_where_the_driver_keeps_it() -> None:
+def test_speed_limits_are_offered_only_if_the_driver_supports_them() -> None:
     offered = {
         driver: {each.parameter for each in factsheet(driver=driver).protocol_features.optional_parameters}
         for driver in ("loopback", "nav2")
@@ -133,7 +133,7 @@ def test_it_lists_the_zones_that_the_robot_honours(version: str, driver: str, zo
 
 
 @pytest.mark.clause("7.1.2", "7.1.2/size", "6.2.1/limits")
-def test_it_tells_the_limits_that_are_kept() -> None:
+def test_it_lists_the_limits_that_are_enforced() -> None:
     limits = factsheet().protocol_limits
 
     assert limits.maximum_string_lengths.maximum_message_length == MAXIMUM_PAYLOAD
@@ -189,7 +189,7 @@ def listed(sheet: Factsheet) -> dict[str, MobileRobotAction]:
 
 
 @pytest.mark.clause("6.10", "6.2.3")
-def test_what_is_set_is_what_it_tells() -> None:
+def test_the_factsheet_lists_the_configured_operations() -> None:
     actions = listed(factsheet_with(LIFT, SIGNAL))
 
     lift = actions["lift"]
@@ -207,13 +207,13 @@ def test_what_is_set_is_what_it_tells() -> None:
 
 
 @pytest.mark.clause("6.10")
-def test_a_robot_that_takes_loads_has_a_place_for_them() -> None:
+def test_a_robot_that_picks_up_loads_has_a_load_position() -> None:
     assert factsheet_with(LIFT).load_specification.load_positions
     assert not factsheet_with(SIGNAL).load_specification.load_positions
 
 
 @pytest.mark.clause("6.10")
-def test_what_a_robot_without_ros_refuses_is_not_offered() -> None:
+def test_actions_refused_without_ros_are_not_offered() -> None:
     assert "lift" not in listed(factsheet_with(LIFT, ros=False))
     assert "lift" in listed(factsheet_with(LIFT, ros=False, without_ros="rehearse"))
 
@@ -266,7 +266,7 @@ def capabilities(**changes: object) -> Capabilities:
 
 
 @given(SPEEDS, st.floats(0.1, 5.0))
-def test_the_way_to_a_stop_grows_with_the_speed_and_shrinks_with_the_brakes(
+def test_the_braking_distance_grows_with_speed_and_shrinks_with_deceleration(
     speed: float, brakes: float
 ) -> None:
     here = braking_distance(DescriptionSettings(maximum_speed=speed, maximum_deceleration=brakes))
@@ -276,26 +276,26 @@ def test_the_way_to_a_stop_grows_with_the_speed_and_shrinks_with_the_brakes(
     assert speed * 0.5 <= better <= here < faster
 
 
-def test_a_robot_that_tells_no_deceleration_needs_the_time_to_begin() -> None:
+def test_a_robot_without_a_deceleration_has_only_its_reaction_distance() -> None:
     assert braking_distance(DescriptionSettings(maximum_speed=2.0, maximum_deceleration=0.0)) == 1.0
 
 
-def test_it_stops_in_the_way_that_its_data_say() -> None:
+def test_it_stops_according_to_its_data() -> None:
     assert braking_distance(DescriptionSettings(maximum_speed=2.0, maximum_deceleration=1.0)) == 3.0
 
 
 @pytest.mark.parametrize("version", ["2.0.0", "2.1.0", "3.0.0"])
-def test_it_goes_by_the_rules_of_its_version(version: str) -> None:
+def test_it_follows_the_rules_of_its_version(version: str) -> None:
     assert capabilities(version=version).rules is RULES[version]
 
 
 @pytest.mark.parametrize(("driver", "limits"), [("loopback", True), ("nav2", False)])
-def test_a_robot_with_nav2_takes_no_limits_of_speed_without_its_types(driver: str, *, limits: bool) -> None:
+def test_a_nav2_robot_accepts_no_speed_limits_without_the_types(driver: str, *, limits: bool) -> None:
     assert capabilities(driver=driver).limits_speed is limits
 
 
 @pytest.mark.clause("7.3/speed")
-def test_a_limit_of_speed_is_listed_where_nav2_takes_it() -> None:
+def test_speed_limits_are_listed_if_nav2_accepts_them() -> None:
     settings = EdgeAgentSettings()
     known = make_capabilities(settings, ActionRegistry([Wait()]), Nav2Offers(limits_speed=True))
     sheet = make_factsheet(HEADER, settings, known)
@@ -315,6 +315,6 @@ def test_trajectories_and_corridors_are_listed_where_they_are_driven(*, follows:
     assert ("VIRTUAL_LINE_GUIDED" in sheet.type_specification.navigation_types) is follows
 
 
-def test_it_has_its_own_actions_beside_those_of_the_standard() -> None:
+def test_it_has_its_own_actions_in_addition_to_the_standard_ones() -> None:
     types = set(capabilities().actions)
     assert {"wait", "cancelOrder", "startPause"} <= types

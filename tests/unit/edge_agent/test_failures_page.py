@@ -37,7 +37,7 @@ def test_names_each_failure_and_each_error(word: str) -> None:
     assert str(word) in PAGE
 
 
-def test_each_row_has_a_test_that_there_is() -> None:
+def test_each_row_names_an_existing_test() -> None:
     table = PAGE.split("\n## ")[0]
     rows = [line for line in table.splitlines() if line.startswith("| ")][1:]
     assert len(rows) > 15

@@ -32,7 +32,7 @@ class Robot:
 
 
 @pytest.mark.parametrize("error", [StartError("the journal is damaged"), RuntimeError("a fault")])
-async def test_a_robot_that_fails_is_started_again_and_the_others_go_on(error: Exception) -> None:
+async def test_a_failed_robot_is_restarted_and_the_others_continue(error: Exception) -> None:
     good, bad, stop = Robot(0), Robot(2, error), asyncio.Event()
     with capture_logs() as logs:
         fleet = asyncio.create_task(
@@ -47,7 +47,7 @@ async def test_a_robot_that_fails_is_started_again_and_the_others_go_on(error: E
     assert not good.running
 
 
-async def test_a_robot_is_given_up_after_its_restarts() -> None:
+async def test_a_robot_is_abandoned_after_its_restarts() -> None:
     good, hopeless, stop = Robot(0), Robot(100), asyncio.Event()
     with capture_logs() as logs:
         fleet = asyncio.create_task(
@@ -60,14 +60,14 @@ async def test_a_robot_is_given_up_after_its_restarts() -> None:
     await asyncio.wait_for(fleet, PATIENCE)
 
 
-async def test_a_fleet_of_which_nothing_works_ends() -> None:
+async def test_a_fleet_without_a_working_robot_ends() -> None:
     robots = {"a": Robot(100).make, "b": Robot(100).make}
 
     with capture_logs(), pytest.raises(StartError, match="no robot is running"):
         await asyncio.wait_for(run_fleet(robots, asyncio.Event(), restarts=1, pause=0.01), PATIENCE)
 
 
-async def test_a_robot_that_cannot_be_made_is_no_worse() -> None:
+async def test_a_robot_that_cannot_be_created_counts_as_failed() -> None:
     good, stop = Robot(0), asyncio.Event()
 
     def damaged() -> Robot:
@@ -85,7 +85,7 @@ async def test_a_robot_that_cannot_be_made_is_no_worse() -> None:
     assert not good.running
 
 
-async def test_a_robot_that_has_been_shut_down_stays_so_and_the_last_one_ends_the_program() -> None:
+async def test_a_robot_that_was_shut_down_is_not_restarted_and_the_last_one_ends_the_program() -> None:
     class ShutDown(Robot):
         async def run(self, _: asyncio.Event) -> None:
             self.running = False

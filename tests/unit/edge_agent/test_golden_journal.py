@@ -31,7 +31,7 @@ def test_a_journal_of_the_first_format_is_read_as_it_was_written(tmp_path: Path)
     assert json.loads(kept(tmp_path).model_dump_json(exclude_defaults=True)) == RECORD
 
 
-def test_a_robot_goes_on_with_it(tmp_path: Path) -> None:
+def test_the_robot_continues_the_restored_order(tmp_path: Path) -> None:
     bench = Bench(memory=kept(tmp_path), ready=False, rules=RULES["3.0.0"], frame="hall: 1 2 0.5")
 
     assert json.loads(bench.core.memory().model_dump_json(exclude_defaults=True)) == RECORD

@@ -90,7 +90,7 @@ def test_records_are_written_over_each_other_in_turn(tmp_path: Path) -> None:
     assert (after.st_ino, after.st_size) == (before.st_ino, before.st_size)
 
 
-def test_the_next_program_goes_on_where_the_last_one_ended(tmp_path: Path) -> None:
+def test_the_next_program_continues_where_the_last_one_ended(tmp_path: Path) -> None:
     bench = busy()
     for _ in range(5):
         bench.arrive()
@@ -140,7 +140,7 @@ def every_other_block(before: bytes, after: bytes) -> bytes:
 
 
 @pytest.mark.parametrize("restarted", [True, False])
-def test_blocks_of_two_records_that_failed_are_not_taken_for_one_record(
+def test_blocks_of_two_failed_records_are_not_mistaken_for_one_record(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, restarted: bool
 ) -> None:
     bench, journal = busy(), Journal(tmp_path, ROBOT)
@@ -172,7 +172,7 @@ def test_blocks_of_two_records_that_failed_are_not_taken_for_one_record(
 
 
 @pytest.mark.parametrize("damage", ["one bit", "a block of zeros", "the first label", "all of it"])
-def test_a_damaged_newest_record_is_not_taken_for_one_whose_writing_was_interrupted(
+def test_a_damaged_newest_record_is_not_mistaken_for_an_interrupted_write(
     tmp_path: Path, damage: str
 ) -> None:
     bench, journal = busy(), Journal(tmp_path, ROBOT)
@@ -219,9 +219,7 @@ def test_a_journal_of_an_earlier_release_is_continued(tmp_path: Path) -> None:
         assert kept.paused is paused
 
 
-def test_what_the_disk_may_not_have_is_never_the_only_record(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_unsynced_record_is_never_the_only_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     bench, journal = busy(), Journal(tmp_path, ROBOT)
     record(journal, bench.core.memory())
     old, before = bench.core.memory(), (tmp_path / FILE).read_bytes()
@@ -241,7 +239,7 @@ def test_what_the_disk_may_not_have_is_never_the_only_record(
     assert Journal(tmp_path, ROBOT).read() == old
 
 
-def test_a_file_that_was_removed_meanwhile_is_made_again(tmp_path: Path) -> None:
+def test_a_file_that_was_removed_is_created_again(tmp_path: Path) -> None:
     bench, journal = busy(), Journal(tmp_path, ROBOT)
     record(journal, bench.core.memory())
     (tmp_path / FILE).unlink()
@@ -258,7 +256,7 @@ def test_a_damaged_record_is_never_guessed_at(tmp_path: Path, content: str) -> N
         Journal(tmp_path, ROBOT).read()
 
 
-def test_a_record_that_is_whole_and_nested_deep_is_told(tmp_path: Path) -> None:
+def test_a_complete_but_deeply_nested_record_is_reported(tmp_path: Path) -> None:
     rest = b"1\n" + b"[" * 100_000
     half = b"%08x " % crc32(rest) + rest
     (tmp_path / FILE).write_bytes(half + b" " * len(half))
@@ -267,14 +265,14 @@ def test_a_record_that_is_whole_and_nested_deep_is_told(tmp_path: Path) -> None:
         Journal(tmp_path, ROBOT).read()
 
 
-def test_a_record_that_is_whole_and_not_understood_is_told(tmp_path: Path) -> None:
+def test_a_complete_but_unreadable_record_is_reported(tmp_path: Path) -> None:
     record(Journal(tmp_path, ROBOT), busy().core.memory().model_copy(update={"queue": ("a", "b", None)}))
 
     with pytest.raises(UnreadableJournalError, match="is damaged"):
         Journal(tmp_path, ROBOT).read()
 
 
-def test_a_journal_that_ends_anywhere_or_goes_on_is_read_right_or_not_at_all(tmp_path: Path) -> None:
+def test_a_journal_of_any_length_is_read_correctly_or_not_at_all(tmp_path: Path) -> None:
     bench, journal = busy(), Journal(tmp_path, ROBOT)
     record(journal, bench.core.memory())
     older = bench.core.memory().model_dump_json(exclude_defaults=True).encode()
@@ -295,7 +293,7 @@ def test_a_journal_that_ends_anywhere_or_goes_on_is_read_right_or_not_at_all(tmp
 
 
 @pytest.mark.parametrize("number", [0, 2])
-def test_a_record_of_another_version_says_so(tmp_path: Path, number: int) -> None:
+def test_a_record_of_another_version_is_reported(tmp_path: Path, number: int) -> None:
     record(Journal(tmp_path, ROBOT), busy().core.memory().model_copy(update={"format": number}))
 
     with pytest.raises(
@@ -304,20 +302,20 @@ def test_a_record_of_another_version_says_so(tmp_path: Path, number: int) -> Non
         Journal(tmp_path, ROBOT).read()
 
 
-def test_a_record_says_its_format(tmp_path: Path) -> None:
+def test_a_record_contains_its_format(tmp_path: Path) -> None:
     record(Journal(tmp_path, ROBOT), busy().core.memory())
 
     assert b'"format":1' in (tmp_path / FILE).read_bytes()
 
 
-def test_a_record_that_the_disk_does_not_give_says_so(tmp_path: Path) -> None:
+def test_a_record_that_cannot_be_read_from_disk_is_reported(tmp_path: Path) -> None:
     (tmp_path / FILE).mkdir()  # reading it fails, whoever the user is
 
     with pytest.raises(UnreadableJournalError, match=r"cannot be read \(Is a directory\)"):
         Journal(tmp_path, ROBOT).read()
 
 
-def test_what_is_known_of_a_robot_is_its_memory_or_why_there_is_none(tmp_path: Path) -> None:
+def test_reading_a_journal_returns_the_memory_or_the_reason(tmp_path: Path) -> None:
     assert read_journal(None) == (None, "")
     assert read_journal(Journal(tmp_path, ROBOT)) == (None, "")
     memory = busy().core.memory()
@@ -327,7 +325,7 @@ def test_what_is_known_of_a_robot_is_its_memory_or_why_there_is_none(tmp_path: P
     assert "is damaged" in read_journal(Journal(tmp_path, ROBOT))[1]
 
 
-def test_a_full_disk_is_told_with_what_to_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_is_reported_with_a_remedy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(*_: object) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
@@ -336,7 +334,7 @@ def test_a_full_disk_is_told_with_what_to_do(tmp_path: Path, monkeypatch: pytest
         sole_user(tmp_path, ROBOT).__enter__()
 
 
-def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_created_is_reported(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
 
     with pytest.raises(StartError, match="cannot be used"):
@@ -344,14 +342,14 @@ def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("folder", ["/proc/nena", "~nobody-of-this-name/nena"])
-def test_a_folder_that_cannot_be_written_is_told_before_an_order_depends_on_it(folder: str) -> None:
+def test_an_unwritable_folder_is_reported_before_an_order_depends_on_it(folder: str) -> None:
     with pytest.raises(StartError, match=r"set journal\.folder"):
         Journal(Path(folder), ROBOT).read()
     with pytest.raises(StartError, match=r"set journal\.folder"), sole_user(Path(folder), ROBOT):
         pass
 
 
-def test_a_second_program_for_the_same_robot_is_kept_out_as_long_as_the_first_one_works(
+def test_a_second_program_for_the_same_robot_is_refused_while_the_first_one_runs(
     tmp_path: Path,
 ) -> None:
     with sole_user(tmp_path, ROBOT):
@@ -415,7 +413,7 @@ async def disk(tmp_path: Path) -> AsyncIterator[SlowDisk]:
     disk.may_sync.set()
 
 
-async def test_what_is_new_is_recorded_once(disk: SlowDisk, tmp_path: Path) -> None:
+async def test_a_change_is_recorded_once(disk: SlowDisk, tmp_path: Path) -> None:
     disk.may_write.set()
     disk.may_sync.set()
     rig = Rig(disk)
@@ -449,7 +447,7 @@ async def test_a_record_outlives_the_process_before_the_disk_has_it(disk: SlowDi
 
 
 @pytest.mark.parametrize("hangs_at", ["write", "sync"])
-async def test_a_disk_that_hangs_is_told_and_gets_the_newest_record_later(
+async def test_a_hanging_disk_is_reported_and_gets_the_newest_record_later(
     disk: SlowDisk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hangs_at: str
 ) -> None:
     monkeypatch.setattr(journal_module, "WRITE_TIMEOUT", 0.05)
@@ -478,7 +476,7 @@ async def test_a_disk_that_hangs_is_told_and_gets_the_newest_record_later(
     assert Journal(tmp_path, ROBOT).read() == rig.bench.core.memory()
 
 
-async def test_a_disk_that_fails_is_told_and_tried_again(tmp_path: Path) -> None:
+async def test_a_failing_disk_is_reported_and_retried(tmp_path: Path) -> None:
     folder = tmp_path / "folder"
     rig = Rig(Journal(folder, ROBOT))
     rig.bench.send(order("n0", "n1"))
@@ -502,7 +500,7 @@ async def test_without_a_journal_nothing_is_waited_for() -> None:
     assert not rig.told
 
 
-async def test_what_was_recorded_is_known(disk: SlowDisk) -> None:
+async def test_a_record_is_written_before_it_is_synced(disk: SlowDisk) -> None:
     rig = Rig(disk)
     recorder, before = rig.recorder, rig.bench.core.durable_version
     assert recorder.has_written(before)
@@ -522,7 +520,7 @@ async def test_what_was_recorded_is_known(disk: SlowDisk) -> None:
     assert recorder.has_synced(version)
 
 
-async def test_a_record_that_failed_is_not_taken_for_one(tmp_path: Path) -> None:
+async def test_a_failed_record_is_not_read(tmp_path: Path) -> None:
     rig = Rig(Journal(tmp_path / "nowhere", ROBOT))
     rig.bench.send(order("n0", "n1"))
 
@@ -533,7 +531,7 @@ async def test_a_record_that_failed_is_not_taken_for_one(tmp_path: Path) -> None
     assert not rig.recorder.has_synced(rig.bench.core.durable_version)
 
 
-async def test_what_a_failed_record_may_have_overwritten_is_written_again(tmp_path: Path) -> None:
+async def test_a_record_that_a_failed_one_may_have_overwritten_is_written_again(tmp_path: Path) -> None:
     folder = tmp_path / "folder"
     rig = Rig(Journal(folder, ROBOT))
     before = rig.bench.core.durable_version
@@ -554,7 +552,7 @@ def test_a_frame_is_named_by_its_transforms() -> None:
     assert frame_of(TURNED.model_copy(update={"driver": "loopback"})) == ""
 
 
-def test_an_order_in_another_frame_is_not_gone_on_with() -> None:
+def test_an_order_in_another_frame_is_not_continued() -> None:
     robot = Bench(frame=frame_of(TURNED))
     robot.send(order("n0", "n1"))
     memory = robot.core.memory()

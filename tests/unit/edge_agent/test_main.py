@@ -14,7 +14,7 @@ REHEARSAL = {"waitUninterrupted", "failAlways", "failOnce", "needParameter"}
     ("driver", "rehearsal", "there"),
     [("loopback", True, True), ("loopback", False, False), ("nav2", True, False)],
 )
-def test_actions_for_rehearsal_are_there_only_on_a_loopback_robot_that_is_set_to_have_them(
+def test_simulated_actions_require_a_loopback_robot_with_the_setting(
     *, driver: str, rehearsal: bool, there: bool
 ) -> None:
     settings = EdgeAgentSettings.model_validate({"driver": driver, "loopback": {"rehearsal": rehearsal}})

@@ -47,7 +47,7 @@ def test_the_robots_own_map_is_there_and_enabled(tmp_path: Path) -> None:
     assert held(store(tmp_path)) == {("hall", "1"): "ENABLED"}
 
 
-async def test_a_new_map_is_disabled_and_touches_no_other_one(tmp_path: Path) -> None:
+async def test_a_new_map_is_disabled_and_leaves_the_others_unchanged(tmp_path: Path) -> None:
     maps = store(tmp_path)
 
     await maps.install("hall", "2", b"picture")
@@ -67,7 +67,7 @@ async def test_one_version_of_a_map_is_enabled(tmp_path: Path) -> None:
     assert held(maps) == {("attic", "1"): "ENABLED", ("hall", "1"): "DISABLED", ("hall", "2"): "ENABLED"}
 
 
-async def test_all_is_there_again_after_a_restart(tmp_path: Path) -> None:
+async def test_everything_is_restored_after_a_restart(tmp_path: Path) -> None:
     maps = store(tmp_path)
     await maps.install("hall", "2", b"")
     await maps.enable("hall", "2")
@@ -86,14 +86,14 @@ async def test_an_enabled_map_is_not_deleted(tmp_path: Path) -> None:
     assert held(store(tmp_path)) == {("hall", "1"): "ENABLED"}
 
 
-async def test_what_is_there_is_not_installed_again(tmp_path: Path) -> None:
+async def test_an_existing_map_is_not_installed_again(tmp_path: Path) -> None:
     maps = store(tmp_path)
 
     with pytest.raises(DuplicateMapError):
         await maps.install("hall", "1", b"another")
 
 
-async def test_what_is_not_there_is_neither_enabled_nor_deleted(tmp_path: Path) -> None:
+async def test_a_missing_map_is_neither_enabled_nor_deleted(tmp_path: Path) -> None:
     maps = store(tmp_path)
 
     for change in (maps.enable, maps.delete):
@@ -156,7 +156,7 @@ async def test_a_map_that_is_half_deleted_is_no_map(tmp_path: Path, monkeypatch:
     assert held(store(tmp_path)) == {("hall", "1"): "ENABLED"}
 
 
-def test_what_somebody_else_put_into_the_folder_is_no_map(tmp_path: Path) -> None:
+def test_foreign_files_in_the_folder_are_not_maps(tmp_path: Path) -> None:
     store(tmp_path)
     (tmp_path / "maps" / "lost+found").mkdir()
     (tmp_path / "maps" / ".DS_Store").write_text("")
@@ -185,7 +185,7 @@ def settings(**maps: object) -> EdgeAgentSettings:
     return EdgeAgentSettings.model_validate({"map_id": "hall", "map_version": "7", "maps": maps})
 
 
-def test_a_robot_has_its_one_map_unless_told_otherwise() -> None:
+def test_a_robot_has_a_single_map_by_default() -> None:
     assert map_store(settings(), ROBOT) is None
 
 

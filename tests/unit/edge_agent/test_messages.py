@@ -62,7 +62,7 @@ def test_the_count_stays_within_32_bits() -> None:
 
 
 @pytest.mark.clause("7.2/headerId", "6.6/restart")
-def test_after_a_restart_the_count_goes_on_behind_all_that_may_have_been_used() -> None:
+def test_after_a_restart_header_ids_continue_after_all_reserved_ones() -> None:
     clock = ManualClock()
     maker = HeaderMaker(RobotKey("ACME", "1"), version="2.1.0", clock=clock)
     used = 0
@@ -76,7 +76,7 @@ def test_after_a_restart_the_count_goes_on_behind_all_that_may_have_been_used() 
     assert again.make(Topic.CONNECTION)["header_id"] == RESERVE
 
 
-def test_ids_are_set_apart_seldom() -> None:
+def test_header_ids_are_rarely_reserved() -> None:
     maker = HeaderMaker(RobotKey("ACME", "1"), version="2.1.0", clock=ManualClock())
     reserved = set()
     for _ in range(3 * RESERVE):
@@ -86,14 +86,14 @@ def test_ids_are_set_apart_seldom() -> None:
     assert len(reserved) <= 3 * RESERVE // (RESERVE // 2)
 
 
-def test_ids_are_set_apart_over_the_end_of_the_count() -> None:
+def test_header_ids_are_reserved_across_the_wrap_around() -> None:
     reserved = ((Topic.STATE, WRAP - 2),)
     maker = HeaderMaker(RobotKey("ACME", "1"), version="2.1.0", clock=ManualClock(), reserved=reserved)
 
     assert dict(maker.reserve())[Topic.STATE] == RESERVE - 2
 
 
-def test_a_robot_is_called_by_its_topics_and_what_only_it_has() -> None:
+def test_a_client_id_names_the_robot_and_depends_on_its_secret() -> None:
     robot, secret = RobotKey("ACME", "1"), MqttSettings.model_validate({"password": "a"})
 
     assert client_id_of(robot, MqttSettings()) == "nena-edge-agent-ACME-1"
@@ -113,7 +113,7 @@ def messages(version: str = "2.1.0", first: int = 0) -> RobotMessages:
 
 @pytest.mark.clause("6.5", "7.9")
 @pytest.mark.parametrize("version", ["2.0.0", "2.1.0", "3.0.0"])
-def test_whether_it_is_there_is_kept_by_the_broker_and_sent_with_care(version: str) -> None:
+def test_connection_is_retained_and_sent_with_qos_1(version: str) -> None:
     found = messages(version).connection(ConnectionState.ONLINE)
 
     assert (found.retain, found.qos) == (True, 1)
@@ -136,7 +136,7 @@ def test_each_topic_counts_its_own_messages_from_where_an_earlier_run_may_have_b
     assert (sheet.retain, sheet.qos) == (True, 0)
 
 
-def test_where_it_is_is_told_without_a_receipt_and_not_kept() -> None:
+def test_visualization_is_sent_with_qos_0_and_not_kept() -> None:
     made = messages()
     here = Visualization(**made.header(Topic.VISUALIZATION), reference_state_header_id=0)
 
@@ -194,7 +194,7 @@ def test_good_instant_actions_become_an_event() -> None:
 
 
 @pytest.mark.clause("4.1/retain")
-def test_a_retained_message_is_passed_over() -> None:
+def test_a_retained_message_is_ignored() -> None:
     desk = Desk()
 
     desk.order(CODEC.encode(order("n0")), retained=True)
@@ -204,7 +204,7 @@ def test_a_retained_message_is_passed_over() -> None:
 
 
 @pytest.mark.parametrize("retained", [True, False])
-def test_an_empty_message_only_clears_what_the_broker_keeps(*, retained: bool) -> None:
+def test_an_empty_message_only_clears_a_retained_one(*, retained: bool) -> None:
     desk = Desk()
 
     desk.order(b"", retained=retained)
@@ -225,7 +225,7 @@ def test_rubbish_is_refused_and_counted(payload: bytes) -> None:
 
 
 @pytest.mark.clause("6.1.4.1", "6.6.5.2")
-def test_what_can_be_read_of_a_broken_message_is_referenced() -> None:
+def test_the_readable_ids_of_a_malformed_message_are_referenced() -> None:
     desk = Desk()
     content = json.loads(CODEC.encode(order("n0", "n1", order_id="o7", update=2)))
     content["edges"] = []
@@ -273,9 +273,7 @@ VALUES = {"height": 1.5, "levels": 3, "slowly": True, "station": "7", "unknown":
 
 
 @pytest.mark.parametrize("strict", [False, True])
-def test_numbers_and_truth_values_given_as_text_are_taken_where_the_action_declares_them(
-    *, strict: bool
-) -> None:
+def test_numbers_and_booleans_sent_as_text_are_accepted_if_the_action_declares_them(*, strict: bool) -> None:
     desk = Desk(actions={"lift": LIFT}, strict=strict)
     lift = Action(
         action_type="lift",
@@ -309,7 +307,7 @@ def test_numbers_and_truth_values_given_as_text_are_taken_where_the_action_decla
         ("ARRAY", "[]"),
     ],
 )
-def test_a_text_that_stands_for_no_such_value_stays_what_it_is(kind: str, text: str) -> None:
+def test_a_text_that_is_not_a_valid_value_is_unchanged(kind: str, text: str) -> None:
     parameter = Parameter("p", ValueDataType(kind))
 
     assert parameter.read(text) == text

@@ -76,7 +76,7 @@ async def test_a_map_that_map_server_refuses_is_not_enabled(tmp_path: Path) -> N
     assert enabled(maps) == ["hall"]
 
 
-async def test_that_no_place_on_the_map_was_set_is_known_after_a_restart(tmp_path: Path) -> None:
+async def test_a_missing_position_on_the_map_is_known_after_a_restart(tmp_path: Path) -> None:
     maps = store(tmp_path, Loader())
     await maps.install("attic", "1", attic())
     await maps.enable("attic", "1")
@@ -91,7 +91,7 @@ async def test_that_no_place_on_the_map_was_set_is_known_after_a_restart(tmp_pat
     assert not last.unplaced
 
 
-async def test_a_refused_map_leaves_the_place_known(tmp_path: Path) -> None:
+async def test_a_refused_map_leaves_the_pose_known(tmp_path: Path) -> None:
     server = Loader()
     maps = store(tmp_path, server)
     await maps.install("attic", "1", attic())
@@ -101,7 +101,7 @@ async def test_a_refused_map_leaves_the_place_known(tmp_path: Path) -> None:
     assert not server.unplaced
 
 
-async def test_maps_of_a_plain_folder_are_not_taken_for_map_servers_own(tmp_path: Path) -> None:
+async def test_maps_of_a_plain_folder_are_not_mistaken_for_map_servers_own(tmp_path: Path) -> None:
     plain = FolderMapStore(tmp_path / "maps", FIRST, maximum=5)
     await plain.install("attic", "1", b"walls")
 
@@ -113,7 +113,7 @@ async def test_maps_of_a_plain_folder_are_not_taken_for_map_servers_own(tmp_path
     assert (enabled(maps), server.files) == (["hall"], [])
 
 
-async def test_what_is_no_map_of_nav2_is_not_installed(tmp_path: Path) -> None:
+async def test_an_invalid_nav2_map_is_not_installed(tmp_path: Path) -> None:
     maps = store(tmp_path, Loader())
     with pytest.raises(MapRefusedError, match="not a readable zip or tar"):
         await maps.install("attic", "1", b"walls")

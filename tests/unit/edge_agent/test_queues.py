@@ -22,7 +22,7 @@ from support.robot_core import action, at, order
 from support.waiting import PATIENCE
 
 
-def test_events_come_out_in_their_order_and_once() -> None:
+def test_events_are_taken_once_and_in_order() -> None:
     mailbox = Mailbox()
     for event in (Started(), Arrived(1), Started()):
         mailbox.put(event)
@@ -43,7 +43,7 @@ def test_of_poses_battery_reports_and_progress_only_the_newest_waits() -> None:
     assert mailbox.take() == newest
 
 
-def test_a_pose_stays_before_the_arrival_that_it_proves() -> None:
+def test_a_pose_is_queued_before_the_arrival_that_it_confirms() -> None:
     mailbox = Mailbox()
     for event in (at(1.0), at(2.0), Arrived(1), at(3.0)):
         mailbox.put(event)
@@ -84,12 +84,12 @@ OTHER = Drive(DriveGoal(2, Pose(2.0, 0.0, 0.0, "hall"), 0.5))
 LOAD, LIFT = (StartAction(action(name), ()) for name in ("load", "lift"))
 
 
-def test_what_is_recorded_is_done_at_once_in_its_order() -> None:
+def test_recorded_effects_are_performed_at_once_in_order() -> None:
     effects: list[Effect] = [Halt(), DRIVE, LOAD, ReportState()]
     assert Postponed().sift(effects, recorded=True) == effects
 
 
-def test_what_is_not_recorded_is_not_begun_until_it_is() -> None:
+def test_unrecorded_starts_wait_for_the_record() -> None:
     postponed = Postponed()
     assert postponed.sift([DRIVE, LOAD, ReportState()], recorded=False) == [ReportState()]
     assert postponed.sift([LIFT], recorded=False) == []
@@ -97,7 +97,7 @@ def test_what_is_not_recorded_is_not_begun_until_it_is() -> None:
     assert postponed.sift([], recorded=True) == []
 
 
-def test_what_ends_is_never_postponed_and_what_it_ends_is_not_begun() -> None:
+def test_ends_are_never_postponed_and_cancel_waiting_starts() -> None:
     postponed = Postponed()
     postponed.sift([DRIVE, LOAD, LIFT], recorded=False)
     ends: list[Effect] = [Halt(), CancelAction("load"), PauseAction("lift")]
@@ -110,7 +110,7 @@ def test_the_first_state_is_due_at_once() -> None:
 
 
 @pytest.mark.clause("6.6.1/interval")
-def test_without_a_reason_the_next_state_comes_after_the_longest_interval() -> None:
+def test_without_a_trigger_the_next_state_is_sent_after_the_maximum_interval() -> None:
     schedule = StateSchedule(minimum=0.5, maximum=30.0)
     schedule.sent(100.0)
 
@@ -118,7 +118,7 @@ def test_without_a_reason_the_next_state_comes_after_the_longest_interval() -> N
 
 
 @pytest.mark.clause("6.6.1/interval")
-def test_a_state_is_due_when_it_is_wanted_unless_that_is_too_soon() -> None:
+def test_a_state_is_due_on_request_after_the_minimum_interval() -> None:
     schedule = StateSchedule(minimum=0.5, maximum=30.0)
     schedule.sent(100.0)
 
@@ -134,7 +134,7 @@ def test_a_state_is_due_when_it_is_wanted_unless_that_is_too_soon() -> None:
 
 
 @pytest.mark.clause("6.7")
-def test_visualization_keeps_its_rate_and_does_not_make_up_for_what_was_missed() -> None:
+def test_visualization_keeps_its_rate_and_skips_missed_messages() -> None:
     schedule = VisualizationSchedule(interval=2.0, now=100.0)
     assert schedule.due == 100.0
 

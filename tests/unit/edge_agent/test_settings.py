@@ -35,11 +35,11 @@ def test_a_loopback_fleet_has_numbered_serials() -> None:
     assert [settings.loopback.start(index).x for index in range(3)] == [0.0, 2.0, 4.0]
 
 
-def test_only_loopback_robots_come_in_numbers() -> None:
+def test_only_loopback_robots_can_be_a_fleet() -> None:
     assert loaded("--loopback.count", "3").serial_numbers == ("robot1",)
 
 
-def test_start_poses_can_be_given_robot_by_robot() -> None:
+def test_start_poses_can_be_set_per_robot() -> None:
     settings = EdgeAgentSettings.model_validate(
         {"loopback": {"count": 2, "spacing": 1.0, "starts": [{"x": 7.0, "theta": 1.0}]}}
     )
@@ -48,7 +48,7 @@ def test_start_poses_can_be_given_robot_by_robot() -> None:
     assert settings.loopback.start(1).x == 1.0
 
 
-def test_operations_come_from_tables_of_the_file(tmp_path: Path) -> None:
+def test_operations_are_read_from_tables_of_the_file(tmp_path: Path) -> None:
     file = tmp_path / "agent.toml"
     file.write_text('[[operations]]\naction_type = "lift"\nseconds = 2\nload = "take"\n')
 

@@ -49,7 +49,7 @@ def test_recoveries_are_added_up_over_drives() -> None:
     assert statistics.recoveries == 4
 
 
-def test_recoveries_of_a_drive_whose_end_was_not_heard_are_not_counted_twice() -> None:
+def test_recoveries_of_a_drive_without_a_reported_end_are_not_counted_twice() -> None:
     statistics = AgentStatistics()
     for recoveries in (2, 0, 1):
         statistics.note(DriveProgress(1.0, recoveries, "map"), 0.0)
@@ -71,7 +71,7 @@ def test_the_session_is_the_last_that_was_reported() -> None:
     assert statistics.session is SessionState.ACTIVE
 
 
-def test_a_pose_that_does_not_count_is_not_a_new_one() -> None:
+def test_a_rejected_pose_is_not_a_new_one() -> None:
     statistics = AgentStatistics()
     assert AgentStatistics().localized is None
     statistics.note(PoseReport(POSE, localized=True), 1.0)

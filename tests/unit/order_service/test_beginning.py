@@ -34,7 +34,7 @@ class Start:
             )
 
 
-async def test_with_a_store_that_takes_everything_nobody_is_told() -> None:
+async def test_a_working_store_reports_nothing() -> None:
     start = Start()
     start.room.set()
     async with Supervisor() as supervisor:
@@ -42,7 +42,7 @@ async def test_with_a_store_that_takes_everything_nobody_is_told() -> None:
     assert start.told == 0
 
 
-async def test_a_store_that_takes_nothing_is_told_once_and_waited_for() -> None:
+async def test_a_store_that_rejects_writes_is_reported_once_and_waited_for() -> None:
     start = Start()
     start.problem = "disk is full"
     async with Supervisor() as supervisor:
@@ -54,7 +54,7 @@ async def test_a_store_that_takes_nothing_is_told_once_and_waited_for() -> None:
     assert start.told == 1
 
 
-async def test_a_program_that_is_to_stop_waits_no_longer() -> None:
+async def test_a_stopping_program_no_longer_waits() -> None:
     start = Start()
     async with Supervisor() as supervisor:
         running = asyncio.create_task(start.run(supervisor))
@@ -62,7 +62,7 @@ async def test_a_program_that_is_to_stop_waits_no_longer() -> None:
         assert not await running
 
 
-async def test_a_part_that_fails_ends_the_wait() -> None:
+async def test_a_failed_part_ends_the_wait() -> None:
     async def fail() -> None:
         raise RuntimeError
 
@@ -72,7 +72,7 @@ async def test_a_part_that_fails_ends_the_wait() -> None:
             await Start().run(supervisor)
 
 
-async def test_a_beginning_that_fails_says_why() -> None:
+async def test_a_failed_start_reports_the_reason() -> None:
     class Broken(Start):
         async def begin(self) -> None:
             message = "no such plant"
@@ -83,7 +83,7 @@ async def test_a_beginning_that_fails_says_why() -> None:
             await Broken().run(supervisor)
 
 
-async def test_a_beginning_that_forgets_that_it_is_to_end_is_told_again(
+async def test_a_start_that_swallows_its_cancellation_is_cancelled_again(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     class Forgetful(Start):

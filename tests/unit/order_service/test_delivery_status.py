@@ -33,13 +33,13 @@ def test_sent_order_is_not_delivered_before_a_state_echoes_it() -> None:
     assert delivery_status(assigned_order().status, other).echoed_update_id is None
 
 
-def test_delivered_order_says_which_update_the_robot_has() -> None:
+def test_delivered_order_has_the_robots_update_id() -> None:
     echo = replace(VIEW, order_phase=VdaOrderPhase.RUNNING, state=state(order_id="T-1-0", order_update_id=2))
     told = delivery_status(assigned_order().status, echo)
     assert (told.phase, told.echoed_update_id) == (DeliveryPhase.DELIVERED, 2)
 
 
-def test_nothing_is_delivered_of_an_order_without_a_vehicle_or_at_its_end() -> None:
+def test_orders_without_a_vehicle_or_ended_are_undelivered() -> None:
     order = assigned_order()
     for status, view in (
         (order.status, None),
@@ -51,7 +51,7 @@ def test_nothing_is_delivered_of_an_order_without_a_vehicle_or_at_its_end() -> N
         assert (told.phase, told.order_id) == (DeliveryPhase.NONE, None)
 
 
-def test_a_drive_order_that_is_tried_again_is_delivered_by_its_newest_vda_order() -> None:
+def test_a_retried_drive_order_is_delivered_by_its_newest_vda_order() -> None:
     again = replace(VIEW, order_id="T-1-0~2", order_phase=VdaOrderPhase.RUNNING)
     told = delivery_status(assigned_order().status, again)
     assert (told.phase, told.order_id) == (DeliveryPhase.DELIVERED, "T-1-0~2")

@@ -35,7 +35,7 @@ class AskedStore(MemoryStore):
         return self.ended if name == "D" else None
 
 
-async def test_the_same_request_twice_at_once_makes_one_order() -> None:
+async def test_concurrent_identical_requests_create_one_order() -> None:
     engine = await make_engine(PLANT, AskedStore(askers=2), ScriptedFleet({}))
     requests = HostRequests(engine)
     wanted = request("B", name="T", idempotencyKey="key", dependencies=["D"])

@@ -52,7 +52,7 @@ def test_every_problem_of_a_plant_is_a_line(tmp_path: Path) -> None:
     assert len(problems(file).splitlines()) == 2
 
 
-def test_robots_need_topics_of_their_own(tmp_path: Path) -> None:
+def test_robots_need_separate_topics(tmp_path: Path) -> None:
     file = tmp_path / "plant.xml"
     file.write_bytes(opentcs_xml(vehicle("V1", "s") + vehicle("V2", "s") + vehicle("V3", "a/b")))
     found = problems(file)

@@ -46,7 +46,7 @@ async def taken_up(settings: OrderServiceSettings, store: Store, file: PlantFile
         return runner.service.engine.plant
 
 
-async def test_model_is_put_in_use_as_a_whole_and_kept(settings: OrderServiceSettings) -> None:
+async def test_uploaded_model_is_activated_and_kept(settings: OrderServiceSettings) -> None:
     store = Store(open_database(settings.store.location()))
     shown: list[object] = []
     async with Supervisor() as supervisor:
@@ -106,7 +106,7 @@ async def put_in_use(settings: OrderServiceSettings, store: Store, model: PlantM
         await runner.change_plant(model)
 
 
-async def test_model_of_a_host_keeps_what_it_does_not_give_over_a_restart(
+async def test_uploaded_model_keeps_its_defaults_over_a_restart(
     settings: OrderServiceSettings,
 ) -> None:
     """Speeds that are not given limit nothing."""
@@ -122,7 +122,7 @@ async def test_model_of_a_host_keeps_what_it_does_not_give_over_a_restart(
     store.close()
 
 
-async def test_model_of_a_host_counts_until_the_bytes_of_the_file_change(
+async def test_uploaded_model_is_used_until_the_file_changes(
     settings: OrderServiceSettings,
 ) -> None:
     store = Store(open_database(settings.store.location()))
@@ -150,7 +150,7 @@ async def test_path_is_not_locked_while_the_plant_is_changed(settings: OrderServ
     store.close()
 
 
-async def test_model_that_cannot_be_led_is_refused(settings: OrderServiceSettings) -> None:
+async def test_unusable_model_is_refused(settings: OrderServiceSettings) -> None:
     store = Store(open_database(settings.store.location()))
     strange = SAMPLE.vehicles[0].model_copy(update={"properties": {"vda5050:version": "9.9"}})
     async with Supervisor() as supervisor:

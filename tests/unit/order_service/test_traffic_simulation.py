@@ -58,7 +58,7 @@ def test_every_order_ends_without_a_collision_or_a_standstill(seed: int) -> None
 
 
 @pytest.mark.parametrize("seed", range(max(2, KERNEL_PLANTS // 10)))
-def test_vehicles_that_park_and_recharge_keep_nobody_from_anything(seed: int) -> None:
+def test_parking_and_recharging_vehicles_block_no_orders(seed: int) -> None:
     robots = IDLE_ROBOTS[seed % len(IDLE_ROBOTS)]
     simulation = simulated(seed, Random(1000 + seed), robots, IDLE_ONES_MOVE)
 

@@ -10,7 +10,7 @@ from nena_shared.clock import SystemClock, in_utc, iso
 from support.clocks import ManualClock
 
 
-def test_manual_clock_moves_only_when_told() -> None:
+def test_manual_clock_moves_only_when_advanced() -> None:
     clock = ManualClock()
     start = clock.now()
 
@@ -27,7 +27,7 @@ def test_manual_clock_does_not_go_back() -> None:
         ManualClock().advance(-0.1)
 
 
-def test_system_clock_is_utc_and_goes_on() -> None:
+def test_system_clock_is_utc_and_advances() -> None:
     clock = SystemClock()
     before = clock.monotonic()
 
@@ -48,12 +48,12 @@ def test_it_is_the_same_moment_in_utc(moment: datetime) -> None:
     assert found.tzinfo is UTC
 
 
-def test_a_time_without_a_zone_is_taken_as_utc() -> None:
+def test_time_without_a_zone_is_utc() -> None:
     assert in_utc(datetime(2026, 1, 2, 3)) == datetime(2026, 1, 2, 3, tzinfo=UTC)  # noqa: DTZ001 - that is the case
 
 
 @pytest.mark.parametrize(("year", "hours"), [(1, 14), (9999, -14)])
-def test_what_utc_has_no_year_for_is_refused(year: int, hours: int) -> None:
+def test_times_outside_years_of_utc_are_refused(year: int, hours: int) -> None:
     edge = datetime(year, 1 if year == 1 else 12, 1 if year == 1 else 31, 0 if year == 1 else 23)  # noqa: DTZ001
     with pytest.raises(ValueError, match="years 1 to 9999"):
         in_utc(edge.replace(tzinfo=timezone(timedelta(hours=hours))))

@@ -20,7 +20,7 @@ class Closed:
         raise ClosedError
 
 
-def test_whoever_waits_at_a_line_that_is_hung_up_waits_no_longer() -> None:
+def test_hang_up_ends_waiting_threads() -> None:
     engine, (ours, servers), closed = Engine(), socket.socketpair(), Closed()
     remember(engine, closed)
     remember(engine, ours)

@@ -59,7 +59,7 @@ def test_what_somebody_sent_is_repeated_in_brief() -> None:
     assert len(line) < 700
 
 
-def test_of_many_findings_the_first_ones_are_told() -> None:
+def test_first_of_many_findings_are_listed() -> None:
     findings = [{"loc": ("parts", each), "type": "missing", "msg": ""} for each in range(5)]
 
     assert in_words(findings, whole="body", most=2) == [

@@ -146,7 +146,7 @@ def gather(listener: socket.socket, messages: list[str]) -> list[str]:
             return messages
 
 
-async def test_systemd_hears_ready_the_watchdog_and_the_end(supervisor: socket.socket) -> None:
+async def test_systemd_is_notified_of_ready_watchdog_and_stopping(supervisor: socket.socket) -> None:
     stop, heard = asyncio.Event(), list[str]()
     environment = {"NOTIFY_SOCKET": supervisor.getsockname(), "WATCHDOG_USEC": "20000"}
 
@@ -161,7 +161,7 @@ async def test_systemd_hears_ready_the_watchdog_and_the_end(supervisor: socket.s
     assert (heard.count("READY=1"), heard.count("STOPPING=1")) == (1, 1)
 
 
-async def test_an_abstract_socket_is_understood() -> None:
+async def test_abstract_socket_is_supported() -> None:
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listener:
         listener.bind(f"\0nena-test-{os.getpid()}")
         listener.settimeout(0)
@@ -171,7 +171,7 @@ async def test_an_abstract_socket_is_understood() -> None:
         assert gather(listener, []) == ["READY=1"]
 
 
-async def test_the_file_grows_younger(tmp_path: Path) -> None:
+async def test_heartbeat_updates_the_file(tmp_path: Path) -> None:
     file = tmp_path / "heartbeat"
     file.touch()
     os.utime(file, (0, 0))
@@ -180,7 +180,7 @@ async def test_the_file_grows_younger(tmp_path: Path) -> None:
         await until(lambda: time.time() - file.stat().st_mtime < 60)
 
 
-async def test_a_supervisor_that_is_gone_costs_nothing(tmp_path: Path) -> None:
+async def test_missing_supervisor_is_harmless(tmp_path: Path) -> None:
     environment = {"NOTIFY_SOCKET": str(tmp_path / "gone"), HEARTBEAT_FILE: str(tmp_path / "no" / "file")}
 
     async with heartbeats(asyncio.Event(), environment):
@@ -197,5 +197,5 @@ async def test_without_a_supervisor_there_is_no_task() -> None:
 @pytest.mark.parametrize(
     ("watchdog", "period"), [("30000000", 5.0), ("4000000", 2.0), ("", 5.0), ("0", 5.0), ("soon", 5.0)]
 )
-def test_signs_come_twice_as_often_as_systemd_wants_them(watchdog: str, period: float) -> None:
+def test_heartbeats_are_sent_twice_per_watchdog_period(watchdog: str, period: float) -> None:
     assert Supervision.of({"NOTIFY_SOCKET": "/x", "WATCHDOG_USEC": watchdog}).period == period

@@ -81,7 +81,7 @@ def test_environment_is_over_file_and_command_line_over_both(
     assert (mqtt.keep_alive, mqtt.host, mqtt.port) == (30, "environment", 4000)
 
 
-def test_naming_one_value_keeps_the_programs_other_defaults(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_setting_one_value_keeps_other_defaults(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NENA_HTTP__HOST", "192.0.2.1")
 
     assert read().http == HttpSettings(host="192.0.2.1", port=8080)
@@ -144,7 +144,7 @@ def test_unknown_name_in_the_environment_is_refused(monkeypatch: pytest.MonkeyPa
     assert problems() == ("mqtt.hots: unknown setting",)
 
 
-def test_setting_without_a_default_has_to_be_given() -> None:
+def test_setting_without_a_default_is_required() -> None:
     class Needy(ServiceSettings):
         plant: Path
 
@@ -154,7 +154,7 @@ def test_setting_without_a_default_has_to_be_given() -> None:
     assert caught.value.problems == ("plant: required; --help lists all settings",)
 
 
-def test_value_that_does_not_fit_is_named_but_not_shown() -> None:
+def test_invalid_value_is_named_but_not_shown() -> None:
     found = problems("--mqtt.port", "seventy thousand", "--log.level", "loud")
 
     assert sorted(problem.split(":")[0] for problem in found) == ["log.level", "mqtt.port"]
@@ -174,7 +174,7 @@ def test_file_that_is_no_toml(toml: Path, content: bytes) -> None:
     assert len(problem) < 1000
 
 
-def test_config_without_a_file_is_told_by_the_program(capsys: pytest.CaptureFixture[str]) -> None:
+def test_config_without_a_file_is_reported(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         read("--config")
 
@@ -193,7 +193,7 @@ def test_json_in_the_environment_that_is_nested_deep(monkeypatch: pytest.MonkeyP
     assert problems() == ("settings: a list or table in the environment or an option is nested too deeply",)
 
 
-def test_password_comes_from_its_file_without_the_line_end(tmp_path: Path) -> None:
+def test_password_file_is_read_without_the_line_break(tmp_path: Path) -> None:
     file = tmp_path / "password"
     file.write_text("open sesame\n")
 
@@ -248,7 +248,7 @@ class Tour(ServiceSettings):
 
 
 @pytest.mark.parametrize("text", ["nan", "[", '{"name": '])
-def test_a_list_that_cannot_be_read_is_told_by_its_name(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
+def test_unreadable_list_is_reported_by_name(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
     with pytest.raises(ConfigurationError) as by_option:
         load(Tour, ["--stops", text], program="tour", description="")
     monkeypatch.setenv("NENA_STOPS", text)

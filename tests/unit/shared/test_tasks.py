@@ -46,7 +46,7 @@ async def test_vital_task_that_ends_in_any_way_ends_the_wait(work: object) -> No
     assert [line["task"] for line in logs] == (["the heart"] if work is fail else [])
 
 
-async def test_other_tasks_fail_alone_but_not_unseen() -> None:
+async def test_failure_of_other_tasks_is_logged_only() -> None:
     stop = asyncio.Event()
     with capture_logs() as logs:
         async with Supervisor() as tasks:
@@ -73,7 +73,7 @@ async def forgetful(times: int, cleaned_up: list[str]) -> None:
         cleaned_up.append("in order")
 
 
-async def test_whose_cancellation_is_forgotten_is_cancelled_again_and_others_are_not() -> None:
+async def test_task_with_a_lost_cancellation_is_cancelled_again() -> None:
     cleaned_up: list[str] = []
     both = [asyncio.create_task(forgetful(times, cleaned_up)) for times in (0, 2)]
     broken = asyncio.create_task(fail())
@@ -86,7 +86,7 @@ async def test_whose_cancellation_is_forgotten_is_cancelled_again_and_others_are
     assert both[1].cancelling() == 3
 
 
-async def test_a_task_that_has_forgotten_its_cancellation_can_still_find_out() -> None:
+async def test_lost_cancellation_can_be_detected() -> None:
     async def forgets() -> None:
         end_if_cancelled()
         with suppress(asyncio.CancelledError):
@@ -101,7 +101,7 @@ async def test_a_task_that_has_forgotten_its_cancellation_can_still_find_out() -
     assert task.cancelled()
 
 
-async def test_nothing_has_to_be_ended() -> None:
+async def test_ending_no_tasks_is_fine() -> None:
     await end()
 
 
@@ -110,12 +110,12 @@ async def test_tasks_are_named() -> None:
         assert tasks.start("r1 driver", endless()).get_name() == "r1 driver"
 
 
-async def test_waiting_outside_is_a_mistake() -> None:
+async def test_waiting_outside_the_supervisor_is_an_error() -> None:
     with pytest.raises(RuntimeError, match="enter the supervisor"):
         await Supervisor().wait(asyncio.Event())
 
 
-async def test_forever_goes_on_after_a_failure() -> None:
+async def test_forever_continues_after_a_failure() -> None:
     calls = 0
     third = asyncio.Event()
 

@@ -71,7 +71,7 @@ def test_an_issuer_that_would_be_no_protection_is_refused(more: tuple[str, ...],
         loaded(*OIDC, *more)
 
 
-def test_the_panels_password_comes_from_a_file(tmp_path: Path) -> None:
+def test_client_secret_is_read_from_a_file(tmp_path: Path) -> None:
     file = tmp_path / "secret"
     file.write_text("quiet\n")
     panel = ("--http.oidc.client_id", "panel", "--http.oidc.panel_url", "https://fleet.example/")
@@ -98,7 +98,7 @@ def test_shares_are_of_about_the_same_size() -> None:
     assert min(sizes) > 250
 
 
-def test_a_robot_stays_in_its_share_for_ever() -> None:
+def test_share_of_a_robot_never_changes() -> None:
     assert [str(share) for share in (Share(1, 2), Share(2, 2)) if share.has(RobotKey("ACME", "r1"))] == [
         "2/2"
     ]

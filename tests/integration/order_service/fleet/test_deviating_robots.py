@@ -72,9 +72,7 @@ async def test_a_robot_that_deviates_finishes_its_order(
     assert sum(fleet.fleet.statistics.malformed.values()) == 0
 
 
-async def test_a_robot_that_cannot_be_understood_is_not_called_silent(
-    broker: Broker, interface_name: str
-) -> None:
+async def test_a_robot_with_unreadable_messages_is_not_silent(broker: Broker, interface_name: str) -> None:
     def lose_order_id(state: dict[str, Any]) -> None:
         state["orderId"] = {"id": "m"}
 
@@ -98,7 +96,7 @@ async def test_a_robot_that_cannot_be_understood_is_not_called_silent(
         assert "silent" not in reason()
 
 
-async def test_without_readable_times_an_old_state_is_told_by_its_header(
+async def test_without_readable_timestamps_an_old_state_is_recognised_by_its_header_id(
     broker: Broker, interface_name: str
 ) -> None:
     def lose_time(state: dict[str, Any]) -> None:

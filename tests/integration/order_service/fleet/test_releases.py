@@ -76,7 +76,7 @@ def most_inside(messages: list[Inbound]) -> int:
     return most
 
 
-async def test_one_robot_after_the_other_is_let_into_a_zone(
+async def test_robots_are_admitted_to_a_zone_one_by_one(
     broker: Broker, interface_name: str, peer: MqttPeer, tmp_path: Path
 ) -> None:
     settings = PATIENT

@@ -91,7 +91,7 @@ def slow() -> dict[str, Any]:
 
 
 @pytest.mark.clause("6.1.3/after", "6.1.1/first")
-async def test_cancel_on_the_way_and_go_on_from_there(
+async def test_cancel_en_route_and_continue_from_there(
     fleet: WiredFleet, broker: Broker, interface_name: str, tmp_path: Path, slow: dict[str, Any]
 ) -> None:
     async with running_agent(agent_settings(broker, interface_name, tmp_path, **slow)):
@@ -105,7 +105,7 @@ async def test_cancel_on_the_way_and_go_on_from_there(
 
 
 @pytest.mark.clause("6.2.3/startPause", "6.2.3/stopPause")
-async def test_pause_and_go_on(
+async def test_pause_and_resume(
     fleet: WiredFleet, broker: Broker, interface_name: str, tmp_path: Path, slow: dict[str, Any]
 ) -> None:
     async with running_agent(agent_settings(broker, interface_name, tmp_path, **slow)):
@@ -156,7 +156,7 @@ def passed(fleet: WiredFleet) -> list[NodePassed]:
 
 
 @pytest.mark.clause("6.2.3/clearInstantActions")
-async def test_an_agent_of_3_0_is_told_to_clear_its_ended_instant_actions(
+async def test_a_3_0_agent_is_sent_clear_instant_actions(
     broker: Broker, interface_name: str, tmp_path: Path
 ) -> None:
     settings = FleetSettings(tick_interval=0.02, clear_instant_actions_from=3)

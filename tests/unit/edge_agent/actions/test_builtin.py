@@ -51,17 +51,17 @@ async def test_it_runs_and_is_finished_after_its_time() -> None:
 @pytest.mark.parametrize(
     ("load", "change"), [("take", LoadChange.TAKE), ("give", LoadChange.GIVE), ("", None)]
 )
-def test_it_declares_what_it_does_to_the_load(load: Literal["take", "give", ""], change: LoadChange) -> None:
+def test_it_declares_its_effect_on_the_load(load: Literal["take", "give", ""], change: LoadChange) -> None:
     assert TimedOperation(OperationSettings(action_type="op", load=load)).declaration.load is change
 
 
 @pytest.mark.clause("6.2.3/startCharging")
 @pytest.mark.parametrize("charging", [True, False])
-async def test_it_may_say_whether_the_robot_charges(charging: bool) -> None:  # noqa: FBT001
+async def test_it_may_report_whether_the_robot_charges(charging: bool) -> None:  # noqa: FBT001
     assert (await Trial(charging=charging).ends()).charging is charging
 
 
-async def test_its_time_does_not_run_while_it_is_held() -> None:
+async def test_its_duration_stops_while_it_is_paused() -> None:
     trial = Trial(seconds=3600)
     trial.running.pause()
     assert trial.statuses == [ActionStatus.RUNNING, ActionStatus.PAUSED]
@@ -92,7 +92,7 @@ def test_its_declaration_follows_the_settings() -> None:
     assert declaration.restartable
 
 
-def test_the_transforms_are_told_by_map() -> None:
+def test_the_transforms_are_reported_by_map() -> None:
     told: list[ActionReport] = []
     action = Action(action_type=SHOW_MAP_TRANSFORMS, action_id="1", blocking_type=BlockingType.NONE)
     running = MapTransforms({"roof": "x=1", "hall": "scale=2"}).start(action, (), told.append)
@@ -108,7 +108,7 @@ def declares(**fields: object) -> bool:
     return transforms_itself(make_factsheet(HEADER, settings, capabilities))
 
 
-def test_the_factsheet_says_that_the_robot_transforms_itself_where_it_does() -> None:
+def test_the_factsheet_shows_whether_the_robot_transforms_coordinates() -> None:
     transforms = {"hall": "rotation=90"}
     for version in ("2.0.0", "2.1.0", "3.0.0"):
         assert declares(map_transforms=transforms, version=version)
@@ -120,7 +120,7 @@ LIFT = ActionDeclaration("lift", (ActionScope.NODE,), timeout=1.0)
 LAMP = ActionDeclaration("lamp", (ActionScope.EDGE,), open_ended=True)
 
 
-def test_one_that_was_begun_before_the_settings_changed_fails_with_the_reason() -> None:
+def test_an_unavailable_action_that_was_already_started_fails_with_the_reason() -> None:
     reports: list[ActionReport] = []
     plugin = Unavailable(LIFT)
     running = plugin.start(action("a", "HARD", "lift"), (), reports.append)
@@ -131,7 +131,7 @@ def test_one_that_was_begun_before_the_settings_changed_fails_with_the_reason() 
     ]
 
 
-async def test_a_rehearsal_takes_its_time_and_tells_of_charging() -> None:
+async def test_a_simulated_action_lasts_and_reports_charging() -> None:
     reports: list[ActionReport] = []
     plugin = Rehearsed(LIFT, 0.01, charging=True)
     plugin.start(action("a", "HARD", "lift"), (), reports.append)
@@ -142,7 +142,7 @@ async def test_a_rehearsal_takes_its_time_and_tells_of_charging() -> None:
     assert plugin.declaration.timeout is None
 
 
-async def test_what_lasts_is_rehearsed_until_it_is_given_up() -> None:
+async def test_an_open_ended_action_is_simulated_until_it_is_cancelled() -> None:
     reports: list[ActionReport] = []
     running = Rehearsed(LAMP, 0.0, charging=None).start(action("a", "NONE", "lamp"), (), reports.append)
     running.pause()

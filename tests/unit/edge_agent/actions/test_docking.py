@@ -57,7 +57,7 @@ async def test_it_drives_as_far_as_it_is_set_to() -> None:
     assert drive.pose.x == pytest.approx(0.8)
 
 
-async def test_an_order_may_say_how_far_within_bounds_where_it_is_set_so() -> None:
+async def test_an_order_may_name_the_distance_within_the_configured_bounds() -> None:
     plugin, drive = docking(adjustable=True)
     too_far = plugin.declaration.problem(action("a", "HARD", "dock", forward=0.9), ActionScope.NODE)
     assert too_far == "action 'dock': parameter 'forward' must be at least -0.8 and at most 0.8"
@@ -67,7 +67,7 @@ async def test_an_order_may_say_how_far_within_bounds_where_it_is_set_so() -> No
     assert drive.pose.x == pytest.approx(-0.2)
 
 
-async def test_held_it_stands_and_then_drives_to_the_same_place() -> None:
+async def test_paused_it_stops_and_then_drives_to_the_same_pose() -> None:
     drive, driver = ActionDrive(), ScriptedDriver()
     driver.on_halt = lambda: drive.observe(Halted())
     drive.attach(driver)
@@ -91,7 +91,7 @@ async def test_held_it_stands_and_then_drives_to_the_same_place() -> None:
 
 
 @pytest.mark.parametrize("held", [True, False])
-async def test_given_up_the_robot_stands_before_it_is_told(*, held: bool) -> None:
+async def test_a_cancelled_drive_is_reported_at_standstill(*, held: bool) -> None:
     drive, driver = ActionDrive(), ScriptedDriver()
     drive.attach(driver)
     drive.observe(PoseReport(Pose(0.0, 0.0, 0.0, "hall"), localized=True))
@@ -114,7 +114,7 @@ async def test_given_up_the_robot_stands_before_it_is_told(*, held: bool) -> Non
     assert driver.halts == 1
 
 
-async def test_a_robot_that_does_not_know_where_it_is_does_not_dock() -> None:
+async def test_a_robot_that_is_not_localised_does_not_dock() -> None:
     plugin, drive = docking()
     drive.pose = None
 
@@ -123,6 +123,6 @@ async def test_a_robot_that_does_not_know_where_it_is_does_not_dock() -> None:
 
 
 @pytest.mark.parametrize("settings", [{"scopes": ["EDGE"]}, {"blocking_types": ["NONE", "HARD"]}])
-def test_it_drives_only_while_the_order_stands(settings: dict[str, object]) -> None:
+def test_it_requires_a_blocking_type_that_stops_the_order(settings: dict[str, object]) -> None:
     with pytest.raises(ValidationError, match="SOFT or HARD"):
         docking(**settings)

@@ -40,13 +40,13 @@ def files_of(folder: Path) -> list[str]:
     return sorted(each.name for each in folder.iterdir())
 
 
-async def test_the_oldest_reports_go(tmp_path: Path) -> None:
+async def test_the_oldest_reports_are_dropped(tmp_path: Path) -> None:
     names = [str((await write(tmp_path, keep=2)).result) for _ in range(3)]
 
     assert files_of(tmp_path) == names[1:]
 
 
-async def test_a_disk_that_does_not_take_it_fails_the_action(tmp_path: Path) -> None:
+async def test_a_failing_disk_fails_the_action(tmp_path: Path) -> None:
     (tmp_path / "reports").write_text("a file")
 
     report = await write(tmp_path / "reports")

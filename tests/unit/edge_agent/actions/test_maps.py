@@ -74,7 +74,7 @@ async def test_a_map_is_fetched_enabled_and_deleted(stage: Stage) -> None:
 
 
 @pytest.mark.clause("6.2.3/downloadMap")
-async def test_a_map_that_is_there_is_not_fetched_again(stage: Stage) -> None:
+async def test_an_existing_map_is_not_downloaded_again(stage: Stage) -> None:
     report = await stage.play("downloadMap", "1", mapDownloadLink="http://127.0.0.1:1/nobody")
 
     assert report.status is ActionStatus.FAILED
@@ -88,7 +88,7 @@ async def test_a_map_that_is_there_is_not_fetched_again(stage: Stage) -> None:
 @pytest.mark.parametrize(
     ("action_type", "version"), [("enableMap", "9"), ("deleteMap", "9"), ("deleteMap", "1")]
 )
-async def test_what_cannot_be_done_fails_with_a_reason(stage: Stage, action_type: str, version: str) -> None:
+async def test_an_impossible_action_fails_with_a_reason(stage: Stage, action_type: str, version: str) -> None:
     report = await stage.play(action_type, version)
 
     assert report.status is ActionStatus.FAILED
@@ -104,7 +104,7 @@ async def test_a_link_that_leads_nowhere_fails(stage: Stage) -> None:
     assert len(stage.store.maps) == 1
 
 
-async def test_fetching_can_be_given_up(stage: Stage) -> None:
+async def test_a_download_can_be_cancelled(stage: Stage) -> None:
     link = stage.files.put("/slow", b"walls")
     stage.files.slow.add("/slow")
     running = stage.start("downloadMap", "2", mapDownloadLink=link)

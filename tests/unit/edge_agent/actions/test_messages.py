@@ -50,7 +50,7 @@ VALUES: dict[str, JsonValue] = {"height": 1.5, "name": "box", "on": True, "none"
         (["{name}", "{none}", "{on}"], ["box", True]),
     ],
 )
-def test_values_are_put_in(template: JsonValue, expected: JsonValue) -> None:
+def test_placeholders_are_replaced_by_values(template: JsonValue, expected: JsonValue) -> None:
     assert filled(template, VALUES) == expected
 
 
@@ -64,7 +64,7 @@ def test_values_are_put_in(template: JsonValue, expected: JsonValue) -> None:
         ("{0}", "a lone '{'"),
     ],
 )
-def test_what_is_no_template_is_found_with_its_place(template: JsonValue, problem: str) -> None:
+def test_an_invalid_template_is_reported_with_its_location(template: JsonValue, problem: str) -> None:
     assert next(template_problems(template, ["height", "name"], "fields")).startswith(
         problem if problem.startswith("fields") else f"fields: {problem}"
     )
@@ -76,7 +76,7 @@ def test_a_value_is_never_read_as_a_template(value: str) -> None:
     assert filled("{name}", {"name": value}) == value
 
 
-def test_a_text_that_is_one_name_is_known() -> None:
+def test_a_text_that_is_a_single_placeholder_is_recognised() -> None:
     assert whole("{height}") == "height"
     assert whole("{height} m") is None
 
@@ -117,7 +117,7 @@ TYPES = {"height": ValueDataType.NUMBER, "name": ValueDataType.STRING, "count": 
         ),
     ],
 )
-def test_what_cannot_be_sent_is_found_with_the_path_of_the_field(
+def test_an_invalid_message_is_reported_with_the_path_of_the_field(
     type_name: str, fields: JsonValue, problem: str
 ) -> None:
     assert next(problems(fields, message_type(type_name), TYPES, "fields")).startswith(problem)
@@ -134,7 +134,7 @@ def test_what_cannot_be_sent_is_found_with_the_path_of_the_field(
         ("std_msgs/msg/Empty", {}),
     ],
 )
-def test_what_can_be_sent_is_taken(type_name: str, fields: JsonValue) -> None:
+def test_valid_messages_are_accepted(type_name: str, fields: JsonValue) -> None:
     assert not list(problems(fields, message_type(type_name), TYPES, "fields"))
 
 
@@ -159,7 +159,7 @@ def test_arrays_messages_in_arrays_and_octets_arrive() -> None:
 
 
 @pytest.mark.parametrize("number", [math.nan, math.inf, True, "1", None])
-def test_what_is_no_number_is_refused(number: Any) -> None:
+def test_a_value_that_is_not_a_number_is_refused(number: Any) -> None:
     with pytest.raises(FieldError, match=r"^fields\.data"):
         made("std_msgs/msg/Float64", {"data": number})
 
@@ -167,12 +167,12 @@ def test_what_is_no_number_is_refused(number: Any) -> None:
 @pytest.mark.parametrize(
     "name", ["std_msgs/String", "std_msgs/srv/String", "String", "std_msgs/msg/..", "os/msg/Path"]
 )
-def test_what_is_no_message_type_is_refused_with_what_to_do(name: str) -> None:
+def test_an_unknown_message_type_is_refused_with_a_remedy(name: str) -> None:
     with pytest.raises(UnknownTypeError, match=r"is not a type name|source its workspace"):
         message_type(name)
 
 
-def test_a_type_that_its_package_does_not_have() -> None:
+def test_a_type_that_its_package_lacks() -> None:
     with pytest.raises(UnknownTypeError, match="type 'std_msgs/msg/Strin' is not installed"):
         message_type("std_msgs/msg/Strin")
 
@@ -236,7 +236,7 @@ MESSAGE = {
         ({"absent": 1}, False),
     ],
 )
-def test_a_message_is_the_one_that_is_wanted(wanted: JsonValue, *, expected: bool) -> None:
+def test_a_message_matches_the_expected_values(wanted: JsonValue, *, expected: bool) -> None:
     assert matches(MESSAGE, wanted) is expected
 
 

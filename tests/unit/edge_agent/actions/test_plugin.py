@@ -45,7 +45,7 @@ async def test_it_ends_as_its_work_does() -> None:
     assert (await Trial("raise").end()).result == "the plug-in failed: raise"
 
 
-async def test_one_that_is_given_up_puts_things_right_first() -> None:
+async def test_a_cancelled_action_cleans_up_first() -> None:
     trial = Trial()
     await until(trial.begun.is_set)
     trial.action.cancel()
@@ -55,7 +55,7 @@ async def test_one_that_is_given_up_puts_things_right_first() -> None:
     assert trial.reports[-2].result == "puts things right"
 
 
-async def test_one_that_is_given_up_before_it_began_says_so_too() -> None:
+async def test_an_action_cancelled_before_its_start_reports_it_too() -> None:
     trial = Trial()
     trial.action.cancel()
 
@@ -63,7 +63,7 @@ async def test_one_that_is_given_up_before_it_began_says_so_too() -> None:
     assert trial.action.ended
 
 
-async def test_behind_its_end_nothing_can_be_done_to_it() -> None:
+async def test_an_ended_action_cannot_be_changed() -> None:
     reports: list[ActionReport] = []
     ends: list[str] = []
     countdown = Countdown("a", 0.01, reports.append, lambda: ends.append("over"))
@@ -87,7 +87,7 @@ async def test_it_is_cancelled_once() -> None:
     assert [each.status.value for each in reports] == ["RUNNING", "PAUSED", "FAILED"]
 
 
-def test_it_stands_where_a_running_action_may_stand() -> None:
+def test_an_ended_action_ignores_all_requests() -> None:
     running: RunningAction = ENDED
     for step in (running.pause, running.resume, running.cancel):
         step()

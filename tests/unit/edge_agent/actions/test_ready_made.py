@@ -23,7 +23,7 @@ from support.ros_port import ScriptedRos
 from support.waiting import until
 
 
-def test_they_declare_what_they_are_set_to() -> None:
+def test_they_declare_their_configured_parameters() -> None:
     lift, clamp, plain = (
         each.declaration
         for each in plugins_of(
@@ -89,7 +89,7 @@ def test_a_value_that_no_message_can_hold_is_refused_beforehand() -> None:
         ),
     ],
 )
-def test_what_cannot_work_is_one_error_with_its_place(operation: dict[str, Any], problem: str) -> None:
+def test_an_unusable_setting_is_one_error_with_its_location(operation: dict[str, Any], problem: str) -> None:
     with pytest.raises(ConfigurationError) as raised:
         plugins_of(operation, ros=ScriptedRos())
 
@@ -110,7 +110,9 @@ KEPT = [
 
 
 @pytest.mark.parametrize(("operation", "parameters"), KEPT, ids=lambda each: str(each.get("kind", "")))
-def test_each_of_them_keeps_the_contract(operation: dict[str, Any], parameters: dict[str, Any]) -> None:
+def test_each_ready_made_action_meets_the_contract(
+    operation: dict[str, Any], parameters: dict[str, Any]
+) -> None:
     ros = ScriptedRos()
     ros.services["clamp"] = {"success": True, "message": ""}
     (plugin,) = plugins_of(operation, ros=ros)
@@ -121,7 +123,7 @@ def test_each_of_them_keeps_the_contract(operation: dict[str, Any], parameters: 
     assert len([each for each in findings if each.verdict is Verdict.OK]) >= 6
 
 
-def test_wait_keeps_the_contract() -> None:
+def test_wait_meets_the_contract() -> None:
     findings = findings_of(Subject(Wait(), {"duration": 0.3}, ActionTimeouts(begin=10.0, obey=10.0), 30.0))
 
     assert {each.verdict for each in findings} == {Verdict.OK}
@@ -144,7 +146,7 @@ async def test_without_ros_they_are_rehearsed_where_it_is_set_so() -> None:
     assert [each.key for each in plugin.declaration.parameters] == ["height"]
 
 
-def test_plug_ins_take_the_place_of_default_operations_only() -> None:
+def test_plug_ins_replace_default_operations_only() -> None:
     (pick,) = plugins_of({"action_type": "pick"}, ros=None)
     found = Installed((pick,))
 

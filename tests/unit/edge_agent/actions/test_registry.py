@@ -30,7 +30,7 @@ from support.bad_plugins import NODE, Good, made
 from support.robot_core import action
 
 
-def test_what_is_installed_comes_behind_what_the_agent_has() -> None:
+def test_installed_plug_ins_are_listed_after_built_in_ones() -> None:
     registry = ActionRegistry(
         [Wait()],
         Installed(
@@ -58,7 +58,7 @@ def test_a_check_that_fails_is_a_reason_against_the_action() -> None:
 
 
 @pytest.mark.parametrize(("given", "expected"), [(None, None), ("too heavy", "action 'weigh': too heavy")])
-def test_a_check_says_what_is_wrong(given: str | None, expected: str | None) -> None:
+def test_a_check_reports_the_problem(given: str | None, expected: str | None) -> None:
     registry = ActionRegistry([made(declaration=ActionDeclaration("weigh", NODE, check=lambda _: given))])
 
     assert registry.declarations["weigh"].problem(action("a", "HARD", "weigh"), ActionScope.NODE) == expected
@@ -122,7 +122,7 @@ def test_all_that_are_installed_are_used(there: Callable[..., None]) -> None:
     assert found.problems == ()
 
 
-def test_settings_name_those_that_are_wanted_and_tell_them_their_options(there: Callable[..., None]) -> None:
+def test_settings_select_plug_ins_and_pass_their_options(there: Callable[..., None]) -> None:
     there("one", "two")
     settings = ActionSettings(plugins=("one",), options={"one": {"speed": 2}})
 
@@ -131,7 +131,7 @@ def test_settings_name_those_that_are_wanted_and_tell_them_their_options(there: 
 
 
 @pytest.mark.parametrize("settings", [{"plugins": ("thre",)}, {"options": {"thre": {}}}])
-def test_one_that_is_not_installed_is_a_mistake_in_the_settings(
+def test_a_plug_in_that_is_not_installed_is_a_settings_error(
     there: Callable[..., None], settings: dict[str, Any]
 ) -> None:
     there("one")
@@ -150,7 +150,9 @@ def test_one_that_is_not_installed_is_a_mistake_in_the_settings(
         ("NOT_A_FACTORY", "plug-in 'NOT_A_FACTORY' names 7, which does not create plug-ins"),
     ],
 )
-def test_a_broken_one_costs_its_own_actions_only(there: Callable[..., None], name: str, problem: str) -> None:
+def test_a_broken_plug_in_disables_only_its_own_actions(
+    there: Callable[..., None], name: str, problem: str
+) -> None:
     there(name, "one")
 
     found = installed(CONTEXT, ActionSettings())
@@ -161,7 +163,7 @@ def test_a_broken_one_costs_its_own_actions_only(there: Callable[..., None], nam
         make(name, CONTEXT)
 
 
-def test_who_wants_none_need_not_look(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_wanted_plug_ins_no_entry_points_are_read(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "_entry_points", lambda: pytest.fail("it looked"))
 
     assert installed(CONTEXT, ActionSettings(plugins=())) == Installed()

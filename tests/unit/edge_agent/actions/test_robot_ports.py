@@ -60,7 +60,7 @@ async def test_it_ends_with_the_arrival_of_its_own_goal() -> None:
     await asyncio.wait_for(task, PATIENCE)
 
 
-async def test_a_drive_that_fails_says_why() -> None:
+async def test_a_failed_drive_reports_its_reason() -> None:
     drive, driver = begun()
     task = await driving(drive, driver)
     drive.observe(DriveFailed(driver.goals[0].generation, DriveFailure.ABORTED, "a wall"))
@@ -69,7 +69,7 @@ async def test_a_drive_that_fails_says_why() -> None:
         await asyncio.wait_for(task, PATIENCE)
 
 
-async def test_one_that_is_given_up_ends_when_the_robot_stands() -> None:
+async def test_a_cancelled_action_ends_at_standstill() -> None:
     drive, driver = begun()
     task = await driving(drive, driver)
     task.cancel()
@@ -101,7 +101,7 @@ async def test_without_a_driver_nothing_drives() -> None:
         await ActionDrive().drive(PLACE, deviation_xy=0.1)
 
 
-def test_the_pose_is_one_that_can_be_trusted() -> None:
+def test_the_pose_is_reliable() -> None:
     drive, _ = begun()
 
     def pose(*, localized: bool) -> Pose | None:
@@ -127,7 +127,7 @@ def sensor(settings: LoadSensorSettings = SETTINGS) -> tuple[ScriptedRos, list[b
     return ros, told
 
 
-async def test_it_tells_of_each_change() -> None:
+async def test_it_reports_each_change() -> None:
     ros, told = sensor()
     for value in (True, True, False, False, True):
         ros.say("load", data=value)
@@ -135,7 +135,7 @@ async def test_it_tells_of_each_change() -> None:
     assert told == [True, False, True]
 
 
-async def test_it_tells_the_same_again_now_and_then(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_an_unchanged_value_is_reported_again_after_a_while(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(robot_ports, "AGAIN_AFTER", 0.0)
     ros, told = sensor()
     ros.say("load", data=False)
@@ -144,7 +144,7 @@ async def test_it_tells_the_same_again_now_and_then(monkeypatch: pytest.MonkeyPa
     assert told == [False, False]
 
 
-async def test_any_message_may_say_so() -> None:
+async def test_any_message_type_can_be_a_signal() -> None:
     weight = LoadSensorSettings(topic="scale", type="std_msgs/msg/String", loaded={"data": ["full", "half"]})
     ros, told = sensor(weight)
     ros.say("scale", data="half")
@@ -153,7 +153,7 @@ async def test_any_message_may_say_so() -> None:
     assert told == [True, False]
 
 
-def test_a_field_that_the_message_does_not_have_is_an_error_with_its_place() -> None:
+def test_an_unknown_message_field_is_an_error_with_its_location() -> None:
     with pytest.raises(
         ConfigurationError, match=r"actions\.load_sensor\.loaded\.dat: std_msgs/msg/Bool has no"
     ):
@@ -169,7 +169,7 @@ def test_a_robot_without_ros_has_no_sensor() -> None:
 START = Pose(1.0, 2.0, 0.0, "hall")
 
 
-async def test_they_are_joined_with_the_driver_when_that_is_made() -> None:
+async def test_the_ports_are_joined_with_the_driver_when_it_is_created() -> None:
     ros = ScriptedRos()
     ports = RobotPorts(ros, ActionSettings(load_sensor=LoadSensorSettings(topic="load")))
     events: list[Event] = []

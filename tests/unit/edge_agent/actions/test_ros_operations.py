@@ -38,13 +38,13 @@ def values_of(*parameters: Mapping[str, object], load: str = "") -> ActionValues
     return ActionValues(OperationBase.model_validate(base))
 
 
-def test_an_action_gives_its_parameters_what_they_stand_for_and_its_id() -> None:
+def test_placeholders_are_filled_from_the_actions_parameters_and_id() -> None:
     values = values_of(SIDE, LEVEL).of(action("a1", "HARD", "x", side="right"))
 
     assert values == {"actionId": "a1", "side": 2, "level": None}
 
 
-def test_one_that_takes_a_load_may_be_told_of_it_but_not_twice() -> None:
+def test_a_pick_may_name_its_load_but_not_twice() -> None:
     own = {"key": "loadId", "required": True}
 
     assert [each.key for each in values_of(load="take").declared] == ["loadId", "loadType"]
@@ -63,14 +63,16 @@ def test_one_that_takes_a_load_may_be_told_of_it_but_not_twice() -> None:
         ({"data": 300}, "p.data: 300 is not an integer from 0 to 255"),
     ],
 )
-def test_fields_that_make_no_message_are_refused_with_their_place(fields: FieldValues, problem: str) -> None:
+def test_fields_that_form_no_message_are_refused_with_their_location(
+    fields: FieldValues, problem: str
+) -> None:
     with pytest.raises(ConfigurationError) as raised:
         MessageTemplate(fields, UINT8, values_of(SIDE), "p")
 
     assert raised.value.problems[0].startswith(problem)
 
 
-def test_each_value_that_a_choice_stands_for_is_looked_at() -> None:
+def test_each_value_of_a_choice_is_checked() -> None:
     wrong = {"key": "side", "values": {"left": 1, "right": 256}}
 
     MessageTemplate({"data": "{side}"}, UINT8, values_of(SIDE), "p")
@@ -87,7 +89,7 @@ def test_an_array_names_all_values_that_will_do_where_it_is_so_meant() -> None:
         MessageTemplate(names, STRING, values_of(), "p")
 
 
-def test_a_value_that_does_not_fit_its_field_is_found_when_it_is_known() -> None:
+def test_a_value_that_does_not_fit_its_field_is_refused_when_filled_in() -> None:
     template = MessageTemplate({"data": "{level}"}, UINT8, values_of(LEVEL), "p")
 
     assert template.filled({"level": 200}) == {"data": 200}
@@ -106,7 +108,7 @@ def listening(**settings: object) -> tuple[ScriptedRos, Answer]:
     return ros, Answer(AnswerSettings.model_validate(full), ros, message_type(TYPE), NOTHING, "p")
 
 
-async def test_each_who_waits_gets_the_answer_that_is_for_it() -> None:
+async def test_each_waiting_action_gets_its_own_response() -> None:
     ros, answer = listening()
     one = answer.expect({"actionId": "a1"}, print)
     other = answer.expect({"actionId": "a2"}, print)
@@ -119,7 +121,7 @@ async def test_each_who_waits_gets_the_answer_that_is_for_it() -> None:
     ros.say("said", data="done a1")
 
 
-async def test_failure_and_progress_are_told_apart() -> None:
+async def test_failure_and_progress_are_distinguished() -> None:
     ros, answer = listening(failed={"data": ["jam", "no power"]}, progress={"data": "half"})
     wait_for_subscriber: list[str] = []
     waiting = answer.expect({"actionId": "a1"}, wait_for_subscriber.append)
@@ -131,7 +133,7 @@ async def test_failure_and_progress_are_told_apart() -> None:
         await waiting
 
 
-async def test_without_a_result_it_says_what_it_can() -> None:
+async def test_without_a_result_it_reports_what_is_known() -> None:
     ros, answer = listening(result="", failed={"data": "jam"})
     assert answer.words == "waits for said"
     waiting = answer.expect({"actionId": "a1"}, print)
@@ -141,7 +143,7 @@ async def test_without_a_result_it_says_what_it_can() -> None:
         await waiting
 
 
-async def test_what_was_said_before_counts_only_where_it_is_latched() -> None:
+async def test_earlier_messages_count_only_if_latched() -> None:
     for qos, seen in (("reliable", False), ("latched", True)):
         ros, answer = listening(qos=qos)
         ros.say("said", data="done a1")
@@ -155,14 +157,14 @@ def call(ros: ScriptedRos, type_name: str, **settings: object) -> Call:
     return Call(chosen, ros.client("x", type_name), service_type(type_name), NOTHING, "p")
 
 
-async def test_a_service_that_tells_nothing_has_succeeded() -> None:
+async def test_a_service_without_a_result_field_has_succeeded() -> None:
     ros = ScriptedRos()
     ros.services["x"] = {}
 
     assert await call(ros, "std_srvs/srv/Empty").do({}) is None
 
 
-async def test_what_is_expected_may_hold_values_of_the_action() -> None:
+async def test_expected_values_may_contain_parameters_of_the_action() -> None:
     ros = ScriptedRos()
     ros.services["x"] = {"success": False, "message": "a1 done"}
     named = call(ros, "std_srvs/srv/Trigger", expect={"message": "{actionId} done"}, result="")
@@ -172,7 +174,7 @@ async def test_what_is_expected_may_hold_values_of_the_action() -> None:
         await named.do({"actionId": "a2"})
 
 
-async def test_one_that_is_not_there_is_ros_to_tell() -> None:
+async def test_a_missing_service_is_reported_by_ros() -> None:
     with pytest.raises(RosError, match="no node offers"):
         await call(ScriptedRos(), "std_srvs/srv/Trigger").do({})
 
@@ -204,7 +206,7 @@ def test_a_value_that_does_not_fit_is_found_beforehand() -> None:
         command(ScriptedRos()).check({"level": 300})
 
 
-async def test_somebody_must_listen_unless_nobody_need() -> None:
+async def test_a_subscriber_is_required_unless_configured_otherwise() -> None:
     ros = ScriptedRos()
     ros.listeners = 0
     with pytest.raises(WorkFailedError, match="no node subscribes to level"):
@@ -224,7 +226,7 @@ async def test_a_command_is_sent_and_its_answer_ends_the_action() -> None:
     assert await robot.end() == ("FINISHED", "done")
 
 
-async def test_an_answer_that_says_so_fails_the_action() -> None:
+async def test_a_negative_response_fails_the_action() -> None:
     robot = Robot(LIFT)
     robot.ros.replies["lift/command"] = lambda _: robot.ros.say("lift/result", data="jammed")
     await robot.begin("lift", height=1)
@@ -232,7 +234,7 @@ async def test_an_answer_that_says_so_fails_the_action() -> None:
     assert await robot.end() == ("FAILED", "jammed")
 
 
-async def test_it_is_held_and_given_up_by_messages() -> None:
+async def test_it_is_paused_and_cancelled_by_messages() -> None:
     robot = Robot(LIFT)
     await robot.begin("lift", height=1)
     await robot.until_published("raise 1")
@@ -245,7 +247,7 @@ async def test_it_is_held_and_given_up_by_messages() -> None:
     assert ActionStatus.PAUSED in [each.status for each in robot.reports]
 
 
-async def test_what_was_not_sent_before_a_pause_is_sent_behind_it() -> None:
+async def test_a_goal_not_sent_before_a_pause_is_sent_after_it() -> None:
     robot = Robot(LIFT)
     robot.ros.listeners = 0
     await robot.begin("lift", height=1)
@@ -258,7 +260,7 @@ async def test_what_was_not_sent_before_a_pause_is_sent_behind_it() -> None:
     await robot.until_published("raise 1")
 
 
-async def test_one_that_takes_too_long_is_told_to_stop() -> None:
+async def test_an_action_that_takes_too_long_is_stopped() -> None:
     robot = Robot({**LIFT, "timeout": 1.0})
     await robot.begin("lift", height=1)
 
@@ -268,7 +270,7 @@ async def test_one_that_takes_too_long_is_told_to_stop() -> None:
     await robot.until_published("raise 1", "stop a")
 
 
-async def test_a_command_to_which_nobody_listens_fails() -> None:
+async def test_a_command_without_a_subscriber_fails() -> None:
     robot = Robot({**LIFT, "command": {**STEERED, "listener_timeout": 0.1}})
     robot.ros.listeners = 0
     await robot.begin("lift", height=1)
@@ -306,7 +308,7 @@ async def test_a_service_is_called_and_its_response_judged(
     assert robot.ros.called == [("clamp", {"data": True})]
 
 
-async def test_charging_begins_when_the_battery_says_so() -> None:
+async def test_charging_starts_when_the_battery_reports_it() -> None:
     robot = Robot({"kind": "charge", "call": {"service": "connect", "type": "std_srvs/srv/Trigger"}})
     robot.ros.services["connect"] = {"success": True, "message": "connected"}
     await robot.begin("startCharging")
@@ -319,7 +321,7 @@ async def test_charging_begins_when_the_battery_says_so() -> None:
     assert robot.reports[-1].charging is True
 
 
-async def test_a_signal_is_waited_for_also_one_that_came_before_where_it_is_latched() -> None:
+async def test_a_signal_is_awaited_and_a_latched_earlier_one_counts() -> None:
     door = {"topic": "door", "type": "std_msgs/msg/Bool", "match": {"data": True}}
     waits = {"kind": "signal", "action_type": "waitForDoor", "answer": door}
     latched = {**waits, "action_type": "seeDoor", "answer": {**door, "qos": "latched"}}
@@ -336,7 +338,7 @@ async def test_a_signal_is_waited_for_also_one_that_came_before_where_it_is_latc
     assert await robot.end() == ("FINISHED", None)
 
 
-async def test_a_turn_signal_of_an_edge_goes_out_with_it_and_another_stays() -> None:
+async def test_a_turn_signal_of_an_edge_ends_with_it_and_others_stay_on() -> None:
     robot = Robot(
         {"kind": "turn_signal"},
         {"kind": "turn_signal", "action_type": "blink", "scopes": ["NODE"], "topic": "lamp"},

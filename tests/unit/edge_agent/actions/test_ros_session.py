@@ -58,7 +58,7 @@ async def done(switch: SessionSwitch, action_type: str, **parameters: Any) -> Ac
     return told[-1]
 
 
-async def test_start_and_stop_tell_where_the_session_is() -> None:
+async def test_start_and_stop_report_the_session_state() -> None:
     robot = Robot()
     report = await robot.does(START_ROS_SESSION)
     assert report == ActionReport("a", ActionStatus.FINISHED, "ROS session ACTIVE, namespace /r1, domain 7")
@@ -66,14 +66,14 @@ async def test_start_and_stop_tell_where_the_session_is() -> None:
     assert report.result == "ROS session NOT_ACTIVE, namespace /r1, domain 7"
 
 
-async def test_what_was_done_already_is_done() -> None:
+async def test_a_repeated_start_or_stop_succeeds() -> None:
     robot = Robot()
     for action_type in (START_ROS_SESSION, START_ROS_SESSION, STOP_ROS_SESSION, STOP_ROS_SESSION):
         assert (await robot.does(action_type)).status is ActionStatus.FINISHED
     assert len(robot.told) == 4
 
 
-async def test_a_start_that_fails_says_why() -> None:
+async def test_a_failed_start_reports_its_reason() -> None:
     robot = Robot()
     robot.closed = {7}
     report = await robot.does(START_ROS_SESSION)
@@ -91,7 +91,7 @@ async def test_configure_changes_what_it_names_until_the_restart(tmp_path: Path)
     assert Robot(tmp_path).keeper.address == RosAddress("/r1", 7)
 
 
-async def test_configure_keeps_the_address_over_restarts_where_it_is_asked_to(tmp_path: Path) -> None:
+async def test_configure_keeps_the_address_over_restarts_on_request(tmp_path: Path) -> None:
     await Robot(tmp_path).does(CONFIGURE_ROS_SESSION, namespace="r2", domainId=9, keep=True)
     robot = Robot(tmp_path)
     assert robot.keeper.address == RosAddress("/r2", 9)
@@ -118,7 +118,7 @@ async def test_an_address_that_it_is_at_already_can_be_kept_without_a_new_sessio
         ({"domainId": 9, "keep": True}, "journal.enabled is false"),
     ],
 )
-async def test_configure_says_what_is_wrong_and_changes_nothing(
+async def test_an_invalid_configure_reports_the_problem_and_changes_nothing(
     parameters: dict[str, Any], problem: str
 ) -> None:
     robot = Robot()
@@ -129,7 +129,7 @@ async def test_configure_says_what_is_wrong_and_changes_nothing(
     assert (robot.keeper.address, len(robot.told)) == (RosAddress("/r1", 7), 2)
 
 
-async def test_an_address_that_cannot_be_kept_is_told_and_not_moved_to(tmp_path: Path) -> None:
+async def test_an_address_that_cannot_be_stored_is_reported_and_not_used(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     robot = Robot(tmp_path / "file")
     report = await robot.does(CONFIGURE_ROS_SESSION, domainId=9, keep=True)
@@ -148,12 +148,12 @@ async def test_an_address_is_kept_although_the_first_try_there_fails(tmp_path: P
     assert Robot(tmp_path).keeper.address == robot.keeper.address == RosAddress("/r1", 9)
 
 
-async def test_before_the_driver_is_made_there_is_nothing_to_switch() -> None:
+async def test_without_a_driver_there_is_no_session_to_switch() -> None:
     report = await done(SessionSwitch(SETTINGS, None), START_ROS_SESSION)
     assert report == ActionReport("a", ActionStatus.FAILED, "the robot has not started yet")
 
 
-def test_only_what_ends_a_session_needs_the_robot_to_be_idle() -> None:
+def test_stopping_or_configuring_a_session_requires_an_idle_robot() -> None:
     needs = {
         each.declaration.action_type: each.declaration.needs_idle
         for each in session_actions(SessionSwitch(SETTINGS, None))

@@ -22,7 +22,7 @@ def operations(*tables: dict[str, Any]) -> tuple[Any, ...]:
     return EdgeAgentSettings.model_validate({"operations": tables}).operations
 
 
-def test_a_table_without_a_kind_takes_a_set_time() -> None:
+def test_a_table_without_a_kind_has_a_fixed_duration() -> None:
     (timed,) = operations({"action_type": "pick", "seconds": 2})
 
     assert isinstance(timed, OperationSettings)
@@ -43,12 +43,12 @@ def test_a_table_without_a_kind_takes_a_set_time() -> None:
         ({"action_type": "x", "parameters": [{"key": "a b"}]}, "parameters"),
     ],
 )
-def test_what_does_not_go_together_is_refused(table: dict[str, Any], problem: str) -> None:
+def test_conflicting_settings_are_refused(table: dict[str, Any], problem: str) -> None:
     with pytest.raises(ValidationError, match=problem):
         operations(table)
 
 
-def test_a_parameter_with_values_takes_their_names() -> None:
+def test_a_parameter_with_values_accepts_their_names() -> None:
     declared = ParameterSettings(key="side", values={"left": 1, "right": 2}).declared
 
     assert declared.choices == ("left", "right")
@@ -57,7 +57,7 @@ def test_a_parameter_with_values_takes_their_names() -> None:
     assert declared.words == "one of left, right"
 
 
-def test_what_confirms_charging_is_the_battery_unless_it_is_said() -> None:
+def test_the_battery_confirms_charging_unless_configured_otherwise() -> None:
     begins = ChargeOperationSettings(kind="charge")
     ends = ChargeOperationSettings(kind="charge", action_type="stopCharging", charging=False)
 

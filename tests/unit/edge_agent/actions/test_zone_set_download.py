@@ -43,7 +43,7 @@ async def test_a_message_or_its_inside_is_read(files: Files, *, whole: bool) -> 
 
 
 @pytest.mark.parametrize("content", [b"", b"[]", b"{}", b'"x"', b"\xff", b'{"zoneSet": 3}', b"[" * 100_000])
-async def test_what_is_no_zone_set_fails(files: Files, content: bytes) -> None:
+async def test_an_invalid_zone_set_fails(files: Files, content: bytes) -> None:
     report = await fetch(files.put("/zones", content))
 
     assert report.status is ActionStatus.FAILED

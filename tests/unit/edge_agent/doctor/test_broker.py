@@ -22,7 +22,7 @@ def test_map_ids_are_found_wherever_a_plant_model_has_properties() -> None:
 
 
 @given(st.binary(max_size=200))
-def test_what_is_no_plant_model_has_no_maps(payload: bytes) -> None:
+def test_an_invalid_plant_model_has_no_maps(payload: bytes) -> None:
     assert map_ids(payload) == frozenset()
 
 

@@ -3,7 +3,7 @@ from __future__ import annotations
 from nena_edge_agent.doctor.finding import Link, LinkFinding, LinkVerdict, missing, ok, report, unknown
 
 
-def test_the_report_names_the_first_missing_link_and_what_to_do() -> None:
+def test_the_report_names_the_first_missing_link_and_its_remedy() -> None:
     findings = [
         ok(Link.BROKER, "answers"),
         missing(Link.LOGIN, "not let in", "check mqtt.username"),
@@ -22,7 +22,7 @@ def test_the_report_names_the_first_missing_link_and_what_to_do() -> None:
     ]
 
 
-def test_what_is_doubtful_is_not_missing() -> None:
+def test_a_doubtful_link_is_not_missing() -> None:
     text = report([LinkFinding(Link.CLOCK, LinkVerdict.DOUBTFUL, "nobody keeps it", "have it kept")])
 
     assert text.endswith("-> have it kept\nNo link is missing.\n")

@@ -48,7 +48,7 @@ def test_a_robot_that_is_well() -> None:
 
 
 @pytest.mark.parametrize("lifecycle", [Lifecycle.INACTIVE, Lifecycle.SILENT])
-def test_a_missing_pose_is_named_before_a_nav2_that_waits_for_it(lifecycle: Lifecycle) -> None:
+def test_a_missing_pose_is_reported_before_an_inactive_nav2(lifecycle: Lifecycle) -> None:
     findings = judge_robot(replace(WELL, lifecycle=lifecycle, pose=None), SETTINGS)
 
     lacks = [each for each in findings if each.verdict is LinkVerdict.MISSING]
@@ -78,7 +78,7 @@ def test_a_missing_pose_is_named_before_a_nav2_that_waits_for_it(lifecycle: Life
         ),
     ],
 )
-def test_a_missing_link_is_named_with_what_to_do(view: RosView, link: Link, text: str, remedy: str) -> None:
+def test_a_missing_link_is_named_with_a_remedy(view: RosView, link: Link, text: str, remedy: str) -> None:
     finding = first_missing(view)
 
     assert finding.link is link
@@ -104,7 +104,7 @@ def test_a_robot_that_cannot_follow_paths_as_set_is_doubtful(view: RosView, text
     assert {each.verdict for each in judge_robot(able, settings)} == {LinkVerdict.OK}
 
 
-def test_what_builds_on_a_missing_link_is_not_judged() -> None:
+def test_checks_that_depend_on_a_missing_link_are_skipped() -> None:
     without_nodes, without_nav2 = (
         judge_robot(RosView(), SETTINGS),
         judge_robot(replace(WELL, servers=0), SETTINGS),
@@ -116,7 +116,7 @@ def test_what_builds_on_a_missing_link_is_not_judged() -> None:
     assert [each.link for each in without_nodes] == list(ROS_LINKS)
 
 
-def test_nav2_without_a_lifecycle_manager_is_taken_as_it_is() -> None:
+def test_nav2_without_a_lifecycle_manager_counts_as_active() -> None:
     (finding,) = [
         each
         for each in judge_robot(replace(WELL, lifecycle=Lifecycle.ABSENT), SETTINGS)
@@ -161,13 +161,13 @@ def test_the_map(view: RosView | None, plant_maps: set[str], verdict: LinkVerdic
         (False, -1_795_000_000.0, LinkVerdict.MISSING),
     ],
 )
-def test_stamps_that_are_off_weigh_more_than_what_the_kernel_knows(
+def test_wrong_stamps_take_precedence_over_the_kernels_clock_status(
     *, kept: bool | None, offset: float | None, verdict: LinkVerdict
 ) -> None:
     assert judge_clock(kept=kept, ros_offset=offset).verdict is verdict
 
 
-def test_simulated_time_is_thought_of() -> None:
+def test_simulated_time_is_suggested_as_a_cause() -> None:
     assert "use_sim_time" in judge_clock(kept=True, ros_offset=-1_795_000_000.0).remedy
 
 

@@ -93,7 +93,7 @@ def close(pose: object) -> object:
 
 
 @pytest.mark.clause("6.3/frame")
-def test_goals_go_out_on_the_map() -> None:
+def test_goals_are_sent_in_the_maps_frame() -> None:
     driver, robot, _ = framed()
     driver.go_to(DriveGoal(7, Pose(1.0, 2.0, 0.5, "hall"), 0.3, 0.2, 0.8))
     (goal,) = robot.told
@@ -105,7 +105,7 @@ def test_goals_go_out_on_the_map() -> None:
 
 
 @pytest.mark.clause("6.3/frame")
-def test_an_initial_position_and_goals_of_before_go_out_on_the_map() -> None:
+def test_an_initial_position_and_earlier_goals_are_sent_in_the_maps_frame() -> None:
     driver, robot, _ = framed()
     driver.initialize_position(Pose(1.0, 2.0, 0.0, "hall"))
     driver.reclaim(OwnGoals(("a", "b"), Pose(1.0, 2.0, 0.0, "hall"), Pose(3.0, 2.0, 0.0, "hall"), "a"))
@@ -119,7 +119,7 @@ def test_an_initial_position_and_goals_of_before_go_out_on_the_map() -> None:
 
 
 @pytest.mark.clause("6.3/frame")
-def test_pose_and_plan_come_back_in_the_plants_frame() -> None:
+def test_pose_and_plan_are_reported_in_the_plants_frame() -> None:
     _, robot, heard = framed()
     robot.emit(
         MapPoseReport(MapPose(6.0, -3.0, 2.0, "hall"), localized=False, vx=0.7, omega=-0.1, problem="?")
@@ -133,7 +133,7 @@ def test_pose_and_plan_come_back_in_the_plants_frame() -> None:
     assert [pytest.approx(point, abs=1e-9) for point in plan.points] == [(0.0, 0.0), (1.0, 2.0)]
 
 
-def test_what_has_no_place_passes_unchanged() -> None:
+def test_events_without_coordinates_pass_unchanged() -> None:
     _, robot, heard = framed()
     events: list[MapDriverEvent] = [
         Arrived(3),
@@ -162,13 +162,13 @@ def test_a_map_without_a_transform_has_the_plants_frame() -> None:
 
 
 @given(TEXTS, METRES, METRES, st.floats(-pi, pi))
-def test_there_and_back_is_the_same_place(text: str, x: float, y: float, theta: float) -> None:
+def test_a_round_trip_conversion_is_the_same_pose(text: str, x: float, y: float, theta: float) -> None:
     frame = PlantFrame.of({"hall": text})
     back = frame.to_plant(frame.to_map(Pose(x, y, theta, "hall")))
     assert (back.x, back.y) == pytest.approx((x, y), abs=1e-6)
     assert cos(back.theta - theta) == pytest.approx(1.0)
 
 
-def test_the_way_that_is_left_is_in_metres_of_the_plant() -> None:
+def test_the_remaining_distance_is_in_metres_of_the_plant() -> None:
     assert FRAME.event(DriveProgress(8.0, 1, "hall")) == DriveProgress(4.0, 1, "hall")
     assert FRAME.event(DriveProgress(8.0, 1, "attic")) == DriveProgress(8.0, 1, "attic")

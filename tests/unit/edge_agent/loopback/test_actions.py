@@ -45,7 +45,7 @@ async def test_the_others_succeed_after_their_time() -> None:
     assert await stage.play("needParameter", count=1) is ActionStatus.FINISHED
 
 
-def test_each_says_what_it_takes_and_allows() -> None:
+def test_each_declares_its_parameters_and_what_it_allows() -> None:
     declared = {each.declaration.action_type: each.declaration for each in simulated_actions()}
 
     assert not declared["waitUninterrupted"].pause_allowed

@@ -42,7 +42,7 @@ class Stand:
         return self.events[-1]
 
 
-def test_what_a_person_does_goes_to_the_core() -> None:
+def test_actions_of_a_person_are_passed_to_the_core() -> None:
     stand = Stand()
 
     assert stand.do("operatingMode", mode="SERVICE") == OperatingModeSwitched(OperatingMode.SERVICE)
@@ -59,7 +59,7 @@ def test_an_error_has_its_references() -> None:
     assert told == ErrorSwitched(entry, active=True)
 
 
-def test_emergency_stop_and_field_are_told_together() -> None:
+def test_emergency_stop_and_field_violation_are_reported_together() -> None:
     stand = Stand()
 
     assert stand.do("fieldViolation", active=True) == SafetyReport(field_violation=True)
@@ -70,7 +70,7 @@ def test_emergency_stop_and_field_are_told_together() -> None:
     assert stand.do("acknowledgeEmergencyStop") == SafetyReport()
 
 
-def test_what_the_world_does_goes_to_the_driver() -> None:
+def test_simulated_events_are_passed_to_the_driver() -> None:
     stand = Stand()
 
     assert stand.do("navigation", available=False) == NavigationReport(
@@ -115,7 +115,7 @@ async def test_while_the_robot_does_not_run_a_command_is_refused() -> None:
         ('{"command": "unreachable", "x": 1}', "specify both x and y, or neither"),
     ],
 )
-def test_a_wrong_command_says_what_is_wrong(text: str, problem: str) -> None:
+def test_an_invalid_command_reports_its_problem(text: str, problem: str) -> None:
     with pytest.raises(CommandRefusedError) as caught:
         parse(text.encode())
 
@@ -123,6 +123,6 @@ def test_a_wrong_command_says_what_is_wrong(text: str, problem: str) -> None:
 
 
 @given(st.binary(max_size=50) | st.from_regex(r'\{"command": "[a-z]{0,8}", ".*\}').map(str.encode))
-def test_nothing_but_a_refusal_comes_of_noise(payload: bytes) -> None:
+def test_random_bytes_only_cause_a_refusal(payload: bytes) -> None:
     with pytest.raises(CommandRefusedError):
         parse(payload)

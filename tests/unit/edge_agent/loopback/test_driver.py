@@ -54,7 +54,7 @@ class Ride:
         return self.seen(PoseReport)[-1].pose.x
 
 
-async def test_at_its_start_it_tells_where_it_is_and_that_it_can_drive() -> None:
+async def test_at_its_start_it_reports_its_pose_and_that_it_can_drive() -> None:
     ride = Ride(charge=40)
 
     await ride.driver.start()
@@ -66,7 +66,7 @@ async def test_at_its_start_it_tells_where_it_is_and_that_it_can_drive() -> None
     ]
 
 
-async def test_it_drives_to_its_goal_and_tells_poses_on_the_way() -> None:
+async def test_it_drives_to_its_goal_and_reports_poses() -> None:
     ride = Ride()
     ride.go(3, 21.0)
 
@@ -129,7 +129,7 @@ async def test_a_goal_on_another_map_fails() -> None:
     assert "cellar" in failed.description
 
 
-async def test_it_is_where_it_is_told_to_be() -> None:
+async def test_it_accepts_its_initial_position() -> None:
     ride = Ride()
     ride.driver.initialize_position(Pose(7.0, 8.0, 1.0, "m"))
 
@@ -137,7 +137,7 @@ async def test_it_is_where_it_is_told_to_be() -> None:
     assert ride.seen(PoseReport)[-1].pose == Pose(7.0, 8.0, 1.0, "m")
 
 
-async def test_driving_takes_charge() -> None:
+async def test_driving_uses_battery_charge() -> None:
     ride = Ride(charge=50, drain=100, speed=200.0)
     ride.go(1, 11.0)
     await ride.wait_for(Arrived)
@@ -161,7 +161,7 @@ async def test_after_its_end_it_is_silent() -> None:
     assert ride.events == []
 
 
-async def test_with_a_deceleration_a_halt_takes_its_way() -> None:
+async def test_with_a_deceleration_a_halt_needs_braking_distance() -> None:
     ride = Ride(deceleration=20.0)  # which takes a second, and 10 m
     ride.go(1, 1000.0)
     await until(lambda: ride.seen(PoseReport) and ride.x > 1.1)
@@ -191,7 +191,7 @@ async def test_an_emergency_stop_while_it_brakes_is_at_once_and_answers_the_halt
     assert ride.seen(PoseReport)[-1].vx == 0.0
 
 
-async def test_a_goal_in_a_circle_that_cannot_be_reached_fails_also_on_the_way() -> None:
+async def test_a_goal_in_an_unreachable_circle_also_fails_while_driving() -> None:
     ride, circle = Ride(), Circle(100.0, 0.0, 0.5)
     ride.go(1, 100.0)
     ride.driver.set_unreachable(circle, active=True)
@@ -206,7 +206,7 @@ async def test_a_goal_in_a_circle_that_cannot_be_reached_fails_also_on_the_way()
     await ride.driver.stop()
 
 
-async def test_carried_away_on_its_way_it_drives_to_its_goal_from_there() -> None:
+async def test_carried_away_during_a_drive_it_drives_to_its_goal_from_there() -> None:
     ride = Ride()
     ride.go(1, 1000.0)
     ride.driver.carry_to(998.0, 0.0, 0.0)
@@ -223,7 +223,7 @@ async def test_a_speed_that_is_set_holds_for_the_goal_that_it_drives_to() -> Non
     assert await ride.wait_for(Arrived) == Arrived(1)
 
 
-async def test_charging_is_told_as_it_goes_on_until_the_battery_is_full() -> None:
+async def test_charging_is_reported_until_the_battery_is_full() -> None:
     ride = Ride(charge=98, charge_rate=100)
     ride.driver.set_charging(charging=True)
 
@@ -234,7 +234,7 @@ async def test_charging_is_told_as_it_goes_on_until_the_battery_is_full() -> Non
     assert not ride.seen(BatteryReport)[-1].charging
 
 
-async def test_without_navigation_it_stands() -> None:
+async def test_without_navigation_it_does_not_drive() -> None:
     ride = Ride()
     ride.go(1, 1000.0)
     ride.driver.set_navigation(available=False, reason="gone")
@@ -243,7 +243,7 @@ async def test_without_navigation_it_stands() -> None:
     assert ride.seen(PoseReport)[-1].vx == 0.0
 
 
-async def test_a_position_that_is_set_is_known_again() -> None:
+async def test_the_pose_is_known_after_a_position_is_set() -> None:
     ride = Ride()
     ride.driver.set_localized(localized=False)
     assert not ride.seen(PoseReport)[-1].localized
@@ -271,7 +271,7 @@ def test_driving_drains_the_battery() -> None:
     assert one.level(0.0) == 0
 
 
-def test_charging_gives_it_back_until_it_is_full() -> None:
+def test_charging_increases_the_charge_until_full() -> None:
     one = battery(charge=50, charge_rate=2)
     one.switch(10.0, charging=True)
 
@@ -326,7 +326,7 @@ def test_it_turns_drives_and_turns() -> None:
     assert (pose.y, pose.theta, vx, omega) == pytest.approx((4, 3 * pi / 4, 0, 1))
 
 
-def test_without_a_demand_it_keeps_its_heading() -> None:
+def test_without_a_theta_it_keeps_its_heading() -> None:
     way = motion(Pose(0, 0, 0, "m"), Pose(4, 0, 2.0, "m"), turn_at_end=False)
 
     assert way.at(way.end)[0].theta == 0.0
@@ -345,7 +345,7 @@ def test_it_begins_at_its_start_and_ends_on_its_goal(start: Pose, goal: Pose) ->
     assert abs((last.theta - goal.theta + pi) % (2 * pi) - pi) < 1e-6
 
 
-def test_it_brakes_evenly_to_a_stand() -> None:
+def test_it_brakes_evenly_to_a_standstill() -> None:
     way = motion(Pose(0, 0, 0, "m"), Pose(100, 0, 0, "m"))
     stop = braking(way, 20.0, 0.5)
 
@@ -357,7 +357,7 @@ def test_it_brakes_evenly_to_a_stand() -> None:
     assert stop.at(30.0) == (Pose(24, 0, 0, "m"), 0.0, 0.0)
 
 
-def test_near_its_goal_it_brakes_harder_and_never_goes_beyond() -> None:
+def test_near_its_goal_it_brakes_harder_and_never_overshoots() -> None:
     way = motion(Pose(0, 0, 0, "m"), Pose(21, 0, 0, "m"))
     stop = braking(way, 20.0, 0.5)
 

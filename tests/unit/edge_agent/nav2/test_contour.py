@@ -26,5 +26,5 @@ def test_without_a_polygon_the_robot_is_round(footprint: str) -> None:
 
 
 @pytest.mark.parametrize("radius", [None, 0.0, math.inf])
-def test_nothing_known_is_no_outline(radius: float | None) -> None:
+def test_unknown_parameters_yield_no_outline(radius: float | None) -> None:
     assert contour_of("", radius) == ()

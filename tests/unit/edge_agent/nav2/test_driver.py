@@ -39,7 +39,7 @@ from support.waiting import until
 READING = PoseReading(1.0, 2.0, 0.5, "map", 1, 0.01, 0.01, 0.01)
 
 
-async def test_machine_without_ros_is_told_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_machine_without_ros_gets_a_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "nena_edge_agent.nav2.node", None)
     told: list[MapDriverEvent] = []
     driver = Nav2Driver(RosSettings(), "hall", told.append, ManualClock())
@@ -68,7 +68,7 @@ def goal(generation: int) -> MapGoal:
 
 
 @pytest.mark.parametrize("generation", [-1, 1])
-async def test_a_goal_with_a_limit_that_no_controller_hears_is_answered(
+async def test_a_goal_with_a_limit_fails_without_a_controller_for_it(
     monkeypatch: pytest.MonkeyPatch, generation: int
 ) -> None:
     told: list[MapDriverEvent] = []
@@ -85,7 +85,7 @@ async def test_a_goal_with_a_limit_that_no_controller_hears_is_answered(
         assert any("no node subscribes to speed_limit" in each for each in reasons)
 
 
-async def test_a_place_of_the_map_before_does_not_count_after_a_restart(
+async def test_a_pose_on_the_previous_map_is_not_used_after_a_restart(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     mark = tmp_path / "unplaced"
@@ -139,7 +139,7 @@ def available(driver: Nav2Driver) -> None:
     )
 
 
-async def test_an_order_that_starts_while_a_map_is_being_enabled_drives_to_nothing_on_the_map_before(
+async def test_an_order_that_starts_while_a_map_is_enabled_does_not_drive_on_the_previous_map(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     station, told = Station(monkeypatch), list[MapDriverEvent]()
@@ -162,7 +162,7 @@ async def test_an_order_that_starts_while_a_map_is_being_enabled_drives_to_nothi
     assert reports[2].reason == "map_server loads the map 'attic'"
 
 
-async def test_a_look_under_way_when_a_map_is_enabled_does_not_make_navigation_available(
+async def test_a_check_running_while_a_map_is_enabled_does_not_make_navigation_available(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Enable a map between the check of Nav2 and its evaluation, while Nav2's parameters are read."""
@@ -193,7 +193,7 @@ async def test_a_look_under_way_when_a_map_is_enabled_does_not_make_navigation_a
     assert [each.available for each in told if isinstance(each, NavigationReport)][-1:] == [False]
 
 
-async def test_a_map_server_that_is_there_again_is_told_the_map_that_was_enabled_meanwhile(
+async def test_a_restarted_map_server_gets_the_map_that_was_enabled_meanwhile(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     station = Station(monkeypatch)
@@ -222,7 +222,7 @@ async def test_a_plugins_drive_that_waits_while_another_map_is_enabled_is_answer
     assert (failed.generation, failed.failure) == (-1, DriveFailure.NOT_TAKEN_UP)
 
 
-async def test_a_map_server_that_is_there_again_is_told_its_map_beside_the_look(
+async def test_a_restarted_map_server_gets_its_map_without_delaying_the_check(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     station = Station(monkeypatch)
@@ -243,7 +243,7 @@ async def test_a_map_server_that_is_there_again_is_told_its_map_beside_the_look(
         assert driver._with_map(NavigationReport(available=True, reason="")).available
 
 
-async def test_a_navigator_that_falls_silent_is_noticed_between_two_looks(
+async def test_a_silent_navigator_is_detected_between_two_checks(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(driver_module, "FEEDBACK_TIMEOUT", 0.05)
@@ -263,7 +263,7 @@ async def test_a_navigator_that_falls_silent_is_noticed_between_two_looks(
     assert failed.failure is DriveFailure.NAVIGATION_GONE
 
 
-async def test_a_navigator_that_hangs_is_stopped_by_the_odometry_before_the_drive_is_given_up(
+async def test_a_hanging_navigator_is_stopped_by_odometry_before_the_drive_fails(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     told: list[MapDriverEvent] = []
@@ -329,7 +329,7 @@ async def test_a_goal_without_feedback_after_one_with_it_is_not_stopped(
     assert not any(isinstance(each, DriveFailed) for each in told)
 
 
-async def test_feedback_of_the_goal_before_is_a_sign_of_life_until_the_next_is_accepted(
+async def test_feedback_of_the_previous_goal_is_a_sign_of_life_until_the_next_is_accepted(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     told = list[MapDriverEvent]()
@@ -384,7 +384,7 @@ async def test_parameters_are_read_again_until_all_servers_have_answered(
     assert [each.contour for each in told if isinstance(each, DriveLimits)] == [(), contour]
 
 
-async def test_a_navigator_that_leaves_the_graph_is_noticed_between_two_looks(
+async def test_a_navigator_that_leaves_the_graph_is_detected_between_two_checks(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     station, told = Station(monkeypatch), list[MapDriverEvent]()
@@ -402,7 +402,7 @@ async def test_a_navigator_that_leaves_the_graph_is_noticed_between_two_looks(
         monkeypatch.setattr(driver, "_node", None)
 
 
-async def test_a_planner_that_leaves_the_graph_on_the_way_stops_the_robot(
+async def test_a_planner_that_dies_during_a_drive_stops_the_robot(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     told = list[MapDriverEvent]()
@@ -440,7 +440,7 @@ async def test_a_goal_of_an_earlier_run_can_be_stopped_without_a_search_for_the_
         monkeypatch.setattr(driver, "_node", None)
 
 
-async def test_a_robot_whose_localisation_dies_on_the_way_is_reported_as_moving(
+async def test_a_robot_whose_localisation_dies_during_a_drive_is_reported_as_moving(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     told = list[MapDriverEvent]()

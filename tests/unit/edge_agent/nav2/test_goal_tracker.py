@@ -160,7 +160,9 @@ class TestGoldenTraces:
         talk.array("A:6 B:4")
         assert talk.events == [Arrived(2)]
 
-    def test_three_goals_at_once_give_the_last_after_the_first_is_confirmed(self, talk: Conversation) -> None:
+    def test_of_three_goals_at_once_the_last_is_sent_after_the_first_is_confirmed(
+        self, talk: Conversation
+    ) -> None:
         for generation in (1, 2, 3):
             talk.go_to(goal(generation))
         assert talk.given == [1]
@@ -170,7 +172,7 @@ class TestGoldenTraces:
         talk.array("A:6 B:4")
         assert talk.events == [Arrived(3)]
 
-    def test_cancel_all_by_somebody_else(self, talk: Conversation) -> None:
+    def test_another_client_cancels_all_goals(self, talk: Conversation) -> None:
         talk.go_to(goal(1))
         for array in ("E:2", "E:3"):
             talk.array(array)
@@ -233,7 +235,7 @@ class TestConfirmation:
         talk.array("A:4")
         assert talk.events == [Arrived(1)]
 
-    def test_is_given_again_at_most_three_times_and_then_fails(self, talk: Conversation) -> None:
+    def test_is_resent_at_most_three_times_and_then_fails(self, talk: Conversation) -> None:
         talk.go_to(goal(1))
         talk.later(3.4)
         assert talk.given == [1]
@@ -247,7 +249,7 @@ class TestConfirmation:
         assert "4 times" in talk.failure().description
         assert not talk.tracker.busy
 
-    def test_given_again_although_taken_both_ids_are_ours(self, talk: Conversation) -> None:
+    def test_both_ids_of_a_goal_resent_after_acceptance_are_ours(self, talk: Conversation) -> None:
         talk.go_to(goal(1))
         talk.later(3.6)
         talk.array("A:2")
@@ -259,7 +261,7 @@ class TestConfirmation:
         assert talk.events == [Arrived(1)]
         assert all(not external for _, external, _ in talk.goal_reports)
 
-    def test_given_again_although_taken_shown_in_one_array(self, talk: Conversation) -> None:
+    def test_a_goal_resent_after_acceptance_is_listed_twice_in_one_array(self, talk: Conversation) -> None:
         talk.array("old:5")
         talk.go_to(goal(1))
         talk.later(3.6)
@@ -269,7 +271,7 @@ class TestConfirmation:
         talk.array("old:5 A:6 B:4")
         assert talk.events == [Arrived(1)]
 
-    def test_a_newer_goal_is_given_instead_of_the_swallowed_one(self, talk: Conversation) -> None:
+    def test_a_newer_goal_is_sent_instead_of_the_lost_one(self, talk: Conversation) -> None:
         talk.go_to(goal(1))
         talk.later(1.0)
         talk.go_to(goal(2))
@@ -290,7 +292,7 @@ class TestConfirmation:
         talk.array("A:4 B:2")
         assert talk.cancelled == ["B"]
 
-    def test_waits_for_navigation_as_long_as_it_takes(self) -> None:
+    def test_waits_for_navigation_without_a_timeout(self) -> None:
         talk = Conversation()
         nobody = NavigationReport(available=False, reason="no node publishes the status")
         talk.said += talk.tracker.on_navigation(nobody, 0.0)
@@ -300,7 +302,7 @@ class TestConfirmation:
         talk.ready()
         assert talk.given == [1]
 
-    def test_goals_given_before_navigation_was_away_do_not_count(self, talk: Conversation) -> None:
+    def test_goals_sent_before_navigation_was_unavailable_do_not_count(self, talk: Conversation) -> None:
         talk.go_to(goal(1))
         talk.later(8.0)
         away = NavigationReport(available=False, reason="does not answer")
@@ -315,7 +317,7 @@ class TestConfirmation:
         talk.array("A:4")
         assert talk.events == [Arrived(1)]
 
-    def test_is_given_when_navigation_appears_and_has_settled(self) -> None:
+    def test_is_sent_when_navigation_appears_and_has_settled(self) -> None:
         talk = Conversation()
         talk.go_to(goal(1))
         talk.later(1.0)
@@ -344,7 +346,7 @@ class TestForeignGoals:
         assert talk.events == []
         assert talk.goal_reports == []
 
-    def test_first_array_of_a_late_subscription_gives_us_the_last_goal_only(self, talk: Conversation) -> None:
+    def test_of_a_late_subscriptions_first_array_only_the_last_goal_is_ours(self, talk: Conversation) -> None:
         talk.at(5.0)
         talk.go_to(goal(1))
         talk.array("old:4 running:2 ours:2")
@@ -353,7 +355,7 @@ class TestForeignGoals:
         talk.array("old:4 running:6 ours:4")
         assert talk.events == [Arrived(1)]
 
-    def test_external_goal_is_told_and_not_adopted(self, talk: Conversation) -> None:
+    def test_an_external_goal_is_reported_and_not_adopted(self, talk: Conversation) -> None:
         talk.array("X:2")
         talk.at(5.0)
         talk.array("X:4")
@@ -361,7 +363,7 @@ class TestForeignGoals:
         assert talk.events == []
         assert talk.cancelled == []
 
-    def test_external_goal_that_takes_over_ours_is_named(self, talk: Conversation) -> None:
+    def test_an_external_goal_that_replaces_ours_is_named(self, talk: Conversation) -> None:
         talk.drives()
         talk.array("A:2 X:2")
         talk.array("A:6 X:2")
@@ -369,7 +371,7 @@ class TestForeignGoals:
         assert "X" in talk.failure().description
         assert talk.cancelled == []
 
-    def test_nothing_is_given_while_somebody_cancels(self, talk: Conversation) -> None:
+    def test_nothing_is_sent_while_a_goal_is_being_cancelled(self, talk: Conversation) -> None:
         talk.array("X:3")
         talk.go_to(goal(1))
         assert talk.given == []
@@ -378,7 +380,7 @@ class TestForeignGoals:
 
 
 class TestArrival:
-    def test_asks_for_a_fresh_pose_and_waits_for_it(self, talk: Conversation) -> None:
+    def test_requests_a_fresh_pose_and_waits_for_it(self, talk: Conversation) -> None:
         talk.drives()
         talk.at(4.2)
         talk.array("A:4")
@@ -399,7 +401,7 @@ class TestArrival:
         assert talk.failure().failure is DriveFailure.OUTSIDE_TOLERANCE
         assert "4.30" in talk.failure().description
 
-    def test_late_poses_of_a_robot_under_way_are_waited_out(self, talk: Conversation) -> None:
+    def test_late_poses_of_a_moving_robot_are_waited_for(self, talk: Conversation) -> None:
         talk.drives()
         talk.at(2.0)
         talk.array("A:4")
@@ -431,7 +433,7 @@ class TestArrival:
         talk.later(0.2)
         assert talk.failure().failure is DriveFailure.OUTSIDE_TOLERANCE
 
-    def test_a_robot_that_drives_on_for_good_has_not_arrived(self, talk: Conversation) -> None:
+    def test_a_robot_that_keeps_driving_has_not_arrived(self, talk: Conversation) -> None:
         talk.drives()
         talk.at(2.0)
         talk.array("A:4")
@@ -444,7 +446,7 @@ class TestArrival:
         assert talk.failure().failure is DriveFailure.OUTSIDE_TOLERANCE
         assert seconds == LATE_AT_MOST + GoalSettings().pose_wait
 
-    def test_heading_counts_where_it_is_asked_for(self, talk: Conversation) -> None:
+    def test_the_heading_counts_if_it_is_required(self, talk: Conversation) -> None:
         talk.go_to(goal(1, theta=0.1))
         talk.array("A:2")
         talk.array("A:4")
@@ -452,7 +454,7 @@ class TestArrival:
         talk.later(2.1)
         assert talk.failure().failure is DriveFailure.OUTSIDE_TOLERANCE
 
-    def test_silent_localisation_is_given_the_slack_of_its_habits(self, talk: Conversation) -> None:
+    def test_a_silent_localisation_gets_a_larger_tolerance(self, talk: Conversation) -> None:
         talk.drives()
         talk.later(1.0)
         talk.at(4.3)
@@ -467,7 +469,7 @@ class TestArrival:
         talk.later(2.1)
         assert talk.failure().failure is DriveFailure.OUTSIDE_TOLERANCE
 
-    def test_a_goal_that_ended_with_the_one_before_it_is_given_again_once(self, talk: Conversation) -> None:
+    def test_a_goal_that_ended_with_the_previous_one_is_resent_once(self, talk: Conversation) -> None:
         talk.drives()
         talk.at(4.8)
         talk.go_to(goal(2, 9.0))
@@ -478,7 +480,7 @@ class TestArrival:
         assert talk.given == [1, 2, 2]
         assert talk.failure().failure is DriveFailure.OUTSIDE_TOLERANCE
 
-    def test_a_goal_near_the_one_before_that_ended_with_it_is_given_again(self, talk: Conversation) -> None:
+    def test_a_goal_that_ended_with_a_nearby_previous_one_is_resent(self, talk: Conversation) -> None:
         """Nodes 0.4 m apart: from the place that the localisation last showed it may have been reached."""
         talk.go_to(goal(1, 5.0, xy=0.3))
         talk.array("A:2")
@@ -496,7 +498,7 @@ class TestArrival:
         talk.array("A:6 B:4 C:4")
         assert talk.events == [Arrived(2)]
 
-    def test_a_goal_that_ended_with_that_of_somebody_else_is_given_again(self, talk: Conversation) -> None:
+    def test_a_goal_that_ended_with_another_clients_goal_is_resent(self, talk: Conversation) -> None:
         talk.array("X:2")
         talk.go_to(goal(1))
         talk.array("X:6 A:4")
@@ -561,7 +563,7 @@ class TestHalt:
             talk.later(0.1)
         assert talk.events == [Halted()]
 
-    def test_robot_that_rolls_on_is_never_told_as_standing(self, talk: Conversation) -> None:
+    def test_a_robot_that_keeps_rolling_is_never_reported_at_standstill(self, talk: Conversation) -> None:
         talk.drives()
         talk.halt()
         talk.array("A:5")
@@ -574,7 +576,7 @@ class TestHalt:
         talk.stands()
         assert talk.events[1:] == [Halted()]
 
-    def test_a_halt_that_is_asked_for_again_is_answered_again(self, talk: Conversation) -> None:
+    def test_a_repeated_halt_is_answered_again(self, talk: Conversation) -> None:
         talk.drives()
         talk.halt()
         talk.rolls(3.2)
@@ -636,14 +638,14 @@ class TestHalt:
         talk.later(3.1)
         assert talk.events == [Halted()]
 
-    def test_swallowed_goal_is_not_given_again(self, talk: Conversation) -> None:
+    def test_a_lost_goal_is_not_resent(self, talk: Conversation) -> None:
         talk.go_to(goal(1))
         talk.halt()
         talk.later(7.0)
         assert talk.given == [1]
         assert talk.events == [Halted()]
 
-    def test_cancel_without_effect_is_asked_again(self, talk: Conversation) -> None:
+    def test_a_cancel_without_effect_is_repeated(self, talk: Conversation) -> None:
         talk.drives()
         talk.halt()
         talk.said += talk.tracker.on_cancel_answer("A", None, talk.now)
@@ -689,9 +691,7 @@ class TestNavigationGone:
         talk.servers(frozenset())
         assert talk.failure().failure is DriveFailure.NAVIGATION_GONE
 
-    def test_a_goal_that_was_not_confirmed_is_given_again_to_the_next_server(
-        self, talk: Conversation
-    ) -> None:
+    def test_an_unconfirmed_goal_is_resent_to_the_next_server(self, talk: Conversation) -> None:
         talk.go_to(goal(1))
         talk.servers(frozenset({"other"}))
         talk.later(2.1)
@@ -700,14 +700,12 @@ class TestNavigationGone:
         talk.array("A:4")
         assert talk.events == [Arrived(1)]
 
-    def test_second_publisher_is_a_navigation_that_has_crashed_and_come_back(
-        self, talk: Conversation
-    ) -> None:
+    def test_a_second_publisher_is_a_navigation_that_crashed_and_restarted(self, talk: Conversation) -> None:
         talk.drives()
         talk.servers(frozenset({"gid", "other"}))
         assert talk.failure().failure is DriveFailure.NAVIGATION_GONE
 
-    def test_drive_goes_on_when_the_crashed_publisher_disappears_at_last(self, talk: Conversation) -> None:
+    def test_a_drive_continues_when_the_crashed_publisher_disappears(self, talk: Conversation) -> None:
         both, new = frozenset({"gid", "other"}), frozenset({"other"})
         talk.drives()
         talk.servers(both)
@@ -732,7 +730,7 @@ class TestNavigationGone:
         talk.array("A:2")
         assert talk.cancelled == ["A"]
 
-    def test_halt_waits_for_what_a_navigation_that_is_back_has_to_show(self, talk: Conversation) -> None:
+    def test_a_halt_waits_for_the_array_of_a_navigation_that_returned(self, talk: Conversation) -> None:
         talk.drives()
         for servers in ({"other"}, {"gid"}):
             talk.servers(frozenset(servers))
@@ -744,7 +742,7 @@ class TestNavigationGone:
         talk.later(3.1)
         assert talk.events[1:] == [Halted()]
 
-    def test_halt_is_answered_when_navigation_goes(self, talk: Conversation) -> None:
+    def test_a_halt_is_answered_when_navigation_disappears(self, talk: Conversation) -> None:
         talk.drives()
         talk.halt()
         talk.servers(frozenset())
@@ -756,7 +754,7 @@ class TestNavigationGone:
         talk.said += talk.tracker.on_stop_answer(talk.now, answered=True)
         assert talk.events[1:] == [Halted()]
 
-    def test_the_controller_is_stopped_until_the_robot_stands(self, talk: Conversation) -> None:
+    def test_the_controller_is_stopped_until_the_robot_is_at_standstill(self, talk: Conversation) -> None:
         talk.drives()
         talk.rolls(0.1)
         talk.servers(frozenset())
@@ -789,7 +787,7 @@ class TestNavigationGone:
         assert talk.motion_stopped == 1
         assert talk.failure().failure is DriveFailure.NAVIGATION_GONE
 
-    def test_a_navigator_that_was_only_busy_is_given_its_goal_again(self, talk: Conversation) -> None:
+    def test_a_navigator_that_was_only_busy_gets_its_goal_again(self, talk: Conversation) -> None:
         talk.drives()
         talk.rolls(0.5)
         talk.silent_for(0.5)
@@ -828,7 +826,7 @@ class TestNavigationGone:
         talk.later(10.0)
         assert talk.motion_stopped > stopped
 
-    def test_a_goal_that_is_not_accepted_yet_leaves_the_one_before_active(self, talk: Conversation) -> None:
+    def test_a_goal_not_accepted_yet_leaves_the_previous_one_active(self, talk: Conversation) -> None:
         talk.drives()
         talk.go_to(goal(2, 9.0))
         assert not talk.tracker.driving
@@ -844,7 +842,7 @@ class TestNavigationGone:
         talk.servers(frozenset())
         assert talk.motion_stopped == 1
 
-    def test_goal_not_taken_up_ends_the_one_before_too(self, talk: Conversation) -> None:
+    def test_a_goal_that_is_not_accepted_also_ends_the_previous_one(self, talk: Conversation) -> None:
         talk.drives()
         talk.go_to(goal(2))
         talk.later(14.2)
@@ -860,7 +858,7 @@ class TestRestartOfTheAgent:
         talk.tracker.reclaim(MapOwnGoals(ids or ("A",), MapPose(x, 0.0, 0.0, "hall")))
         return talk
 
-    def test_a_goal_that_leads_to_the_same_place_goes_on(self) -> None:
+    def test_a_goal_to_the_same_pose_continues(self) -> None:
         talk = self.after_restart()
         talk.array("old:4 A:2")
         talk.ready()
@@ -870,7 +868,7 @@ class TestRestartOfTheAgent:
         assert (talk.given, talk.cancelled, talk.events) == ([], [], [Arrived(1)])
         assert ("A", False, "EXECUTING") in talk.goal_reports
 
-    def test_one_that_goes_on_and_succeeds_elsewhere_is_given_again(self) -> None:
+    def test_a_continued_goal_that_succeeds_elsewhere_is_resent(self) -> None:
         """The earlier run may have stopped its controller, which the navigator mistakes for success."""
         talk = self.after_restart()
         talk.array("A:2")
@@ -886,7 +884,7 @@ class TestRestartOfTheAgent:
         talk.later(10.0)
         assert talk.failure().failure is DriveFailure.OUTSIDE_TOLERANCE, "this one was driven without doubt"
 
-    def test_one_that_has_got_there_meanwhile_counts(self) -> None:
+    def test_an_earlier_goal_that_succeeded_meanwhile_counts_as_reached(self) -> None:
         talk = self.after_restart()
         talk.array("A:4")
         talk.ready()
@@ -896,7 +894,7 @@ class TestRestartOfTheAgent:
         assert (talk.given, talk.events) == ([], [Arrived(1)])
 
     @pytest.mark.parametrize("array", ["A:4", "A:5", "A:6", "other:4"])
-    def test_one_that_has_ended_elsewhere_or_is_unknown_is_given_again(self, array: str) -> None:
+    def test_an_earlier_goal_that_ended_elsewhere_or_is_unknown_is_resent(self, array: str) -> None:
         talk = self.after_restart()
         talk.array(array)
         talk.ready()
@@ -906,9 +904,7 @@ class TestRestartOfTheAgent:
     @pytest.mark.parametrize(
         ("behind", "array"), [("", "A:2"), ("old", "old:4 A:2"), ("old", "old:4 A:2 B:6")]
     )
-    def test_one_that_was_given_and_not_listed_before_the_restart_goes_on(
-        self, behind: str, array: str
-    ) -> None:
+    def test_a_goal_sent_but_not_listed_before_the_restart_continues(self, behind: str, array: str) -> None:
         talk = self.unlisted(behind)
         talk.array(array)
         talk.ready()
@@ -918,14 +914,14 @@ class TestRestartOfTheAgent:
         assert (talk.given, talk.cancelled, talk.events) == ([], [], [Arrived(1)])
 
     @pytest.mark.parametrize(("behind", "array"), [("old", "old:4"), ("older", "old:4"), ("old", "")])
-    def test_one_that_was_never_given_is_given(self, behind: str, array: str) -> None:
+    def test_a_goal_that_was_never_sent_is_sent(self, behind: str, array: str) -> None:
         talk = self.unlisted(behind)
         talk.array(array)
         talk.ready()
         talk.go_to(goal(1))
         assert (talk.given, talk.events) == ([1], [])
 
-    def test_one_that_was_not_listed_before_the_restart_is_cancelled_with_a_halt(self) -> None:
+    def test_a_goal_not_listed_before_the_restart_is_cancelled_by_a_halt(self) -> None:
         talk = self.unlisted("old")
         talk.array("old:4 A:2")
         talk.halt()
@@ -938,7 +934,7 @@ class TestRestartOfTheAgent:
         talk.tracker.reclaim(MapOwnGoals((), place, given=place, behind=behind))
         return talk
 
-    def test_one_that_leads_elsewhere_is_replaced_without_a_cancel(self) -> None:
+    def test_an_earlier_goal_to_another_pose_is_replaced_without_a_cancel(self) -> None:
         talk = self.after_restart(9.0)
         talk.array("A:2")
         talk.ready()
@@ -955,7 +951,7 @@ class TestRestartOfTheAgent:
         talk.later(5.0)
         assert talk.events == [Halted()]
 
-    def test_one_that_nobody_wants_is_cancelled_after_a_while(self) -> None:
+    def test_an_earlier_goal_that_is_not_requested_is_cancelled_after_a_timeout(self) -> None:
         talk = self.after_restart()
         talk.array("A:2")
         talk.ready()
@@ -983,7 +979,7 @@ def test_a_pose_is_waited_for_from_the_arrival_on(drive: GoalDrive) -> None:
     assert not GoalDrive(drive.goal).pose_may_come(0.0, WAIT)
 
 
-def test_a_pose_of_a_robot_under_way_is_a_late_one(drive: GoalDrive) -> None:
+def test_a_pose_of_a_moving_robot_is_a_late_one(drive: GoalDrive) -> None:
     drive.on_pose(pose(3.0), pose(2.0), 101.0)
     assert drive.pose_may_come(102.9, WAIT)
     drive.on_pose(pose(3.05), pose(3.0), 102.0)
@@ -1002,7 +998,7 @@ def test_before_the_arrival_no_pose_is_late() -> None:
     assert not drive.pose_may_come(4.0, WAIT)
 
 
-def test_a_pose_of_the_robot_at_rest_is_asked_for_after_each_arrival() -> None:
+def test_a_pose_at_standstill_is_requested_after_each_arrival() -> None:
     talk = Conversation().ready()
     talk.drives()
     talk.at(5.0)
@@ -1016,7 +1012,7 @@ def test_a_pose_of_the_robot_at_rest_is_asked_for_after_each_arrival() -> None:
     assert not talk.tracker.busy
 
 
-def test_no_pose_at_rest_is_asked_for_when_the_next_goal_has_come() -> None:
+def test_no_pose_at_standstill_is_requested_after_the_next_goal() -> None:
     talk = Conversation().ready()
     talk.drives()
     talk.at(5.0)

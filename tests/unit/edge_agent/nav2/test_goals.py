@@ -7,7 +7,7 @@ from nena_edge_agent.nav2.goals import GoalEntry, GoalIdPrefix, GoalRegistry, Pr
 from nena_shared.ros import GoalStatus
 
 
-def test_every_code_of_the_definition_is_known() -> None:
+def test_every_code_of_the_definition_has_a_meaning() -> None:
     assert [GoalStatus.of(number).name for number in range(7)] == [
         "UNKNOWN",
         "ACCEPTED",
@@ -20,7 +20,7 @@ def test_every_code_of_the_definition_is_known() -> None:
 
 
 @pytest.mark.parametrize("number", [-1, 7, 127])
-def test_code_that_the_definition_does_not_have_says_nothing(number: int) -> None:
+def test_a_code_outside_the_definition_has_no_meaning(number: int) -> None:
     assert GoalStatus.of(number) is GoalStatus.UNKNOWN
 
 
@@ -44,7 +44,7 @@ def registry() -> GoalRegistry:
     return registry
 
 
-def test_as_many_new_ids_are_ours_as_goals_were_given(registry: GoalRegistry) -> None:
+def test_as_many_new_ids_are_ours_as_goals_were_sent(registry: GoalRegistry) -> None:
     registry.given(1.0)
     registry.given(4.0)
     entries = [GoalEntry(name, EXECUTING) for name in ("old", "A", "B", "C")]
@@ -52,7 +52,7 @@ def test_as_many_new_ids_are_ours_as_goals_were_given(registry: GoalRegistry) ->
     assert registry.live == ("A", "B")
 
 
-def test_given_goal_is_awaited_and_claims_an_id_for_twice_as_long(registry: GoalRegistry) -> None:
+def test_a_sent_goal_is_awaited_and_claims_an_id_for_twice_as_long(registry: GoalRegistry) -> None:
     registry.given(1.0)
     assert registry.awaiting(3.9)
     assert not registry.awaiting(4.0)
@@ -73,7 +73,7 @@ def test_goal_of_ours_that_is_listed_no_more_is_lost_unless_it_had_ended(registr
     assert registry.update([GoalEntry("X", EXECUTING)], 2.0).lost == {"B"}
 
 
-def test_goals_of_before_are_known_by_an_array_or_by_time() -> None:
+def test_earlier_goals_are_known_from_an_array_or_after_a_time() -> None:
     registry = GoalRegistry(confirmation_time=3.0, settle_time=2.0)
     assert not registry.settled(100.0)
     registry.set_servers(frozenset({"gid"}), 100.0)
@@ -88,7 +88,7 @@ def test_new_server_has_to_settle_too(registry: GoalRegistry) -> None:
     assert registry.settled(12.0)
 
 
-def test_server_that_outlives_the_one_that_came_beside_it_counts_again(registry: GoalRegistry) -> None:
+def test_a_server_that_outlives_its_successor_counts_again(registry: GoalRegistry) -> None:
     assert registry.set_servers(frozenset({"gid", "other"}), 10.0)
     assert not registry.set_servers(frozenset({"gid", "other"}), 11.0)
     assert registry.set_servers(frozenset({"gid"}), 20.0)
@@ -97,7 +97,7 @@ def test_server_that_outlives_the_one_that_came_beside_it_counts_again(registry:
     assert registry.settled(22.0)
 
 
-def test_table_shows_whose_the_goals_are_and_an_end_stays_an_end(registry: GoalRegistry) -> None:
+def test_the_table_shows_the_owner_of_each_goal_and_an_end_is_final(registry: GoalRegistry) -> None:
     registry.update([GoalEntry("X", EXECUTING)], 1.0)
     registry.given(1.0)
     for status in (EXECUTING, SUCCEEDED, EXECUTING):
@@ -108,7 +108,7 @@ def test_table_shows_whose_the_goals_are_and_an_end_stays_an_end(registry: GoalR
     )
 
 
-def test_table_keeps_what_runs_and_the_newest_of_what_has_ended(registry: GoalRegistry) -> None:
+def test_the_table_keeps_running_goals_and_the_newest_ended_ones(registry: GoalRegistry) -> None:
     registry.update([GoalEntry("X", EXECUTING), GoalEntry("before", ABORTED)], 1.0)
     ended = [GoalEntry(f"old {number}", ABORTED) for number in range(100)]
     registry.update([GoalEntry("X", EXECUTING), *ended], 1.0)
@@ -121,7 +121,7 @@ def test_table_is_empty_after_a_restart_of_the_server(registry: GoalRegistry) ->
     assert registry.table.goals == ()
 
 
-def test_goal_that_the_server_does_not_know_is_over(registry: GoalRegistry) -> None:
+def test_a_goal_unknown_to_the_server_has_ended(registry: GoalRegistry) -> None:
     registry.given(1.0)
     registry.update([GoalEntry("A", EXECUTING)], 1.0)
     registry.forget("A")
@@ -129,7 +129,7 @@ def test_goal_that_the_server_does_not_know_is_over(registry: GoalRegistry) -> N
     assert registry.live == ()
 
 
-def test_who_has_taken_over(registry: GoalRegistry) -> None:
+def test_the_goal_that_took_over_is_named(registry: GoalRegistry) -> None:
     registry.given(1.0)
     registry.update([GoalEntry("old", ABORTED), GoalEntry("A", EXECUTING)], 1.0)
     assert registry.taken_over("A") is None
@@ -138,7 +138,7 @@ def test_who_has_taken_over(registry: GoalRegistry) -> None:
     assert registry.taken_over("unknown") is None
 
 
-def test_array_that_comes_late_says_nothing(registry: GoalRegistry) -> None:
+def test_a_late_array_is_ignored(registry: GoalRegistry) -> None:
     registry.given(1.0)
     registry.update([GoalEntry("old", ABORTED), GoalEntry("A", EXECUTING)], 1.0)
     for late in ([GoalEntry("old", ABORTED)], []):
@@ -147,7 +147,7 @@ def test_array_that_comes_late_says_nothing(registry: GoalRegistry) -> None:
     assert registry.live == ("A",)
 
 
-def test_an_agent_knows_its_ids_again_after_a_restart() -> None:
+def test_an_agent_recognises_its_ids_after_a_restart() -> None:
     goal_id = GoalIdPrefix("nena_edge_agent").new()
     assert GoalIdPrefix("nena_edge_agent").matches(goal_id)
     assert not GoalIdPrefix("another_agent").matches(goal_id)
@@ -173,7 +173,7 @@ def entry(goal_id: str, status: int) -> GoalEntry:
     return GoalEntry(goal_id, GoalStatus.of(status))
 
 
-def test_an_id_with_the_mark_is_ours_and_no_other_one_even_while_an_answer_is_awaited() -> None:
+def test_only_an_id_with_the_prefix_is_ours_even_while_a_response_is_awaited() -> None:
     goals = prefixed_registry()
     goals.sent(1.0)
     goals.update([entry(THEIRS, 2)], 1.1)
@@ -182,7 +182,7 @@ def test_an_id_with_the_mark_is_ours_and_no_other_one_even_while_an_answer_is_aw
     assert [row.external for row in goals.table.goals] == [True, False]
 
 
-def test_an_accepted_goal_is_there_before_its_array_and_a_late_array_does_not_lose_it() -> None:
+def test_an_accepted_goal_is_listed_before_its_array_and_kept_despite_a_late_one() -> None:
     goals = prefixed_registry()
     goals.update([entry(THEIRS, 4)], 0.5)
     goals.sent(1.0)
@@ -194,7 +194,7 @@ def test_an_accepted_goal_is_there_before_its_array_and_a_late_array_does_not_lo
     assert goals.live == (OURS,)
 
 
-def test_a_result_ends_a_goal_and_an_array_of_before_does_not_revive_it() -> None:
+def test_a_result_ends_a_goal_and_an_older_array_does_not_revive_it() -> None:
     goals = prefixed_registry()
     goals.accept(OURS)
     goals.settle(OURS, GoalStatus.SUCCEEDED)
@@ -202,7 +202,7 @@ def test_a_result_ends_a_goal_and_an_array_of_before_does_not_revive_it() -> Non
     assert goals.status(OURS) is GoalStatus.SUCCEEDED
 
 
-def test_a_result_of_an_unknown_goal_or_without_an_end_says_nothing() -> None:
+def test_a_result_of_an_unknown_or_unfinished_goal_is_ignored() -> None:
     goals = prefixed_registry()
     goals.settle(OURS, GoalStatus.ABORTED)
     assert goals.status(OURS) is None
@@ -211,7 +211,7 @@ def test_a_result_of_an_unknown_goal_or_without_an_end_says_nothing() -> None:
     assert goals.status(OURS) is GoalStatus.ACCEPTED
 
 
-def test_a_goal_sent_and_not_seen_before_a_restart_is_known_by_its_mark() -> None:
+def test_a_goal_not_listed_before_a_restart_is_recognised_by_its_prefix() -> None:
     goals = prefixed_registry()
     goals.reclaim((), "")
     goals.update([entry(OURS, 2), entry(THEIRS, 2)], 1.0)

@@ -31,7 +31,7 @@ def picture(mask: Mask) -> list[str]:
     return ["".join("#" if cell else "." for cell in row) for row in reversed(rows)]
 
 
-def test_a_polygon_is_closed_and_what_lies_beside_it_is_not() -> None:
+def test_cells_in_a_polygon_are_closed_and_cells_next_to_it_are_not() -> None:
     mask = mask_of([((0.0, 0.0), (4.0, 0.0), (0.0, 4.0))], 0.5)
     assert picture(mask)[-1] == "#########"
     assert picture(mask)[0] == "#........"
@@ -64,13 +64,13 @@ def test_a_huge_area_has_larger_cells(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @given(st.floats(0.01, 0.99), st.floats(0.01, 0.99), st.sampled_from([0.05, 0.3, 2.0]))
-def test_each_place_inside_is_closed(along: float, up: float, resolution: float) -> None:
+def test_each_cell_inside_is_closed(along: float, up: float, resolution: float) -> None:
     mask = mask_of([SQUARE], resolution)
     assert len(mask.cells) == mask.width * mask.height
     assert closed(mask, 1.0 + 2.0 * along, 1.0 + up)
 
 
-async def test_a_mask_is_drawn_beside_the_event_loop_and_one_that_is_replaced_is_not_shown(
+async def test_a_mask_is_drawn_in_a_thread_and_not_published_once_replaced(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     let_draw = threading.Event()

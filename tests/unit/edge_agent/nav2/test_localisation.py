@@ -34,7 +34,7 @@ def test_nothing_is_known_before_the_first_pose() -> None:
     assert unknown.report() is None
 
 
-def test_pose_is_told_with_the_newest_velocity() -> None:
+def test_the_pose_is_reported_with_the_newest_velocity() -> None:
     known = localisation()
     assert known.on_reading(READING) == MapPose(1.0, 2.0, 0.5, "hall")
     assert known.report() == MapPoseReport(
@@ -58,7 +58,7 @@ def test_clock_that_was_set_back_does_not_silence_the_robot() -> None:
     assert known.on_reading(replace(READING, stamp=5 * SECOND)) is not None
 
 
-def test_pose_in_another_frame_is_dropped_and_told_once() -> None:
+def test_a_pose_in_another_frame_is_dropped_and_logged_once() -> None:
     lost = localisation()
     with capture_logs() as lines:
         for _ in range(2):
@@ -68,7 +68,7 @@ def test_pose_in_another_frame_is_dropped_and_told_once() -> None:
     assert not lost.known
 
 
-def test_wide_spread_is_told() -> None:
+def test_a_large_uncertainty_is_reported() -> None:
     lost = localisation()
     lost.on_reading(replace(READING, x_variance=9.0))
     report = lost.report()
@@ -82,7 +82,7 @@ def test_begin_and_end_of_moving_are_noticed() -> None:
     assert [moving.on_velocity(each, 0.0) for each in velocities] == [True, False, True, False, False, True]
 
 
-def test_a_nearer_place_counts_until_a_pose_comes_that_is_newer() -> None:
+def test_a_position_from_feedback_counts_until_a_newer_pose_arrives() -> None:
     known = localisation()
     assert known.on_nearer(1.5, 2.0, 0.5, "map") is None
     known.on_reading(READING)
@@ -94,7 +94,7 @@ def test_a_nearer_place_counts_until_a_pose_comes_that_is_newer() -> None:
     assert known.on_reading(latest) == MapPose(1.3, 2.0, 0.5, "hall")
 
 
-def test_a_nearer_place_in_another_frame_is_passed_over() -> None:
+def test_a_position_from_feedback_in_another_frame_is_ignored() -> None:
     known = localisation()
     known.on_reading(READING)
     assert known.on_nearer(1.5, 2.0, 0.5, "odom") is None
@@ -120,7 +120,7 @@ def initial_position() -> InitialPosition:
     return InitialPosition(LocalisationSettings(initial_wait=1.0, initial_attempts=3))
 
 
-def test_is_given_and_confirmed_by_a_pose_near_it(initial_position: InitialPosition) -> None:
+def test_is_sent_and_confirmed_by_a_pose_near_it(initial_position: InitialPosition) -> None:
     assert initial_position.ask(WANTED, 0.0) == [PublishInitialPose(WANTED)]
     assert initial_position.on_pose(ELSEWHERE) == []
     assert initial_position.on_pose(MapPose(2.3, 1.2, -3.1, "hall")) == [DONE]
@@ -133,7 +133,7 @@ def test_wrong_heading_confirms_nothing(initial_position: InitialPosition) -> No
     assert initial_position.busy
 
 
-def test_is_given_again_and_then_given_up(initial_position: InitialPosition) -> None:
+def test_is_resent_and_then_abandoned(initial_position: InitialPosition) -> None:
     initial_position.ask(WANTED, 0.0)
     assert initial_position.tick(0.9) == []
     assert initial_position.tick(1.0) == [PublishInitialPose(WANTED)]
@@ -147,7 +147,7 @@ def test_is_given_again_and_then_given_up(initial_position: InitialPosition) -> 
     assert initial_position.tick(9.0) == []
 
 
-def test_failure_says_where_the_localisation_stays(initial_position: InitialPosition) -> None:
+def test_a_failure_names_the_pose_of_the_localisation(initial_position: InitialPosition) -> None:
     initial_position.ask(WANTED, 0.0)
     initial_position.on_pose(ELSEWHERE)
     for now in (1.0, 2.0):
@@ -156,7 +156,7 @@ def test_failure_says_where_the_localisation_stays(initial_position: InitialPosi
     assert "stays at x 9.00 m" in str(answer)
 
 
-def test_poses_from_before_say_nothing(initial_position: InitialPosition) -> None:
+def test_earlier_poses_do_not_confirm_the_position(initial_position: InitialPosition) -> None:
     assert initial_position.on_pose(WANTED) == []
     initial_position.ask(WANTED, 0.0)
     assert initial_position.busy
@@ -177,13 +177,13 @@ def watch() -> PoseWatch:
     return watch
 
 
-def test_nothing_is_asked_before_the_first_pose() -> None:
+def test_nothing_is_requested_before_the_first_pose() -> None:
     watch = PoseWatch(timeout=5.0, wait=2.0)
     assert not watch.look(driving=True, unsure=False, now=1000.0)
     assert not watch.lost
 
 
-def test_a_pose_is_asked_for_and_its_coming_ends_the_matter(watch: PoseWatch) -> None:
+def test_a_pose_is_requested_until_it_arrives(watch: PoseWatch) -> None:
     assert not watch.look(driving=True, unsure=False, now=104.9)
     assert watch.look(driving=True, unsure=False, now=105.0)
     watch.on_answer(105.1)
@@ -192,7 +192,7 @@ def test_a_pose_is_asked_for_and_its_coming_ends_the_matter(watch: PoseWatch) ->
     assert not watch.lost
 
 
-def test_lost_is_who_is_promised_a_pose_and_gets_none(watch: PoseWatch) -> None:
+def test_a_robot_is_lost_if_a_promised_pose_does_not_arrive(watch: PoseWatch) -> None:
     watch.look(driving=True, unsure=False, now=105.0)
     watch.on_answer(105.1)
     asked, lost = [], []
@@ -204,14 +204,14 @@ def test_lost_is_who_is_promised_a_pose_and_gets_none(watch: PoseWatch) -> None:
     assert not watch.lost
 
 
-def test_lost_is_who_drives_on_without_a_pose(watch: PoseWatch) -> None:
+def test_a_robot_that_drives_on_without_a_pose_is_lost(watch: PoseWatch) -> None:
     for step in range(105):
         watch.on_velocity(0.5, 0.0, 100.0 + step * 0.05)
     watch.look(driving=True, unsure=False, now=105.2)
     assert watch.lost
 
 
-def test_robot_that_stands_before_an_obstacle_is_not_lost_where_nobody_answers(watch: PoseWatch) -> None:
+def test_a_robot_stopped_by_an_obstacle_is_not_lost_without_a_localisation_response(watch: PoseWatch) -> None:
     for second in range(105, 200):
         watch.on_velocity(0.0, 0.0, float(second))
         watch.look(driving=True, unsure=False, now=float(second))
@@ -220,13 +220,13 @@ def test_robot_that_stands_before_an_obstacle_is_not_lost_where_nobody_answers(w
     assert not watch.lost
 
 
-def test_silence_at_standstill_says_nothing(watch: PoseWatch) -> None:
+def test_silence_at_standstill_is_ignored(watch: PoseWatch) -> None:
     assert not watch.look(driving=False, unsure=False, now=1000.0)
     assert not watch.look(driving=True, unsure=False, now=1004.9)
     assert watch.look(driving=True, unsure=False, now=1005.0)
 
 
-def test_a_robot_that_is_unsure_or_lost_goes_on_asking_also_at_standstill(watch: PoseWatch) -> None:
+def test_an_uncertain_or_lost_robot_keeps_requesting_poses_even_at_standstill(watch: PoseWatch) -> None:
     assert watch.look(driving=False, unsure=True, now=105.0)
     watch.on_answer(105.0)
     assert watch.look(driving=False, unsure=True, now=107.0)
@@ -234,7 +234,7 @@ def test_a_robot_that_is_unsure_or_lost_goes_on_asking_also_at_standstill(watch:
     assert watch.look(driving=False, unsure=False, now=109.0)
 
 
-def test_a_localisation_that_has_gone_or_come_back_is_noticed_once() -> None:
+def test_a_localisation_that_dies_or_restarts_is_detected_once() -> None:
     watch = LocaliserWatch()
     one, other = frozenset({"a"}), frozenset({"b"})
     seen = [watch.look(each, inactive=False) for each in (frozenset[str](), one, one)]
@@ -246,7 +246,7 @@ def test_a_localisation_that_has_gone_or_come_back_is_noticed_once() -> None:
     assert watch.look(one, inactive=False) is None, "the old one is gone at last"
 
 
-def test_a_localisation_that_dies_before_the_first_look_is_noticed_by_its_pose() -> None:
+def test_a_localisation_that_dies_before_the_first_check_is_detected_by_its_pose() -> None:
     watch = LocaliserWatch()
     assert watch.look(frozenset(), inactive=False) is None
     watch.on_pose()

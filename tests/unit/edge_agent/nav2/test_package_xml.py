@@ -30,7 +30,7 @@ def test_version_and_description_are_those_of_the_distribution(package: dict[str
     assert package["license"] == [project["license"]]
 
 
-def test_dependencies_are_what_the_sources_import(package: dict[str, list[str]]) -> None:
+def test_dependencies_match_the_imports_of_the_sources(package: dict[str, list[str]]) -> None:
     sources = (file.read_text(encoding="utf-8") for file in (FOLDER / "src").rglob("*.py"))
     imported = {name for source in sources for name in ROS_IMPORT.findall(source)}
     assert set(package["exec_depend"]) == imported | FOR_LAUNCH

@@ -15,7 +15,7 @@ ANGLES = st.floats(-20.0, 20.0)
 
 
 @given(ANGLES, st.sampled_from([1.0, -1.0]))
-def test_heading_comes_back_from_a_quaternion_of_either_sign(yaw: float, sign: float) -> None:
+def test_the_heading_is_read_from_a_quaternion_of_either_sign(yaw: float, sign: float) -> None:
     z, w = quaternion_of(yaw)
     back = yaw_of(0.0, 0.0, sign * z, sign * w)
     assert back is not None
@@ -72,7 +72,7 @@ def test_heading_of_a_robot_on_a_slope() -> None:
 
 
 @pytest.mark.parametrize("quaternion", [(0, 0, 0, 0), (0, 0, 1, 1), (0, 0, math.nan, 1), (0, 0, math.inf, 0)])
-def test_no_heading_from_what_is_no_unit_quaternion(quaternion: tuple[float, float, float, float]) -> None:
+def test_an_invalid_quaternion_has_no_heading(quaternion: tuple[float, float, float, float]) -> None:
     assert yaw_of(*quaternion) is None
 
 
@@ -115,9 +115,9 @@ def test_agreement_with_a_goal(pose: MapPose, deviation_theta: float | None, *, 
         (MapPose(1.0, 2.0, math.inf, "hall"), "is not a valid pose"),
     ],
 )
-def test_says_why_a_robot_cannot_be_sent_to_a_place(pose: MapPose, reason: str) -> None:
+def test_reports_why_a_robot_cannot_be_sent_to_a_pose(pose: MapPose, reason: str) -> None:
     assert reason in str(impossible(pose, "hall"))
 
 
-def test_a_place_on_the_robots_map_can_be_driven_to() -> None:
+def test_a_pose_on_the_robots_map_can_be_driven_to() -> None:
     assert impossible(MapPose(1.0, 2.0, 0.0, "hall"), "hall") is None

@@ -20,7 +20,7 @@ GID = frozenset({"gid"})
 
 
 @pytest.mark.parametrize("lifecycle", [Lifecycle.ACTIVE, Lifecycle.ABSENT])
-def test_nav2_that_can_take_goals(lifecycle: Lifecycle) -> None:
+def test_a_nav2_that_accepts_goals(lifecycle: Lifecycle) -> None:
     report = judge(Presence(GID, 1, lifecycle), SETTINGS, pose_known=True)
     assert report.available
     assert report.reason == ""
@@ -37,7 +37,7 @@ def test_nav2_that_can_take_goals(lifecycle: Lifecycle) -> None:
         (Presence(GID, 1, Lifecycle.ACTIVE), False, "no pose received on amcl_pose"),
     ],
 )
-def test_what_is_missing_is_said_in_words(presence: Presence, *, pose_known: bool, reason: str) -> None:
+def test_the_reason_names_what_is_missing(presence: Presence, *, pose_known: bool, reason: str) -> None:
     report = judge(presence, SETTINGS, pose_known=pose_known)
     assert not report.available
     assert reason in report.reason
@@ -45,13 +45,13 @@ def test_what_is_missing_is_said_in_words(presence: Presence, *, pose_known: boo
 
 
 @pytest.mark.parametrize("lifecycle", [Lifecycle.INACTIVE, Lifecycle.STARTING, Lifecycle.SILENT])
-def test_the_pose_is_asked_for_before_nav2_is_blamed(lifecycle: Lifecycle) -> None:
+def test_the_initial_position_is_suggested_before_nav2_is_blamed(lifecycle: Lifecycle) -> None:
     report = judge(Presence(GID, 1, lifecycle), SETTINGS, pose_known=False)
     assert "set the initial position first" in report.reason
     assert "60 s" in report.reason
 
 
-def test_a_localisation_that_is_not_active_keeps_the_robot() -> None:
+def test_an_inactive_localisation_prevents_driving() -> None:
     presence = Presence(GID, 1, Lifecycle.ACTIVE, localiser=Lifecycle.INACTIVE)
     assert "amcl/get_state" in judge(presence, SETTINGS, pose_known=True).reason
 
@@ -65,7 +65,7 @@ def test_only_the_planners_own_node_counts_as_planner() -> None:
     assert endpoints(publishers) == {"0102", "0304"}
 
 
-def test_a_planner_that_has_gone_keeps_the_robot_until_it_is_back() -> None:
+def test_a_missing_planner_prevents_driving_until_it_returns() -> None:
     watch = PlannerWatch()
     looks = [watch.look(publishers) for publishers in (frozenset[str](), GID, frozenset[str]())]
     assert (looks, watch.gone) == ([False, False, True], True), "only one that was present is missed"
@@ -77,7 +77,7 @@ def test_a_planner_that_has_gone_keeps_the_robot_until_it_is_back() -> None:
     assert not watch.gone
 
 
-def test_the_first_seconds_say_starting() -> None:
+def test_the_first_seconds_report_starting() -> None:
     nothing = Presence(frozenset(), 0, Lifecycle.ABSENT)
     report = judge(nothing, SETTINGS, pose_known=False, seconds=1.0)
     assert (report.available, report.starting) == (False, True)
@@ -86,13 +86,13 @@ def test_the_first_seconds_say_starting() -> None:
     assert (later.starting, "is Nav2 running there?" in later.reason) == (False, True)
 
 
-def test_what_nav2_says_is_told_in_the_first_seconds_too() -> None:
+def test_known_states_are_reported_in_the_first_seconds_too() -> None:
     report = judge(Presence(GID, 1, Lifecycle.INACTIVE), SETTINGS, pose_known=False, seconds=0.5)
     assert not report.starting
     assert judge(Presence(GID, 1, Lifecycle.ACTIVE), SETTINGS, pose_known=True, seconds=0.5).available
 
 
-def test_one_answer_that_stays_out_is_chance_and_two_are_silence() -> None:
+def test_one_missing_response_is_ignored_and_two_are_silence() -> None:
     watch = LifecycleWatch()
     answers: list[bool | None] = [True, None, True, None, None, None, False]
     assert [watch.judge(there=True, active=active) for active in answers] == [
@@ -106,14 +106,14 @@ def test_one_answer_that_stays_out_is_chance_and_two_are_silence() -> None:
     ]
 
 
-def test_service_that_goes_takes_its_word_with_it() -> None:
+def test_a_service_that_disappears_is_forgotten() -> None:
     watch = LifecycleWatch()
     watch.judge(there=True, active=False)
     assert watch.judge(there=False, active=None) is Lifecycle.ABSENT
     assert watch.judge(there=True, active=None) is Lifecycle.STARTING
 
 
-def test_service_that_has_never_answered_is_of_a_nav2_that_starts() -> None:
+def test_a_service_that_never_answered_belongs_to_a_starting_nav2() -> None:
     watch = LifecycleWatch()
     answers: list[bool | None] = [None, None, None, False, True]
     assert [watch.judge(there=True, active=active) for active in answers] == [
@@ -135,7 +135,7 @@ def test_service_that_has_never_answered_is_of_a_nav2_that_starts() -> None:
         ("action", 1, False, False),
     ],
 )
-def test_goals_are_taken_by_a_door_that_is_wanted(
+def test_goals_are_accepted_by_the_configured_interface(
     navigation: Navigation, listeners: int, *, action: bool, available: bool
 ) -> None:
     settings = RosSettings(namespace="r1", domain_id=7, navigation=Navigation(navigation))

@@ -11,13 +11,13 @@ from nena_edge_agent.nav2.robot_base import Battery, BatteryReading, MovementWat
 from nena_edge_agent.nav2.settings import BatteryScale
 
 
-def test_knows_nothing_without_odometry() -> None:
+def test_is_unknown_without_odometry() -> None:
     standstill = Standstill()
     assert not standstill.known(0.0)
     assert not standstill.stands(0.0)
 
 
-def test_stands_after_a_while_of_standing() -> None:
+def test_stands_after_some_time_at_standstill() -> None:
     standstill = Standstill()
     standstill.on_velocity(0.005, -0.005, 10.0)
     assert not standstill.stands(10.1)
@@ -25,7 +25,7 @@ def test_stands_after_a_while_of_standing() -> None:
     assert standstill.stands(10.25)
 
 
-def test_turning_is_no_standing() -> None:
+def test_turning_is_not_standstill() -> None:
     standstill = Standstill()
     standstill.on_velocity(0.0, 0.0, 10.0)
     standstill.on_velocity(0.0, 0.05, 10.3)
@@ -33,7 +33,7 @@ def test_turning_is_no_standing() -> None:
     assert not standstill.stands(10.5)
 
 
-def test_odometry_that_fell_silent_says_nothing() -> None:
+def test_outdated_odometry_is_ignored() -> None:
     standstill = Standstill()
     standstill.on_velocity(0.0, 0.0, 10.0)
     standstill.on_velocity(0.0, 0.0, 10.5)
@@ -50,7 +50,7 @@ def drive(watch: MovementWatch, speed: float, omega: float, *, start: float, sec
     return start + steps * 0.05
 
 
-def test_robot_that_stands_is_blocked_after_a_while_and_no_more_once_it_moves() -> None:
+def test_a_robot_at_standstill_is_blocked_after_a_timeout_until_it_moves() -> None:
     watch = MovementWatch(10.0)
     assert not watch.blocked(driving=True, now=100.0)
     now = drive(watch, 0.0, 0.0, start=100.0, seconds=9.9)
@@ -72,7 +72,7 @@ def test_turning_on_the_spot_is_movement_and_trembling_is_none() -> None:
     assert trembling.blocked(driving=True, now=11.0)
 
 
-def test_without_odometry_the_poses_tell() -> None:
+def test_without_odometry_the_poses_decide() -> None:
     watch = MovementWatch(10.0)
     watch.blocked(driving=True, now=0.0)
     watch.on_pose(MapPose(1.0, 0.0, 0.0, "hall"), 5.0)
@@ -119,7 +119,7 @@ def test_recoveries_are_no_progress() -> None:
     assert not watch.blocked(driving=True, now=now)
 
 
-def test_recoveries_that_nothing_counts_are_no_progress_in_the_end() -> None:
+def test_uncounted_recoveries_are_eventually_not_progress() -> None:
     watch = MovementWatch(10.0)
     watch.blocked(driving=True, now=0.0)
     now = recover(watch, 0.0, 45.0, count=False)
@@ -140,7 +140,7 @@ def test_charge_that_was_not_measured_is_no_report() -> None:
     assert Battery("fraction").report(BatteryReading(math.nan, 24.0, 0.0, DISCHARGING)) is None
 
 
-def test_what_was_not_measured_is_left_out() -> None:
+def test_unmeasured_values_are_omitted() -> None:
     report = Battery("fraction").report(BatteryReading(1.0, math.nan, math.nan, CHARGING))
     assert report == BatteryReport(100.0, charging=True, voltage=None, current=None)
 
@@ -152,7 +152,7 @@ def test_charge_stays_between_empty_and_full(percentage: float, charge: float) -
     assert report.state_of_charge == charge
 
 
-def test_percent_under_fraction_is_told_once_and_not_guessed() -> None:
+def test_percent_with_scale_fraction_is_reported_once_and_not_guessed() -> None:
     battery = Battery("fraction")
     with capture_logs() as lines:
         reports = [battery.report(BatteryReading(57.0, 24.0, 0.0, DISCHARGING)) for _ in range(3)]
@@ -161,7 +161,7 @@ def test_percent_under_fraction_is_told_once_and_not_guessed() -> None:
     assert reports[0] == BatteryReport(100.0, charging=False, voltage=24.0, current=0.0)
 
 
-def test_percent_under_percent_is_nothing_to_tell() -> None:
+def test_percent_with_scale_percent_is_not_reported() -> None:
     with capture_logs() as lines:
         Battery("percent").report(BatteryReading(57.0, 24.0, 0.0, DISCHARGING))
     assert lines == []
@@ -171,13 +171,13 @@ def test_percent_under_percent_is_nothing_to_tell() -> None:
     ("measured", "velocity"),
     [((0.03, -0.03), (0.0, 0.0)), ((0.031, 0.0), (0.031, 0.0)), ((-0.5, 0.02), (-0.5, 0.0))],
 )
-def test_noise_of_the_odometry_counts_as_standing(
+def test_odometry_noise_counts_as_standstill(
     measured: tuple[float, float], velocity: tuple[float, float]
 ) -> None:
     assert without_noise(measured, 0.03) == velocity
 
 
-def test_a_robot_whose_odometry_drifts_at_rest_is_seen_standing() -> None:
+def test_a_robot_whose_odometry_drifts_at_rest_is_at_standstill() -> None:
     standstill = Standstill()
     for tick in range(5):
         standstill.on_velocity(*without_noise((0.02, -0.015), 0.03), 0.1 * tick)

@@ -22,7 +22,7 @@ class Loop:
             self.posted.pop(0)()
 
 
-def test_items_come_in_order_with_one_call_for_all_that_wait() -> None:
+def test_items_are_delivered_in_order_with_one_call_for_all_waiting_ones() -> None:
     loop, came = Loop(), list[int]()
     mailbox = RosMailbox[int](10, came.append, loop.posted.append)
     for item in (1, 2, 3):
@@ -41,7 +41,7 @@ def test_the_oldest_is_dropped_when_it_is_full() -> None:
     assert came == [2, 3]
 
 
-def test_nothing_stays_behind_while_two_threads_are_at_it() -> None:
+def test_no_item_is_lost_between_two_threads() -> None:
     loop, came = Loop(), list[int]()
     mailbox = RosMailbox[int](1, came.append, loop.posted.append)
 

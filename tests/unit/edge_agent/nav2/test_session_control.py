@@ -24,7 +24,7 @@ from support.clocks import ManualClock
 from support.waiting import until
 
 
-def test_what_the_user_has_set_stays(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_variables_set_by_the_user_are_kept(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     for name, value in (
         ("FASTDDS_BUILTIN_TRANSPORTS", "DEFAULT"),
         ("ROS_PYTHON_CHECK_FIELDS", "0"),
@@ -36,7 +36,7 @@ def test_what_the_user_has_set_stays(monkeypatch: pytest.MonkeyPatch, tmp_path: 
     assert dict(os.environ) == before
 
 
-def test_bare_environment_is_set_up_and_the_log_directory_goes_with_the_program(tmp_path: Path) -> None:
+def test_the_environment_is_set_up_and_the_log_directory_removed_at_exit(tmp_path: Path) -> None:
     program = (
         "import os\n"
         "from nena_edge_agent.nav2.session_control import prepare_environment\n"
@@ -120,7 +120,7 @@ class Graph:
         return [report.state.value for report in self.told]
 
 
-async def test_started_and_stopped_with_each_state_told() -> None:
+async def test_each_state_of_start_and_stop_is_reported() -> None:
     graph = Graph()
     await graph.keeper.start()
     await graph.keeper.stop()
@@ -140,7 +140,7 @@ async def test_an_impatient_person_starts_it_once() -> None:
     assert graph.states == ["INITIATING", "ACTIVE"]
 
 
-async def test_what_is_not_there_is_not_stopped() -> None:
+async def test_a_session_that_was_never_started_is_not_stopped() -> None:
     graph = Graph()
     await graph.keeper.stop()
     assert graph.states == []
@@ -148,14 +148,14 @@ async def test_what_is_not_there_is_not_stopped() -> None:
     assert graph.states == ["NOT_ACTIVE"]
 
 
-async def test_start_and_stop_at_the_same_time_come_one_after_the_other() -> None:
+async def test_simultaneous_start_and_stop_run_one_after_the_other() -> None:
     graph = Graph()
     await asyncio.gather(graph.keeper.start(), graph.keeper.stop(), graph.keeper.start())
     assert graph.states == ["INITIATING", "ACTIVE", "TERMINATING", "NOT_ACTIVE", "INITIATING", "ACTIVE"]
     assert graph.nodes == 1
 
 
-async def test_a_session_that_cannot_begin_says_why_and_is_tried_again_ever_more_seldom() -> None:
+async def test_a_session_that_cannot_start_reports_why_and_is_retried_with_backoff() -> None:
     graph = Graph()
     graph.problem = SessionError("no network")
     with pytest.raises(SessionError, match="no network"):
@@ -180,7 +180,7 @@ async def test_a_session_that_cannot_begin_says_why_and_is_tried_again_ever_more
     assert graph.told[-1].reason == ""
 
 
-async def test_a_session_that_is_lost_is_begun_anew_at_the_next_look() -> None:
+async def test_a_lost_session_is_restarted_at_the_next_check() -> None:
     graph = Graph()
     await graph.keeper.start()
     graph.nodes = 0
@@ -191,7 +191,7 @@ async def test_a_session_that_is_lost_is_begun_anew_at_the_next_look() -> None:
     assert graph.nodes == 1
 
 
-async def test_a_failure_is_over_when_somebody_stops_the_session() -> None:
+async def test_stopping_the_session_ends_a_failure() -> None:
     graph = Graph()
     graph.problem = SessionError("no network")
     with pytest.raises(SessionError):
@@ -237,7 +237,7 @@ async def test_a_session_that_fails_where_it_moved_to_stays_there() -> None:
     assert graph.begun[-1] == THERE
 
 
-async def test_a_start_that_is_given_up_leaves_it_off() -> None:
+async def test_a_cancelled_start_leaves_the_session_inactive() -> None:
     graph = Graph()
     graph.door.clear()
     start = asyncio.create_task(graph.keeper.start())
@@ -256,7 +256,7 @@ SETTINGS = RosSettings(namespace="/r1", domain_id=7)
 NEW = RosAddress("/r2", 9)
 
 
-def test_what_was_written_is_read(tmp_path: Path) -> None:
+def test_a_written_record_is_read(tmp_path: Path) -> None:
     store = SessionStore(tmp_path / "journal", ROBOT)
     assert store.read(SETTINGS) == RosAddress("/r1", 7)
     store.write(NEW, SETTINGS)

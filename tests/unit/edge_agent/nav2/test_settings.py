@@ -41,7 +41,7 @@ def test_domain_id_that_would_end_the_process(domain_id: int) -> None:
         (Navigation.THROUGH_POSES, "drive/through", "drive/to", True),
     ],
 )
-def test_which_action_drives(navigation: Navigation, driven: str, other: str, *, only: bool) -> None:
+def test_the_configured_action_drives(navigation: Navigation, driven: str, other: str, *, only: bool) -> None:
     names = RosNames(action="drive/to", through_poses="drive/through")
     settings = RosSettings(names=names, navigation=navigation)
     assert (settings.action, settings.other_action, settings.by_action_only) == (driven, other, only)
@@ -62,7 +62,7 @@ def test_node_name_that_ros_would_refuse() -> None:
 HERE = RosAddress("/r1", 7)
 
 
-def test_what_is_not_given_stays() -> None:
+def test_omitted_parts_are_kept() -> None:
     assert HERE.changed(namespace="hall/r2") == RosAddress("/hall/r2", 7)
     assert HERE.changed(domain_id=0) == RosAddress("/r1", 0)
     assert str(HERE) == "namespace /r1, domain 7"
@@ -77,14 +77,14 @@ def test_what_is_not_given_stays() -> None:
         (None, -1, "greater than or equal to 0"),
     ],
 )
-def test_what_ros_would_refuse_or_die_of_is_refused(
+def test_addresses_invalid_in_ros_are_refused(
     namespace: str | None, domain_id: int | None, problem: str
 ) -> None:
     with pytest.raises(BadAddressError, match=problem):
         HERE.changed(namespace=namespace, domain_id=domain_id)
 
 
-def test_settings_take_it_in_place_of_their_own() -> None:
+def test_an_address_replaces_that_of_the_settings() -> None:
     settings = RosSettings(namespace="/old", domain_id=1, frame="world")
     moved = HERE.applied(settings)
     assert RosAddress.of(moved) == HERE

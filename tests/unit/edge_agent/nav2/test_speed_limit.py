@@ -46,7 +46,7 @@ def limiter(controller: Controller, monkeypatch: pytest.MonkeyPatch) -> SpeedLim
 pytestmark = pytest.mark.ros
 
 
-def test_the_lower_one_of_two_limits_holds(limiter: SpeedLimiter, controller: Controller) -> None:
+def test_the_lower_of_two_limits_applies(limiter: SpeedLimiter, controller: Controller) -> None:
     limiter.for_goal(0.5)
     limiter.for_place(0.3)
     limiter.for_place(None)
@@ -62,12 +62,12 @@ def test_a_limit_above_the_own_speed_would_make_the_robot_faster_and_is_none(
     assert controller.sent == [0.0]
 
 
-def test_a_limit_of_zero_does_not_take_the_limit_back(limiter: SpeedLimiter, controller: Controller) -> None:
+def test_a_limit_of_zero_does_not_withdraw_the_limit(limiter: SpeedLimiter, controller: Controller) -> None:
     limiter.for_place(0.0)
     assert controller.sent == [SLOWEST]
 
 
-def test_a_controller_that_comes_back_is_told(limiter: SpeedLimiter, controller: Controller) -> None:
+def test_a_controller_that_returns_gets_the_limit(limiter: SpeedLimiter, controller: Controller) -> None:
     limiter.look()
     limiter.look()
     assert controller.sent == [0.0]
@@ -117,7 +117,7 @@ def test_without_a_listener_a_goal_with_a_limit_has_a_problem(
     assert limiter.problem(0.4) == ""
 
 
-def test_a_controller_that_is_slower_than_the_settings_say_gets_no_limit_above_its_speed(
+def test_a_controller_slower_than_the_settings_gets_no_limit_above_its_speed(
     limiter: SpeedLimiter, controller: Controller
 ) -> None:
     limiter.for_goal(0.8)
@@ -127,7 +127,7 @@ def test_a_controller_that_is_slower_than_the_settings_say_gets_no_limit_above_i
     assert controller.sent == [0.8, 0.0, 0.4]
 
 
-def test_a_controller_that_is_quicker_than_the_settings_say_gets_the_limits_between(
+def test_a_controller_faster_than_the_settings_gets_limits_in_between(
     limiter: SpeedLimiter, controller: Controller
 ) -> None:
     limiter.for_goal(1.5)

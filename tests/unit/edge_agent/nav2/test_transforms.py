@@ -28,7 +28,7 @@ def test_the_robot_is_where_the_transforms_lead(chain: Chain) -> None:
     assert (pose.frame, pose.stamp) == ("map", 7)
 
 
-def test_frames_of_names_that_are_never_heard_again_are_forgotten(chain: Chain) -> None:
+def test_frames_that_are_never_sent_again_are_dropped(chain: Chain) -> None:
     for number in range(3 * MOST_FRAMES):
         chain.put((Transform("map", f"tag {number}", 1.0, 0.0, 0.0, 0),), float(number))
     chain.put((MAP_ODOM, ODOM_FOOT), 3.0 * MOST_FRAMES)
@@ -50,7 +50,7 @@ def test_a_missing_transform_is_named(chain: Chain, known: tuple[Transform, ...]
     assert missing in chain.missing
 
 
-def test_a_transform_that_stays_out_makes_the_pose_unknown(chain: Chain) -> None:
+def test_a_missing_transform_makes_the_pose_unknown(chain: Chain) -> None:
     chain.put((MAP_ODOM, ODOM_FOOT), 0.0)
     chain.put((ODOM_FOOT,), 2.5)
     assert chain.pose(2.5) is None
@@ -65,6 +65,6 @@ def test_frames_in_a_circle_lead_nowhere() -> None:
     assert chain.pose(0.0) is None
 
 
-def test_only_what_may_move_the_robot_is_looked_at(chain: Chain) -> None:
+def test_only_transforms_that_may_move_the_robot_are_reported(chain: Chain) -> None:
     assert not chain.put((Transform("base_link", "wheel", 0, 0, 0, 0),), 0.0)
     assert chain.put((MAP_ODOM,), 0.0)

@@ -50,7 +50,7 @@ def test_an_action_of_the_settings_is_tried_without_a_robot(
         ),
     ],
 )
-def test_a_mistake_is_told_in_a_line(
+def test_a_mistake_is_reported_in_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, field: str, problem: str
 ) -> None:
     assert main([name, "--config", settings(tmp_path, field)]) == 2
@@ -69,7 +69,7 @@ def test_parameters_that_are_none_are_refused(parameters: str, capsys: pytest.Ca
     assert "argument --parameters: " in capsys.readouterr().err
 
 
-def test_what_is_broken_comes_with_what_to_do() -> None:
+def test_problems_are_reported_with_a_remedy() -> None:
     text = report("lift", [Finding("Cancel", Verdict.BROKEN, "no end", "report FAILED")])
 
     assert text == "lift\n  BROKEN    Cancel: no end\n            -> report FAILED\n  1 broken\n"

@@ -45,7 +45,7 @@ def named(name: str) -> Check:
     return next(each for each in CHECKS if str(each.__doc__).startswith(f"{name}:"))
 
 
-def test_a_good_plug_in_keeps_it() -> None:
+def test_a_correct_plug_in_meets_the_contract() -> None:
     found = findings(Good(), timeouts=LONG)
 
     assert {each.verdict for each in found.values()} == {Verdict.OK}, found
@@ -64,7 +64,7 @@ def test_a_bad_plug_in_is_found(name: str) -> None:
     assert found.remedy
 
 
-def test_one_that_hangs_is_found_with_the_place() -> None:
+def test_a_hanging_action_is_reported_with_its_location() -> None:
     found = findings(made(Hangs), checks=[ends])
 
     assert found["Does not block"].verdict is Verdict.BROKEN
@@ -72,7 +72,7 @@ def test_one_that_hangs_is_found_with_the_place() -> None:
     assert "in __init__" in found["Does not block"].text
 
 
-def test_what_gives_no_occasion_is_not_called_good() -> None:
+def test_checks_that_could_not_run_are_not_passed() -> None:
     found = findings(made(NeverEnds, ActionDeclaration("good", NODE, timeout=60.0)), seconds=1.0)
 
     assert found["Start to end"].verdict is Verdict.NOT_SEEN
@@ -81,7 +81,7 @@ def test_what_gives_no_occasion_is_not_called_good() -> None:
 
 
 @pytest.mark.parametrize("data_type", list(ValueDataType))
-def test_a_sample_is_one_that_the_parameter_takes(data_type: ValueDataType) -> None:
+def test_a_sample_is_a_valid_value_of_the_parameter(data_type: ValueDataType) -> None:
     parameter = Parameter("key", data_type)
 
     assert parameter.problem(sample(parameter)) is None
@@ -98,12 +98,12 @@ def test_a_sample_is_one_that_the_parameter_takes(data_type: ValueDataType) -> N
         (Parameter("key", ValueDataType.STRING, choices=("b", "a")), "b"),
     ],
 )
-def test_a_sample_keeps_to_what_is_allowed(parameter: Parameter, expected: JsonValue) -> None:
+def test_a_sample_is_within_the_allowed_values(parameter: Parameter, expected: JsonValue) -> None:
     assert sample(parameter) == expected
     assert parameter.problem(expected) is None
 
 
-def test_an_action_has_what_it_needs_and_what_was_given() -> None:
+def test_an_action_has_its_required_and_its_given_parameters() -> None:
     needed, optional = Parameter("a", ValueDataType.BOOL), Parameter("b", ValueDataType.BOOL, required=False)
     subject = Subject(made(declaration=ActionDeclaration("x", NODE, (needed, optional))), {"c": 1})
 
@@ -115,6 +115,6 @@ def test_an_action_has_what_it_needs_and_what_was_given() -> None:
     assert instant.action().blocking_type is BlockingType.NONE
 
 
-def test_what_is_raised_is_named_with_the_call() -> None:
+def test_an_exception_is_reported_with_its_call() -> None:
     with pytest.raises(BrokenError, match="pause raised ZeroDivisionError"):
         called("pause", lambda: 1 // 0)

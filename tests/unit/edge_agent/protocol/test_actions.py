@@ -25,7 +25,7 @@ def failed(version: str = "3.0.0", *, retriable: bool = True) -> Bench:
     ("version", "retriable", "status"),
     [("3.0.0", True, "RETRIABLE"), ("3.0.0", False, "FAILED"), ("2.1.0", True, "FAILED")],
 )
-def test_a_failure_may_be_retried_where_order_and_version_say_so(
+def test_a_failure_is_retriable_if_order_and_version_allow_it(
     version: str,
     retriable: bool,  # noqa: FBT001 - an example
     status: str,
@@ -39,7 +39,7 @@ def test_a_failure_may_be_retried_where_order_and_version_say_so(
 
 @pytest.mark.clause("6.6.9/retriable")
 @pytest.mark.clause("6.2.3/retry")
-def test_it_holds_the_order_until_it_is_tried_again() -> None:
+def test_it_blocks_the_order_until_it_is_retried() -> None:
     bench = failed()
     assert not bench.idle
     assert not bench.goals
@@ -56,7 +56,7 @@ def test_it_holds_the_order_until_it_is_tried_again() -> None:
 
 @pytest.mark.clause("6.6.9/retriable")
 @pytest.mark.clause("6.2.3/skipRetry")
-def test_skipped_it_is_failed_and_the_order_goes_on() -> None:
+def test_when_skipped_it_fails_and_the_order_continues() -> None:
     bench = failed()
 
     bench.instant(action("s", "NONE", "skipRetry", actionId="a"))
@@ -69,7 +69,7 @@ def test_skipped_it_is_failed_and_the_order_goes_on() -> None:
 @pytest.mark.clause("6.2.3/retry", "6.2.3/skipRetry", "6.2.1/refused")
 @pytest.mark.parametrize("kind", ["retry", "skipRetry"])
 @pytest.mark.parametrize("wanted", ["b", "unknown"])
-def test_what_is_not_retriable_is_not_tried_again(kind: str, wanted: str) -> None:
+def test_only_retriable_actions_are_retried(kind: str, wanted: str) -> None:
     bench = failed()
 
     bench.instant(action("r", "NONE", kind, actionId=wanted))
@@ -81,7 +81,7 @@ def test_what_is_not_retriable_is_not_tried_again(kind: str, wanted: str) -> Non
 
 @pytest.mark.clause("6.6.9/retriable")
 @pytest.mark.clause("6.2.3/retry")
-def test_versions_without_it_do_not_know_it() -> None:
+def test_versions_without_the_action_do_not_have_it() -> None:
     bench = failed("2.1.0")
 
     bench.instant(action("r", "NONE", "retry", actionId="a"))
@@ -91,7 +91,7 @@ def test_versions_without_it_do_not_know_it() -> None:
 
 @pytest.mark.clause("6.6.9/retriable")
 @pytest.mark.clause("6.2.3/retry")
-def test_in_a_pause_nothing_is_tried_again() -> None:
+def test_nothing_is_retried_during_a_pause() -> None:
     bench = failed()
     bench.instant(action("p", "NONE", "startPause"))
 
@@ -129,7 +129,7 @@ def test_it_ends_with_its_edge() -> None:
 
 @pytest.mark.clause("6.6.9/retriable")
 @pytest.mark.clause("6.2.3/retry")
-def test_it_may_still_be_tried_again_after_a_restart() -> None:
+def test_it_may_still_be_retried_after_a_restart() -> None:
     bench = failed()
     again = Bench(
         memory=Memory.model_validate_json(bench.core.memory().model_dump_json()), rules=RULES["3.0.0"]
@@ -170,7 +170,7 @@ def test_fleet_control_releases_it() -> None:
 
 
 @pytest.mark.clause("6.2.3/trigger")
-def test_a_trigger_that_nobody_waits_for_fails() -> None:
+def test_a_trigger_without_a_waiting_action_fails() -> None:
     bench = waiting("LOCAL")
 
     bench.instant(action("t", "NONE", "trigger"))
@@ -180,7 +180,7 @@ def test_a_trigger_that_nobody_waits_for_fails() -> None:
 
 @pytest.mark.clause("6.2.3/waitForTrigger")
 @pytest.mark.parametrize("version", list(RULES))
-def test_somebody_at_the_robot_releases_it(version: str) -> None:
+def test_a_person_at_the_robot_releases_it(version: str) -> None:
     bench = waiting("LOCAL", version=version)
 
     bench.do(LocalTrigger("door"))
@@ -209,7 +209,7 @@ def test_without_a_type_the_order_is_refused() -> None:
 
 
 @pytest.mark.clause("6.2.3/trigger")
-def test_2_x_has_no_trigger_of_fleet_control() -> None:
+def test_2_x_has_no_fleet_control_trigger() -> None:
     bench = waiting("FLEET_CONTROL", version="2.1.0")
 
     bench.instant(action("t", "NONE", "trigger"))
@@ -219,7 +219,7 @@ def test_2_x_has_no_trigger_of_fleet_control() -> None:
 
 @pytest.mark.clause("6.2.3/waitForTrigger", "6.1.4.3")
 @pytest.mark.parametrize("version", list(RULES))
-def test_what_nothing_could_release_is_refused(version: str) -> None:
+def test_a_wait_that_nothing_could_release_is_refused(version: str) -> None:
     bench = waiting(version=version)
 
     assert bench.errors == ["INVALID_ORDER_ACTION"]

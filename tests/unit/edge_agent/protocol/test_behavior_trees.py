@@ -36,7 +36,7 @@ def test_the_goal_of_an_edge_has_its_tree_and_the_next_one_has_none() -> None:
 
 
 @pytest.mark.parametrize(("second", "passes"), [("careful", True), ("fast", False)])
-def test_a_node_is_passed_only_with_the_same_tree_behind_it(second: str, *, passes: bool) -> None:
+def test_a_node_is_passed_only_if_the_next_edge_has_the_same_tree(second: str, *, passes: bool) -> None:
     bench = robot()
     edges = {"n0-n1": [tree("careful")], "n1-n2": [tree(second, "u")]}
     bench.send(order("n0", "n1", "n2", edge_actions=edges))
@@ -45,7 +45,7 @@ def test_a_node_is_passed_only_with_the_same_tree_behind_it(second: str, *, pass
 
 
 @pytest.mark.parametrize(("second", "ahead"), [("careful", 1), ("fast", 0)])
-def test_a_way_over_several_nodes_has_one_tree(second: str, ahead: int) -> None:
+def test_a_route_through_several_nodes_has_one_behaviour_tree(second: str, ahead: int) -> None:
     bench = robot(drives_ahead=True)
     edges = {"n0-n1": [tree("careful")], "n1-n2": [tree(second, "u")]}
     bench.send(order("n0", "n1", "n2", edge_actions=edges))

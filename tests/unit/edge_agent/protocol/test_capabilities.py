@@ -52,9 +52,7 @@ def test_positions_are_demanded() -> None:
 
 @pytest.mark.clause("6.10/parameters", "6.2.3/retry")
 @pytest.mark.parametrize(("version", "listed"), [("2.0.0", False), ("2.1.0", False), ("3.0.0", True)])
-def test_that_an_action_may_be_tried_again_is_listed_where_there_is_such_a_thing(
-    version: str, *, listed: bool
-) -> None:
+def test_retriable_actions_are_listed_if_the_version_has_them(version: str, *, listed: bool) -> None:
     names = {each.parameter for each in supported(Bench(rules=RULES[version]).capabilities)}
 
     assert ({"order.nodes.actions.retriable", "order.edges.actions.retriable"} <= names) is listed

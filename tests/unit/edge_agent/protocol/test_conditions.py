@@ -44,7 +44,7 @@ from support.robot_core import ACTIONS, MAP, Bench, action, at, order, position
 STANDS = BlockedReport(blocked=True, seconds=20.0)
 
 
-def test_a_robot_that_does_not_get_on_goes_on_trying_and_says_so() -> None:
+def test_a_blocked_robot_keeps_trying_and_reports_it() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
 
@@ -59,13 +59,13 @@ def test_a_robot_that_does_not_get_on_goes_on_trying_and_says_so() -> None:
     assert bench.errors == []
 
 
-def test_without_an_order_a_robot_may_stand() -> None:
+def test_without_an_order_a_robot_may_be_at_standstill() -> None:
     bench = Bench()
     bench.do(STANDS)
     assert bench.errors == []
 
 
-def test_the_state_says_why_the_place_is_not_to_be_trusted() -> None:
+def test_the_state_explains_why_the_pose_is_unreliable() -> None:
     bench = Bench()
     bench.do(PoseReport(Pose(0.0, 0.0, 0.0, MAP), localized=False, problem="no pose for 7 s"))
     (error,) = bench.state.errors
@@ -73,7 +73,7 @@ def test_the_state_says_why_the_place_is_not_to_be_trusted() -> None:
     assert "no pose for 7 s" in str(error.error_description)
 
 
-def test_plug_ins_that_cannot_be_used_are_a_warning_and_no_hindrance() -> None:
+def test_unusable_plug_ins_cause_a_warning_and_do_not_prevent_orders() -> None:
     bench = Bench()
     bench.do(PluginsReport(("plug-in 'lift' cannot be loaded", "plug-in 'forks' failed")))
 
@@ -103,7 +103,7 @@ NAMES = [each[0] for each in HINDRANCES]
 
 @pytest.mark.clause("6.6.5.1", "7.8/safety")
 @pytest.mark.parametrize(("_", "begin", "end"), HINDRANCES, ids=NAMES)
-def test_a_hindrance_stops_the_drive_and_its_end_gives_the_goal_again(
+def test_an_obstruction_stops_the_drive_and_its_end_resends_the_goal(
     _: str, begin: Event, end: Event
 ) -> None:
     bench = Bench()
@@ -120,7 +120,7 @@ def test_a_hindrance_stops_the_drive_and_its_end_gives_the_goal_again(
 
 @pytest.mark.clause("6.6.5.1", "7.8/safety")
 @pytest.mark.parametrize(("_", "begin", "end"), HINDRANCES, ids=NAMES)
-def test_a_hindrance_holds_the_actions_that_can_be_held(_: str, begin: Event, end: Event) -> None:
+def test_an_obstruction_pauses_the_actions_that_can_be_paused(_: str, begin: Event, end: Event) -> None:
     bench = Bench()
     work = [action("a", "SOFT"), action("b", "SOFT", "press"), action("c", "HARD")]
     bench.send(order("n0", node_actions={"n0": work}))
@@ -134,7 +134,7 @@ def test_a_hindrance_holds_the_actions_that_can_be_held(_: str, begin: Event, en
 
 @pytest.mark.clause("6.6.5.1")
 @pytest.mark.parametrize("level", [ErrorLevel.WARNING, ErrorLevel.URGENT])
-def test_with_a_small_error_the_robot_goes_on(level: ErrorLevel) -> None:
+def test_with_a_minor_error_the_robot_continues(level: ErrorLevel) -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
 
@@ -242,7 +242,7 @@ def test_the_session_may_be_started_while_an_order_is_active() -> None:
     assert [effect.action.action_id for effect in robot.effects_of(StartAction)] == ["s1"]
 
 
-def test_an_order_that_comes_while_the_session_is_being_stopped_is_refused() -> None:
+def test_an_order_received_while_the_session_stops_is_refused() -> None:
     robot = bench()
     robot.instant(action("s1", action_type=STOP_ROS_SESSION))
     robot.send(order("n0", "n1"))
@@ -250,7 +250,7 @@ def test_an_order_that_comes_while_the_session_is_being_stopped_is_refused() -> 
     assert robot.errors == ["MOBILE_ROBOT_NOT_AVAILABLE"]
 
 
-def test_the_state_tells_of_the_session_at_each_change() -> None:
+def test_the_state_reports_each_change_of_the_session() -> None:
     robot = bench()
     assert told(robot) == {"state": "ACTIVE", "namespace": "/r1", "domainId": "7"}
     assert robot.do(session(SessionState.FAILED, "no network"))
@@ -260,7 +260,7 @@ def test_the_state_tells_of_the_session_at_each_change() -> None:
     assert robot.do(session(SessionState.FAILED, "no network")) == []
 
 
-def test_a_robot_without_ros_tells_of_no_session() -> None:
+def test_a_robot_without_ros_reports_no_session() -> None:
     assert [each for each in Bench().state.information or () if each.info_type == ROS_SESSION] == []
 
 
@@ -277,7 +277,7 @@ def test_a_recovery_is_reported_for_a_while_after_it() -> None:
     assert robot.errors == []
 
 
-def test_the_collision_monitor_is_a_reason_only_on_the_way() -> None:
+def test_the_collision_monitor_is_reported_only_during_a_drive() -> None:
     robot = Bench()
     robot.do(CollisionReport(stops=True, polygon="Front"))
     assert robot.errors == []
@@ -291,7 +291,7 @@ def test_the_collision_monitor_is_a_reason_only_on_the_way() -> None:
 LIMITS = DriveLimits(tolerance=0.25, hand_over=0.6, map_id=MAP)
 
 
-def test_a_node_that_navigation_reaches_by_chance_alone_is_told_before_it_is_driven_to() -> None:
+def test_a_node_below_the_goal_tolerance_is_reported_before_the_drive() -> None:
     bench = Bench()
     bench.do(LIMITS)
     narrow = {"n2": position(20.0, radius=0.1)}

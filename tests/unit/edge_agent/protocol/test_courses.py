@@ -63,7 +63,7 @@ def rising(draw: st.DrawFn) -> Trajectory:
 
 @pytest.mark.clause("7.3/trajectory")
 @given(rising())
-def test_a_path_has_both_ends_goes_on_and_has_short_steps(drawn: Trajectory) -> None:
+def test_a_path_is_continuous_with_short_steps_between_both_ends(drawn: Trajectory) -> None:
     first, last = drawn.control_points[0], drawn.control_points[-1]
     path = courses.course(edge(drawn), at(first.x, first.y), at(last.x, last.y))
     assert path[0] == pytest.approx((first.x, first.y))
@@ -79,7 +79,7 @@ def test_a_circle_of_weights_is_driven_as_a_circle() -> None:
     assert [hypot(x - 0, y - 10) for x, y in path] == pytest.approx([10.0] * len(path))
 
 
-def test_a_trajectory_without_degree_and_knots_is_a_line_over_its_points() -> None:
+def test_a_trajectory_without_degree_and_knots_is_a_line_through_its_points() -> None:
     bare = Trajectory(control_points=QUARTER)
     path = courses.course(edge(bare), at(0, 0), at(10, 10))
     assert list(courses.corners(path)) == [(0, 0), (10, 0), (10, 10)]
@@ -132,7 +132,7 @@ def test_a_corridor_alone_is_driven_in_the_middle_line() -> None:
         ),
     ],
 )
-def test_what_is_no_path_from_node_to_node_is_refused(
+def test_a_path_that_misses_its_nodes_is_refused(
     fields: dict[str, object], kind: ErrorType, said: str
 ) -> None:
     found = courses.fault(edge(arc(**fields)), at(0, 0), at(10, 10), ROBOT)
@@ -148,7 +148,7 @@ def test_a_trajectory_that_costs_too_much_is_refused_at_once() -> None:
     assert found.kind is ErrorType.INSUFFICIENT_MEMORY
 
 
-def test_a_corridor_without_trajectory_needs_the_place_of_its_start() -> None:
+def test_a_corridor_without_trajectory_requires_the_position_of_its_start() -> None:
     found = courses.fault(edge(corridor=narrow(1, 1)), None, at(1, 0), ROBOT)
     assert found is not None
     assert found.kind is ErrorType.VALIDATION_FAILURE
@@ -247,7 +247,7 @@ def test_how_far_a_robot_is_outside(corridor: Corridor | None, y: float, outside
     assert courses.leaves(((0, 0), (10, 0)), corridor, pose, ROBOT) == pytest.approx(outside)
 
 
-def test_what_is_left_of_a_path_begins_at_the_robot() -> None:
+def test_the_rest_of_a_path_begins_at_the_robot() -> None:
     path = courses.course(edge(arc()), at(0, 0), at(10, 10))
     middle = path[len(path) // 2]
     left = courses.rest(path, (middle[0] + 0.2, middle[1] - 0.2))
@@ -262,7 +262,7 @@ def test_a_path_that_crosses_itself_is_not_cut_short() -> None:
     assert len(courses.rest(path, (5, 0))) > 200
 
 
-def test_poses_look_ahead_and_the_last_one_as_its_node_says() -> None:
+def test_poses_have_the_heading_of_travel_and_the_last_one_that_of_its_node() -> None:
     path = courses.course(edge(arc()), at(0, 0), at(10, 10))
     found = courses.poses(path, "hall")
     assert found[0].theta == pytest.approx(0.0, abs=0.05)

@@ -49,7 +49,7 @@ def test_a_value_is_judged_by_type_and_range(value: JsonValue, problem: str | No
     assert found is None if problem is None else found is not None and problem in found
 
 
-def test_of_a_choice_only_the_listed_values_are_taken() -> None:
+def test_only_the_listed_values_of_a_choice_are_accepted() -> None:
     assert SIDE.problem("left") is None
     assert SIDE.problem(None) is None
     assert SIDE.problem("up") == "parameter 'side' must be one of left, right"
@@ -61,7 +61,7 @@ def test_an_empty_list_is_none() -> None:
     assert listed.problem(["z"]) is None
 
 
-def test_people_are_told_what_is_allowed() -> None:
+def test_the_description_lists_the_allowed_values() -> None:
     assert HEIGHT.words == "m, at least 0 and at most 2"
     assert SIDE.words == "one of left, right"
 
@@ -107,13 +107,13 @@ def test_an_action_is_judged_by_scope_blocking_and_parameters(
     assert found is None if problem is None else found is not None and problem in found
 
 
-def test_what_the_robot_never_does_says_why() -> None:
+def test_an_unavailable_action_explains_why() -> None:
     broken = ActionDeclaration("lift", (ActionScope.NODE,), unavailable="no lift is installed")
     found = broken.problem(action("a", "HARD", "lift"), ActionScope.NODE)
     assert found == "action 'lift' is not possible: no lift is installed"
 
 
-def test_a_check_of_its_own_is_asked_last() -> None:
+def test_a_custom_check_runs_last() -> None:
     checked = ActionDeclaration(
         "lift", (ActionScope.NODE,), parameters=(HEIGHT,), check=lambda _: "the belt slips"
     )
@@ -134,7 +134,7 @@ def test_a_check_of_its_own_is_asked_last() -> None:
         (None, True, True),
     ],
 )
-def test_who_takes_must_be_empty_and_who_gives_must_carry(
+def test_a_pick_requires_an_empty_robot_and_a_drop_a_loaded_one(
     load: LoadChange | None, *, loaded: bool, possible: bool
 ) -> None:
     declared = ActionDeclaration("move", (ActionScope.NODE,), load=load)
@@ -173,14 +173,14 @@ OF_PLUG_INS = {
         ("3.0.0", IN_ALL | MAP_ACTIONS | ONLY_IN_3),
     ],
 )
-def test_a_robot_knows_those_of_its_version(version: str, known: set[str]) -> None:
+def test_a_robot_has_the_actions_of_its_version(version: str, known: set[str]) -> None:
     assert set(supported_actions(PREDEFINED | OF_PLUG_INS, RULES[version])) == known
 
 
 @pytest.mark.clause("6.2.3/cancelOrder")
 @pytest.mark.parametrize("version", RULES)
 @pytest.mark.parametrize("name", ["cancelOrder", "startPause", "stopPause"])
-def test_what_every_robot_must_be_able_to_do_is_for_instant_actions_alone(version: str, name: str) -> None:
+def test_mandatory_actions_are_instant_actions_only(version: str, name: str) -> None:
     assert Bench(rules=RULES[version]).capabilities.actions[name].scopes == (ActionScope.INSTANT,)
 
 
@@ -203,7 +203,7 @@ def test_what_every_robot_must_be_able_to_do_is_for_instant_actions_alone(versio
         "updateCertificate",
     ],
 )
-def test_what_a_robot_cannot_do_it_does_not_list_and_refuses(name: str) -> None:
+def test_unsupported_actions_are_not_listed_and_refused(name: str) -> None:
     bench = Bench(rules=RULES["3.0.0"])
 
     bench.instant(action("i", "NONE", name))

@@ -54,7 +54,7 @@ def test_an_order_is_driven_node_by_node_to_its_end() -> None:
 
 
 @pytest.mark.clause("7.3/deviation", "7.3/theta", "7.3/speed")
-def test_a_goal_carries_what_node_and_edge_demand() -> None:
+def test_a_goal_has_the_requirements_of_node_and_edge() -> None:
     bench = Bench()
     place = position(10.0, 5.0, theta=1.5, radius=0.2).model_copy(update={"allowed_deviation_theta": 0.1})
     bench.send(order("n0", "n1", positions={"n1": place}, edge_fields={"maximum_speed": 0.5}))
@@ -65,7 +65,7 @@ def test_a_goal_carries_what_node_and_edge_demand() -> None:
 
 
 @pytest.mark.clause("7.3/theta")
-def test_without_a_demand_the_robot_looks_ahead_and_any_heading_will_do() -> None:
+def test_without_a_theta_the_robot_faces_its_direction_of_travel_and_any_heading_fits() -> None:
     bench = Bench()
     bench.send(order("n0", "n1", positions={"n1": position(0.0, 5.0)}))
 
@@ -145,7 +145,7 @@ def test_an_edge_action_with_a_goal_of_its_own_fails_when_its_edge_ends() -> Non
 
 
 @pytest.mark.clause("6.6.2/decision", "6.6.8")
-def test_the_robot_stops_at_its_decision_point_and_goes_on_when_the_base_is_extended() -> None:
+def test_the_robot_stops_at_its_decision_point_and_continues_when_the_base_is_extended() -> None:
     bench = Bench()
     bench.send(order("n0", "n1", "n2", released=2))
     bench.arrive()
@@ -158,7 +158,7 @@ def test_the_robot_stops_at_its_decision_point_and_goes_on_when_the_base_is_exte
 
 
 @pytest.mark.clause("6.1.2/zero")
-def test_an_edge_without_length_is_traversed_where_the_robot_stands() -> None:
+def test_an_edge_without_length_is_traversed_at_standstill() -> None:
     bench = Bench()
     bench.send(order("n0", "n1", released=1))
 
@@ -171,7 +171,7 @@ def test_an_edge_without_length_is_traversed_where_the_robot_stands() -> None:
     assert not bench.goals
 
 
-def test_a_late_arrival_of_an_older_goal_is_passed_over() -> None:
+def test_a_late_arrival_of_an_older_goal_is_ignored() -> None:
     bench = Bench()
     bench.send(order("n0", "n1", "n2"))
     bench.arrive()
@@ -181,7 +181,7 @@ def test_a_late_arrival_of_an_older_goal_is_passed_over() -> None:
     assert bench.nodes == ["n2"]
 
 
-def test_a_late_failure_of_an_older_goal_is_passed_over() -> None:
+def test_a_late_failure_of_an_older_goal_is_ignored() -> None:
     bench = Bench()
     bench.send(order("n0", "n1", "n2"))
     bench.arrive()
@@ -191,7 +191,7 @@ def test_a_late_failure_of_an_older_goal_is_passed_over() -> None:
 
 
 @pytest.mark.clause("6.6.2/range")
-def test_pass_through_gives_the_next_goal_in_the_range_of_a_node() -> None:
+def test_pass_through_sends_the_next_goal_within_the_range_of_a_node() -> None:
     bench = Bench(**PASS)
     bench.send(order("n0", "n1", "n2", positions={"n1": position(10.0, radius=0.4)}))
     bench.do(at(9.5))
@@ -216,9 +216,7 @@ def test_pass_through_is_bounded_by_the_set_radius() -> None:
 
 
 @pytest.mark.parametrize(("speed", "given_at"), [(0.0, 9.55), (0.5, 9.3), (1.0, 8.8), (4.0, 7.1)])
-def test_a_fast_robot_is_given_the_next_goal_before_navigation_plans_again(
-    speed: float, given_at: float
-) -> None:
+def test_a_fast_robot_gets_the_next_goal_before_navigation_replans(speed: float, given_at: float) -> None:
     """Goal tolerance and the way of a replanning period before the node, but within its deviation."""
     bench = Bench(**PASS, pass_radius=0.5, hand_over_distance=0.25, hand_over_time=1.0)
     bench.send(order("n0", "n1", "n2", positions={"n1": position(10.0, radius=3.0)}))
@@ -227,7 +225,7 @@ def test_a_fast_robot_is_given_the_next_goal_before_navigation_plans_again(
         assert bench.nodes == nodes
 
 
-def test_what_navigation_tells_of_itself_says_when_the_next_goal_is_given() -> None:
+def test_the_limits_of_navigation_determine_when_the_next_goal_is_sent() -> None:
     bench = Bench(**PASS, pass_radius=0.5, hand_over_distance=0.25, hand_over_time=1.0)
     bench.do(DriveLimits(tolerance=0.25, hand_over=0.6, map_id=MAP))
     bench.send(order("n0", "n1", "n2", positions={"n1": position(10.0, radius=3.0)}))
@@ -294,7 +292,7 @@ def test_a_failed_drive_is_an_error_and_the_node_is_not_traversed(failure: Drive
 
 
 @pytest.mark.clause("6.6.5.1/keeps")
-def test_an_update_tries_a_failed_drive_again() -> None:
+def test_an_update_retries_a_failed_drive() -> None:
     bench = Bench()
     bench.send(order("n0", "n1", "n2", released=2))
     bench.do(DriveFailed(bench.goal.generation, DriveFailure.ABORTED, "no way"))
@@ -307,7 +305,7 @@ def test_an_update_tries_a_failed_drive_again() -> None:
     assert bench.state.last_node_id == "n1"
 
 
-def test_no_goal_is_given_while_navigation_is_missing() -> None:
+def test_no_goal_is_sent_while_navigation_is_missing() -> None:
     bench = Bench()
     bench.do(GONE)
     bench.send(order("n0", "n1"))
@@ -320,7 +318,7 @@ def test_no_goal_is_given_while_navigation_is_missing() -> None:
     assert not bench.errors
 
 
-def test_the_goal_is_given_again_when_navigation_is_back() -> None:
+def test_the_goal_is_resent_when_navigation_returns() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
 
@@ -333,7 +331,7 @@ def test_the_goal_is_given_again_when_navigation_is_back() -> None:
 
 
 @pytest.mark.clause("6.6.5.4/localisation")
-def test_a_robot_that_is_lost_stops_and_goes_on_when_it_is_found() -> None:
+def test_a_lost_robot_stops_and_continues_once_localised() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
 
@@ -350,7 +348,7 @@ def test_a_robot_that_is_lost_stops_and_goes_on_when_it_is_found() -> None:
     assert not bench.errors
 
 
-def test_a_halt_that_nobody_answers_is_asked_for_again() -> None:
+def test_an_unanswered_halt_is_repeated() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
     bench.do(lost_at(3.0))
@@ -368,7 +366,7 @@ def test_a_halt_that_nobody_answers_is_asked_for_again() -> None:
 
 
 @pytest.mark.clause("6.6.3")
-def test_more_base_is_asked_for_when_its_end_comes_near() -> None:
+def test_a_new_base_is_requested_near_the_end_of_the_current_one() -> None:
     bench = Bench(base_request_distance=3.0)
     bench.send(order("n0", "n1", "n2", released=2))
     assert not bench.asks_for_base()
@@ -386,7 +384,7 @@ def test_more_base_is_asked_for_when_its_end_comes_near() -> None:
 @pytest.mark.parametrize(
     ("strategy", "asks_at"), [(DriveStrategy.STOP_AT_NODES, 8.0), (DriveStrategy.PASS_THROUGH, 5.9)]
 )
-def test_a_robot_that_passes_nodes_asks_in_time_for_navigation_to_plan_again(
+def test_a_robot_that_passes_nodes_requests_its_base_before_navigation_replans(
     strategy: DriveStrategy, asks_at: float
 ) -> None:
     bench = Bench(strategy=strategy, maximum_speed=1.0, base_request_time=3.5)
@@ -399,7 +397,7 @@ def test_a_robot_that_passes_nodes_asks_in_time_for_navigation_to_plan_again(
 
 
 @pytest.mark.clause("6.6.3", "6.1.2/B6")
-def test_at_the_end_of_the_base_more_is_asked_for_and_without_a_horizon_nothing() -> None:
+def test_at_the_end_of_the_base_a_new_base_is_requested_only_with_a_horizon() -> None:
     bench = Bench()
     bench.send(order("n0", "n1", released=1))
     assert bench.asks_for_base()
@@ -432,7 +430,7 @@ def test_actions_of_the_stitching_node_do_not_run_again() -> None:
 
 
 @pytest.mark.clause("6.1.2/B6")
-def test_an_action_that_moves_from_horizon_to_base_keeps_its_state_and_others_go() -> None:
+def test_an_action_moved_from_horizon_to_base_keeps_its_state_and_others_are_removed() -> None:
     bench = Bench()
     bench.send(
         order("n0", "n1", "n2", released=1, node_actions={"n1": [action("kept")], "n2": [action("gone")]})
@@ -455,7 +453,7 @@ def test_an_edge_without_length_is_driven_by_a_robot_that_is_elsewhere() -> None
     assert bench.goal.pose.x == 4.0
 
 
-def test_what_is_said_of_the_way_on_is_true_also_when_navigation_has_failed_in_mid_drive() -> None:
+def test_the_hint_is_correct_after_a_failure_of_navigation_during_a_drive() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
     bench.do(NavigationReport(available=False, reason="gone"))
@@ -490,7 +488,7 @@ def later(bench: Bench, seconds: float) -> None:
 
 
 @pytest.mark.clause("6.6.5.1/keeps")
-def test_is_tried_again_after_a_while_and_fails_after_the_last_try(bench: Bench) -> None:
+def test_is_retried_after_a_delay_and_fails_after_the_last_retry(bench: Bench) -> None:
     for number in (1, 2):
         fail(bench)
         (error,) = bench.state.errors
@@ -511,7 +509,7 @@ def test_is_tried_again_after_a_while_and_fails_after_the_last_try(bench: Bench)
     assert len(bench.goals) == 3
 
 
-def test_the_next_node_has_its_own_tries(bench: Bench) -> None:
+def test_the_next_node_has_its_own_retries(bench: Bench) -> None:
     fail(bench)
     later(bench, 5.0)
     bench.arrive()
@@ -523,7 +521,7 @@ def test_the_next_node_has_its_own_tries(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("failure", [DriveFailure.CANCELED_FROM_OUTSIDE])
-def test_what_somebody_wanted_is_not_undone(bench: Bench, failure: DriveFailure) -> None:
+def test_a_cancelled_or_replaced_goal_is_not_retried(bench: Bench, failure: DriveFailure) -> None:
     fail(bench, failure)
     assert bench.errors == [ErrorType.NODE_UNREACHABLE]
 
@@ -536,7 +534,7 @@ def test_an_order_that_waits_for_a_try_can_be_cancelled(bench: Bench) -> None:
     assert len(bench.goals) == 1
 
 
-def test_a_drive_whose_navigation_has_gone_is_tried_when_it_is_back(bench: Bench) -> None:
+def test_a_drive_is_retried_when_its_navigation_returns(bench: Bench) -> None:
     bench.do(NavigationReport(available=False, reason="gone"))
     fail(bench, DriveFailure.NAVIGATION_GONE)
     assert Halt() in bench.effects
@@ -557,7 +555,7 @@ def test_a_pause_lasts_over_the_time_of_a_try(bench: Bench) -> None:
 
 
 @pytest.mark.clause("6.6.5.1/keeps")
-def test_an_update_gives_all_tries_back(bench: Bench) -> None:
+def test_an_update_resets_the_retries(bench: Bench) -> None:
     for _ in range(2):
         fail(bench)
         later(bench, 5.0)
@@ -574,7 +572,7 @@ def ahead(bench: Bench) -> list[tuple[float, float]]:
     return [(pose.x, pose.y) for pose in bench.goal.ahead]
 
 
-def test_the_nodes_of_the_base_come_with_the_first_goal() -> None:
+def test_the_first_goal_contains_the_nodes_of_the_base() -> None:
     bench = Bench(**AHEAD)
     bench.send(order("n0", "n1", "n2", "n3", "n4", released=4))
     assert bench.goal.pose == Pose(10.0, 0.0, 0.0, MAP)
@@ -582,7 +580,7 @@ def test_the_nodes_of_the_base_come_with_the_first_goal() -> None:
 
 
 @pytest.mark.parametrize("fields", [{"drives_ahead": False}, {"strategy": DriveStrategy.STOP_AT_NODES}])
-def test_a_driver_that_cannot_or_must_stop_is_told_of_one_node(fields: dict[str, Any]) -> None:
+def test_a_driver_that_cannot_pass_or_must_stop_gets_one_node(fields: dict[str, Any]) -> None:
     bench = Bench(**(AHEAD | fields))
     bench.send(order("n0", "n1", "n2"))
     assert ahead(bench) == []
@@ -598,7 +596,7 @@ def test_a_driver_that_cannot_or_must_stop_is_told_of_one_node(fields: dict[str,
         {"released": 3},
     ],
 )
-def test_a_way_ends_at_the_first_stop(fields: dict[str, Any]) -> None:
+def test_a_route_ends_at_the_first_stop(fields: dict[str, Any]) -> None:
     bench = Bench(**AHEAD)
     bench.send(order("n0", "n1", "n2", "n3", **fields))
     assert ahead(bench) == [(20.0, 0.0)]
@@ -611,13 +609,13 @@ def test_a_gentle_bend_or_a_node_with_room_is_passed() -> None:
     assert ahead(bench) == [(20.0, 3.0), (20.0, 10.0)]
 
 
-def test_a_long_way_is_told_in_parts() -> None:
+def test_a_long_route_is_sent_in_parts() -> None:
     bench = Bench(**AHEAD)
     bench.send(order(*(f"n{number}" for number in range(POSES_AHEAD + 10))))
     assert len(ahead(bench)) == POSES_AHEAD
 
 
-def test_a_passed_node_leaves_the_rest_of_the_way() -> None:
+def test_a_passed_node_leaves_the_remaining_poses() -> None:
     bench = Bench(**AHEAD)
     bench.send(order("n0", "n1", "n2", "n3"))
     bench.do(at(9.8))
@@ -632,7 +630,7 @@ def test_a_node_is_passed_anywhere_in_its_deviation() -> None:
     assert bench.state.last_node_id == "n1"
 
 
-def test_a_base_that_grows_is_told_at_once() -> None:
+def test_an_extended_base_is_passed_to_the_driver_at_once() -> None:
     bench = Bench(**AHEAD)
     bench.send(order("n0", "n1", "n2", released=2))
     first = bench.goal
@@ -646,7 +644,7 @@ def test_a_base_that_grows_is_told_at_once() -> None:
     assert len(bench.goals) == goals
 
 
-def test_a_robot_that_is_to_stop_at_the_next_node_is_told_so() -> None:
+def test_a_robot_that_must_stop_at_the_next_node_gets_no_poses_beyond_it() -> None:
     policy: dict[str, Any] = {"link_loss": LinkLossPolicy.PREVENTIVE_NEXT_NODE, "link_loss_timeout": 5.0}
     bench = Bench(**AHEAD, **policy)
     bench.do(LinkReport(connected=True))
@@ -658,7 +656,7 @@ def test_a_robot_that_is_to_stop_at_the_next_node_is_told_so() -> None:
     assert ahead(bench) == []
 
 
-def test_the_goal_is_the_same_but_for_what_is_ahead() -> None:
+def test_the_goal_differs_only_in_the_poses_ahead() -> None:
     one, other = Bench(), Bench(**AHEAD)
     for bench in (one, other):
         bench.send(order("n0", "n1", "n2"))
@@ -678,7 +676,7 @@ def taken_over(policy: ExternalGoals) -> Bench:
     return bench
 
 
-def test_pause_waits_for_the_end_of_the_other_drive_and_gives_the_goal_again() -> None:
+def test_pause_waits_for_the_end_of_the_other_drive_and_resends_the_goal() -> None:
     bench = taken_over(ExternalGoals.PAUSE)
     assert bench.errors == [EXTERNAL_GOAL]
     assert bench.state.driving
@@ -692,7 +690,7 @@ def test_pause_waits_for_the_end_of_the_other_drive_and_gives_the_goal_again() -
     assert bench.nodes == []
 
 
-def test_pause_goes_on_at_once_where_the_other_drive_has_ended_already() -> None:
+def test_pause_continues_at_once_if_the_other_drive_has_already_ended() -> None:
     bench = Bench(external_goals=ExternalGoals.PAUSE)
     bench.send(order("n0", "n1"))
     failed = DriveFailed(bench.goal.generation, DriveFailure.TAKEN_OVER, "X has replaced it")
@@ -702,7 +700,7 @@ def test_pause_goes_on_at_once_where_the_other_drive_has_ended_already() -> None
     assert (len(bench.goals), bench.errors) == (2, [])
 
 
-def test_fail_is_an_error_that_names_it_and_an_update_tries_again() -> None:
+def test_fail_is_an_error_that_names_the_goal_and_an_update_retries() -> None:
     bench = taken_over(ExternalGoals.FAIL)
     (error,) = bench.state.errors
     assert error.error_type == ErrorType.NODE_UNREACHABLE
@@ -715,7 +713,7 @@ def test_fail_is_an_error_that_names_it_and_an_update_tries_again() -> None:
     assert len(bench.goals) == 2
 
 
-def test_pause_keeps_an_order_from_beginning() -> None:
+def test_pause_prevents_an_order_from_starting() -> None:
     bench = Bench(external_goals=ExternalGoals.PAUSE)
     bench.do(THEIRS)
     bench.send(order("n0", "n1"))
@@ -745,7 +743,7 @@ def test_an_order_that_waits_can_be_cancelled() -> None:
     assert (bench.nodes, bench.errors) == ([], [])
 
 
-def test_the_state_shows_each_goal_and_whose_it_is() -> None:
+def test_the_state_shows_each_goal_and_its_sender() -> None:
     bench = Bench()
     bench.do(GoalTable((*OURS.goals, *THEIRS.goals)))
     shown = bench.state.information or ()
@@ -757,7 +755,7 @@ def test_the_state_shows_each_goal_and_whose_it_is() -> None:
     ]
 
 
-def test_what_navigation_has_taken_of_us_is_kept_for_a_restart() -> None:
+def test_goals_accepted_by_navigation_are_kept_for_a_restart() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
     before = bench.core.durable_version
@@ -775,7 +773,7 @@ def test_what_navigation_has_taken_of_us_is_kept_for_a_restart() -> None:
     assert bench.core.memory().own_goals is None
 
 
-def test_a_goal_that_is_not_listed_yet_does_not_lend_its_place_to_the_one_before() -> None:
+def test_a_goal_not_listed_yet_does_not_lend_its_pose_to_the_previous_one() -> None:
     bench = Bench()
     bench.send(order("n0", "n1", "n2"))
     bench.do(OURS)
@@ -815,7 +813,7 @@ def test_an_assertive_robot_drives_its_base_to_the_end() -> None:
     assert not bench.waits()
 
 
-def test_a_preventive_robot_stops_after_its_time_and_goes_on_when_the_broker_is_back() -> None:
+def test_a_preventive_robot_stops_after_its_timeout_and_continues_when_the_broker_returns() -> None:
     bench = under_way(LinkLossPolicy.PREVENTIVE_AT_ONCE)
     lose(bench, 9.9)
     assert bench.waits()

@@ -216,7 +216,7 @@ def elsewhere(bench: Bench) -> None:
         ),
     ],
 )
-def test_an_error_has_its_level_and_references_and_goes_with_its_cause(
+def test_an_error_has_its_level_and_references_and_ends_with_its_cause(
     kind: str, level: str, named: set[str], cause: Step, end: Step
 ) -> None:
     bench = Bench(rules=RULES["3.0.0"], maximum_nodes=4)

@@ -26,7 +26,7 @@ def test_there_is_one_entry_per_type_and_references() -> None:
     assert [each.error_description for each in errors.entries] == ["no", "still no"]
 
 
-def test_the_same_error_again_is_no_change() -> None:
+def test_a_repeated_error_is_no_change() -> None:
     errors = ActiveErrors()
     errors.report(refusal("o1"), Until.ORDER_ACCEPTED)
     revision = errors.revision
@@ -49,7 +49,7 @@ def test_an_error_ends_with_its_own_cause_only() -> None:
 
 
 @pytest.mark.clause("6.6.5")
-def test_a_condition_is_shown_once_and_goes_with_its_cause() -> None:
+def test_a_condition_is_reported_once_and_ends_with_its_cause() -> None:
     errors = ActiveErrors()
     errors.set_condition(ErrorType.LOCALIZATION_ERROR, lost("a"))
     errors.set_condition(ErrorType.LOCALIZATION_ERROR, lost("b"))
@@ -59,7 +59,7 @@ def test_a_condition_is_shown_once_and_goes_with_its_cause() -> None:
     assert list(errors.entries) == []
 
 
-def test_a_condition_about_something_else_replaces_the_old_one() -> None:
+def test_a_condition_with_other_references_replaces_the_old_one() -> None:
     errors = ActiveErrors()
     for order_id in ("o1", "o2"):
         entry = error(ErrorType.NAVIGATION_NOT_AVAILABLE, "gone", order_id=order_id)
@@ -69,7 +69,7 @@ def test_a_condition_about_something_else_replaces_the_old_one() -> None:
 
 
 @pytest.mark.clause("6.6.5")
-def test_the_number_of_errors_is_bounded_and_the_oldest_goes() -> None:
+def test_the_number_of_errors_is_bounded_and_the_oldest_is_dropped() -> None:
     errors = ActiveErrors()
     for number in range(LIMIT + 1):
         errors.report(refusal(f"o{number}"), Until.ORDER_ACCEPTED)
@@ -79,7 +79,7 @@ def test_the_number_of_errors_is_bounded_and_the_oldest_goes() -> None:
 
 
 @pytest.mark.clause("6.6.5")
-def test_a_message_sent_again_under_another_header_id_is_no_other_error() -> None:
+def test_a_message_resent_with_another_header_id_is_the_same_error() -> None:
     errors = ActiveErrors()
     for number in (1, 2):
         entry = error(ErrorType.OTHER_ORDER_ACTIVE, "no", header_id=number, order_id="o1")
@@ -89,7 +89,7 @@ def test_a_message_sent_again_under_another_header_id_is_no_other_error() -> Non
 
 
 @pytest.mark.clause("6.6.5")
-def test_refusals_do_not_push_out_why_the_robot_stands() -> None:
+def test_refusals_do_not_displace_the_reason_for_a_stop() -> None:
     errors = ActiveErrors()
     stands = error(ErrorType.NODE_UNREACHABLE, "blocked", node_id="n1")
     errors.report(stands, Until.ORDER_OVER)

@@ -175,7 +175,7 @@ def test_the_state_shows_the_path_and_its_trajectory() -> None:
     assert any(7 < x < 8 and 2 < y < 3 for x, y in places)
 
 
-def test_after_a_restart_on_a_path_an_operators_goal_is_not_taken_for_ours() -> None:
+def test_after_a_restart_on_a_path_an_operators_goal_is_not_mistaken_for_ours() -> None:
     bench = robot()
     bench.send(edges({"trajectory": TURN}))
     kept = Bench(memory=bench.core.memory(), ready=False, follows_paths=True).core.own_goals

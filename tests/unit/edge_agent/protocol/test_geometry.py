@@ -70,7 +70,7 @@ def test_one_within_the_other_overlaps_without_a_crossing() -> None:
     assert overlap(small, SQUARE)
 
 
-def test_what_stands_in_the_gap_of_another_does_not_overlap() -> None:
+def test_a_polygon_in_the_gap_of_another_does_not_overlap_it() -> None:
     post: Polygon = ((4.0, 5.0), (5.0, 5.0), (5.0, 6.0), (4.0, 6.0))
 
     assert not overlap(HORSESHOE, post)
@@ -137,7 +137,7 @@ def test_an_ellipse_is_turned_by_its_angle() -> None:
     assert radius(place, 0.1) == 0.5
 
 
-def test_another_map_is_another_place() -> None:
+def test_another_map_is_another_position() -> None:
     assert not in_place(Pose(0.0, 0.0, 0.0, "cellar"), position(0.0), 10.0)
 
 
@@ -163,7 +163,7 @@ def test_the_shortest_turn() -> None:
     assert turn(0.0, pi) == pytest.approx(-pi)
 
 
-def test_a_place_is_the_same_unless_it_asks_for_another_heading() -> None:
+def test_a_position_is_the_same_unless_it_requires_another_heading() -> None:
     assert same_place(position(1.0), position(1.0))
     assert same_place(position(1.0, theta=1.0), position(1.0))
     assert not same_place(position(1.0), position(1.0, theta=1.0))

@@ -22,7 +22,7 @@ ROLLS = HaltFailed("the odometry still shows 0.50 m/s")
 
 @pytest.mark.clause("6.1.3", "6.2.3")
 @pytest.mark.parametrize("kind", ["cancelOrder", "startPause"])
-def test_what_asks_for_a_stop_fails_and_is_never_finished(bench: Bench, kind: str) -> None:
+def test_actions_that_require_a_stop_fail_and_never_finish(bench: Bench, kind: str) -> None:
     bench.instant(action("a", "NONE", kind))
     assert bench.status("a") == "RUNNING"
 
@@ -41,7 +41,7 @@ def test_what_asks_for_a_stop_fails_and_is_never_finished(bench: Bench, kind: st
     assert bool(bench.nodes) is (kind == "startPause"), "a cancelled order is cleared once it stands"
 
 
-def test_a_second_cancel_has_the_robot_stopped_again(bench: Bench) -> None:
+def test_a_second_cancel_stops_the_robot_again(bench: Bench) -> None:
     bench.instant(action("c1", "NONE", "cancelOrder"))
     bench.do(ROLLS)
     effects = bench.instant(action("c2", "NONE", "cancelOrder"))
@@ -51,7 +51,7 @@ def test_a_second_cancel_has_the_robot_stopped_again(bench: Bench) -> None:
     assert bench.status("c2") == "FAILED"
 
 
-def test_a_robot_that_is_not_stopped_is_given_no_goal(bench: Bench) -> None:
+def test_a_robot_whose_halt_is_not_confirmed_gets_no_goal(bench: Bench) -> None:
     bench.do(DriveFailed(bench.goal.generation, DriveFailure.NAVIGATION_GONE, "gone"), ROLLS)
     bench.send(order("n1", "n2", update=1, first=2))
     assert len(bench.goals) == 1
@@ -59,7 +59,7 @@ def test_a_robot_that_is_not_stopped_is_given_no_goal(bench: Bench) -> None:
     assert ROBOT_NOT_STOPPED not in bench.errors
 
 
-def test_a_drive_without_its_navigation_is_stopped_and_told_as_driving_until_then(bench: Bench) -> None:
+def test_a_drive_without_navigation_is_stopped_and_reported_as_driving_until_then(bench: Bench) -> None:
     effects = bench.do(DriveFailed(bench.goal.generation, DriveFailure.NAVIGATION_GONE, "gone"))
     assert Halt() in effects
     assert (bench.state.driving, bench.errors) == (True, [ErrorType.NODE_UNREACHABLE])

@@ -26,7 +26,7 @@ from support.robot_core import MAP, Bench, action, at, order
 
 
 @pytest.mark.clause("6.2.3/stateRequest")
-def test_a_state_request_is_finished_in_the_state_that_it_asks_for() -> None:
+def test_a_state_request_is_finished_in_the_requested_state() -> None:
     bench = Bench()
 
     effects = bench.instant(action("i", "NONE", "stateRequest"))
@@ -47,7 +47,7 @@ def test_a_factsheet_request_sends_the_factsheet() -> None:
 
 @pytest.mark.clause("6.2.1/refused", "6.6.5")
 @pytest.mark.parametrize("wrong", ["dance", "lift"], ids=["unknown", "wrong scope"])
-def test_what_cannot_be_done_fails_with_an_error_until_the_next_is_accepted(wrong: str) -> None:
+def test_an_impossible_action_fails_with_an_error_until_the_next_is_accepted(wrong: str) -> None:
     bench = Bench()
 
     bench.instant(action("i", "NONE", wrong, height=1.0))
@@ -74,7 +74,7 @@ def test_each_action_of_a_message_is_judged_for_itself() -> None:
 
 
 @pytest.mark.clause("6.2.1/again")
-def test_an_action_that_comes_again_does_not_run_twice() -> None:
+def test_a_repeated_instant_action_does_not_run_twice() -> None:
     bench = Bench()
     bench.instant(action("i"))
     bench.finishes("i")
@@ -123,7 +123,7 @@ def test_the_id_of_an_action_of_the_order_is_refused() -> None:
 
 
 @pytest.mark.clause("6.6.9/instant")
-def test_ended_states_go_with_the_next_order_and_running_ones_stay() -> None:
+def test_ended_states_are_removed_with_the_next_order_and_running_ones_stay() -> None:
     bench = Bench()
     bench.instant(action("i"), action("j", "NONE", "stateRequest"))
     bench.runs("i")
@@ -134,7 +134,7 @@ def test_ended_states_go_with_the_next_order_and_running_ones_stay() -> None:
 
 
 @pytest.mark.clause("6.2.1/limits")
-def test_the_number_of_states_is_bounded_and_the_oldest_ended_go_first() -> None:
+def test_the_number_of_states_is_bounded_and_the_oldest_ended_are_dropped_first() -> None:
     bench = Bench()
     bench.instant(action("running"))
 
@@ -162,7 +162,7 @@ def test_a_message_with_too_many_actions_is_refused_as_a_whole() -> None:
 
 
 @pytest.mark.clause("6.2.1/limits")
-def test_no_more_actions_are_begun_than_states_are_shown() -> None:
+def test_no_more_actions_are_started_than_states_are_reported() -> None:
     bench = Bench()
 
     for number in range(INSTANT_ACTIONS_SHOWN + 10):
@@ -190,7 +190,7 @@ def test_a_state_does_not_repeat_a_long_descriptor() -> None:
 
 
 @pytest.mark.clause("6.2.3/clearInstantActions", "6.6.9/instant")
-def test_ended_instant_actions_stay_until_they_are_cleared_or_a_new_order_comes() -> None:
+def test_ended_instant_actions_stay_until_cleared_or_a_new_order() -> None:
     new, old = Bench(rules=RULES["3.0.0"]), Bench(rules=RULES["2.1.0"])
     for bench in (new, old):
         bench.instant(action("s", "NONE", "stateRequest"))
@@ -233,7 +233,7 @@ STOP = action("s", "NONE", "stopPause")
 
 
 @pytest.mark.clause("6.2.3/startPause", "6.2.3/stopPause")
-def test_a_pause_stops_the_drive_and_its_end_gives_the_goal_again() -> None:
+def test_a_pause_stops_the_drive_and_its_end_resends_the_goal() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
 
@@ -252,7 +252,7 @@ def test_a_pause_stops_the_drive_and_its_end_gives_the_goal_again() -> None:
 
 
 @pytest.mark.clause("6.2.3/startPause", "6.2.3/stopPause")
-def test_a_standing_robot_is_paused_at_once_and_begins_no_action() -> None:
+def test_a_robot_at_standstill_is_paused_at_once_and_starts_no_action() -> None:
     bench = Bench()
     bench.instant(START)
     assert bench.status("p") == "FINISHED"
@@ -266,7 +266,7 @@ def test_a_standing_robot_is_paused_at_once_and_begins_no_action() -> None:
 
 
 @pytest.mark.clause("6.2.3/startPause", "6.2.3/stopPause", "6.6.9")
-def test_actions_that_can_be_held_are_held() -> None:
+def test_pausable_actions_are_paused() -> None:
     bench = Bench()
     actions = [action("a", "SOFT"), action("b", "SOFT", "press")]
     bench.send(order("n0", "n1", node_actions={"n0": actions}))
@@ -293,7 +293,7 @@ def test_a_second_pause_finishes_like_the_first() -> None:
 
 
 @pytest.mark.clause("6.2.3/stopPause")
-def test_a_pause_that_has_not_come_to_a_stand_is_taken_back() -> None:
+def test_a_pause_before_standstill_can_be_revoked() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
     bench.instant(START)
@@ -307,7 +307,7 @@ def test_a_pause_that_has_not_come_to_a_stand_is_taken_back() -> None:
 
 
 @pytest.mark.clause("6.2.3/stopPause")
-def test_a_held_action_is_resumed_and_not_begun_again() -> None:
+def test_a_paused_action_is_resumed_and_not_restarted() -> None:
     bench = Bench()
     bench.send(order("n0", node_actions={"n0": [action("a")]}))
     bench.runs("a")
@@ -339,7 +339,7 @@ def be_at(
 
 
 @pytest.mark.clause("6.2.3/initializePosition")
-def test_the_position_is_handed_over_and_finished_when_it_is_taken() -> None:
+def test_the_position_is_passed_on_and_finished_when_accepted() -> None:
     bench = Bench()
 
     bench.instant(be_at())
@@ -405,7 +405,7 @@ def test_one_position_at_a_time() -> None:
 
 
 @pytest.mark.clause("6.2.3/initializePosition")
-def test_a_driving_robot_is_not_moved_to_another_place() -> None:
+def test_the_position_of_a_driving_robot_is_not_set() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
 
@@ -416,7 +416,7 @@ def test_a_driving_robot_is_not_moved_to_another_place() -> None:
 
 
 @pytest.mark.clause("6.2.3/initializePosition", "6.6.5.4/localisation")
-def test_an_order_goes_on_when_its_lost_robot_is_told_where_it_is() -> None:
+def test_an_order_continues_when_the_position_of_its_lost_robot_is_set() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
     bench.do(at(3.0, localized=False))
@@ -443,7 +443,7 @@ def test_a_number_that_no_float_can_hold_is_refused_and_blocks_nothing() -> None
 
 
 @pytest.mark.clause("6.1.2/B5")
-def test_an_ended_order_does_not_go_on_from_a_place_that_the_robot_was_taken_away_from() -> None:
+def test_an_ended_order_does_not_continue_after_the_robot_was_moved_away() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
     bench.arrive()

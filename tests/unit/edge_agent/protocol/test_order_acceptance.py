@@ -77,14 +77,14 @@ def test_row_1_a_malformed_message_is_shown_and_changes_nothing() -> None:
 
 
 @pytest.mark.clause("6.1.4.1")
-def test_row_1_an_order_without_an_id_is_refused_and_not_taken_for_the_one_that_is_held() -> None:
+def test_row_1_an_order_without_an_id_is_refused_and_not_mistaken_for_the_current_one() -> None:
     entry = refused(Bench(), order("n0", "n1", order_id=""))
 
     assert entry.error_type == ErrorType.VALIDATION_FAILURE
 
 
 @pytest.mark.clause("6.1.4.9")
-def test_row_2_a_mode_without_fleet_control_takes_no_orders() -> None:
+def test_row_2_a_mode_without_fleet_control_accepts_no_orders() -> None:
     entry = rejection(order("n0", "n1"), replace(FREE, operating_mode=OperatingMode.MANUAL))
 
     assert entry.error_type == ErrorType.MOBILE_ROBOT_NOT_AVAILABLE
@@ -136,7 +136,7 @@ def test_row_4_an_optional_field_that_the_robot_cannot_act_on_is_refused(field: 
 
 
 @pytest.mark.clause("6.1.4.2")
-def test_row_4_passes_over_what_the_settings_tolerate() -> None:
+def test_row_4_ignores_tolerated_fields() -> None:
     bench = Bench(tolerated_parameters=frozenset({"edges.direction"}))
 
     bench.send(order("n0", "n1", edge_fields={"direction": "left"}))
@@ -205,7 +205,7 @@ def test_row_5_an_impossible_action_is_refused_also_in_the_horizon(wrong: object
 
 
 @pytest.mark.clause("6.1.4.3")
-def test_row_5_looks_at_the_scope_edge() -> None:
+def test_row_5_checks_the_scope_edge() -> None:
     bench = Bench()
 
     entry = refused(bench, order("n0", "n1", edge_actions={"n0-n1": [action("x", "NONE", "lift", height=1)]}))
@@ -276,7 +276,7 @@ def test_row_a2_the_lost_beginning_of_an_order_is_not_left_out() -> None:
 
 
 @pytest.mark.clause("6.1.4", "6.1.4.10", "6.3.1")
-def test_row_a3_a_map_that_the_robot_has_not_is_refused() -> None:
+def test_row_a3_an_unknown_map_is_refused() -> None:
     bench = Bench()
     elsewhere = position(10.0).model_copy(update={"map_id": "cellar"})
 
@@ -287,7 +287,7 @@ def test_row_a3_a_map_that_the_robot_has_not_is_refused() -> None:
 
 
 @pytest.mark.clause("6.1.4", "6.1.4.7")
-def test_row_a4_the_robot_must_stand_on_the_first_node() -> None:
+def test_row_a4_the_robot_must_be_at_the_first_node() -> None:
     bench = Bench()
 
     entry = refused(bench, order("n1", "n2"))
@@ -309,7 +309,7 @@ def test_row_a4_the_first_node_may_allow_a_large_deviation(radius: float | None,
 
 
 @pytest.mark.clause("6.1.4.7", "7.3/deviation")
-def test_row_a4_the_own_deviation_counts_where_the_node_says_none() -> None:
+def test_row_a4_the_robots_deviation_applies_if_the_node_has_none() -> None:
     bench = Bench(default_deviation_xy=10.5)
 
     bench.send(order("n1"))
@@ -329,7 +329,7 @@ def test_row_a4_the_node_that_the_robot_reports_counts_without_a_position() -> N
 
 
 @pytest.mark.clause("6.1.4.7")
-def test_row_a4_a_robot_that_has_left_its_last_node_does_not_stand_there() -> None:
+def test_row_a4_a_robot_that_has_left_its_last_node_is_not_there() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
     bench.instant(action("c", action_type="cancelOrder"))
@@ -340,7 +340,7 @@ def test_row_a4_a_robot_that_has_left_its_last_node_does_not_stand_there() -> No
 
 
 @pytest.mark.clause("6.1.4.7")
-def test_row_a4_a_robot_that_was_driven_away_by_hand_does_not_stand_there() -> None:
+def test_row_a4_a_robot_that_was_driven_away_by_hand_is_not_there() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
     bench.arrive()
@@ -355,7 +355,7 @@ def test_row_a4_a_robot_that_was_driven_away_by_hand_does_not_stand_there() -> N
 
 
 @pytest.mark.clause("6.1.4.7")
-def test_row_a4_a_robot_without_a_position_says_so() -> None:
+def test_row_a4_a_robot_without_a_position_reports_it() -> None:
     bench = Bench(ready=False)
 
     entry = refused(bench, order("n0", "n1"))
@@ -376,7 +376,7 @@ def test_row_a5_a_node_without_a_position_cannot_be_found() -> None:
 
 @pytest.mark.clause("6.1.4.8")
 @pytest.mark.parametrize("released", [2, 3])
-def test_row_a5_a_node_that_navigation_knows_no_way_to_is_refused_also_in_the_horizon(released: int) -> None:
+def test_row_a5_a_node_without_a_route_is_refused_even_in_the_horizon(released: int) -> None:
     bench = Bench()
     bench.do(NoRouteReport((Circle(20.0, 0.0, 0.5),)))
 
@@ -439,7 +439,7 @@ def test_row_b2_no_update_follows_a_cancel(ended: bool) -> None:  # noqa: FBT001
 
 
 @pytest.mark.clause("6.1.4.5", "6.6.1/request")
-def test_row_b3_the_same_update_again_is_dropped_without_an_error_but_answered() -> None:
+def test_row_b3_a_repeated_update_is_ignored_without_an_error_but_answered() -> None:
     bench = held()
     before = bench.state
 
@@ -461,7 +461,7 @@ def test_row_b4_an_update_begins_at_the_decision_point(node: str, first: int) ->
 
 
 @pytest.mark.clause("6.1.2/B5")
-def test_row_b5_an_update_of_an_ended_order_goes_on_where_it_ended() -> None:
+def test_row_b5_an_update_of_an_ended_order_continues_where_it_ended() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
     bench.arrive()
@@ -514,7 +514,7 @@ def test_the_id_of_an_instant_action_is_refused_in_an_order() -> None:
 @pytest.mark.parametrize(
     ("version", "taken"), [("2.0.0", True), ("2.1.0", True), ("3.0.0", False)], ids=["2.0", "2.1", "3.0"]
 )
-def test_row_a2_a_new_order_begins_with_the_update_id_0_where_the_version_says_so(
+def test_row_a2_a_new_order_begins_with_update_id_0_if_the_version_requires_it(
     version: str,
     taken: bool,  # noqa: FBT001 - an example
 ) -> None:
@@ -582,7 +582,7 @@ def test_row_b4_the_stitching_node_is_repeated_as_it_was(
         (4, "INVALID_ORDER_ACTION"),
     ],
 )
-def test_of_several_faults_the_first_is_told(mended: int, told: str) -> None:
+def test_the_first_of_several_faults_is_reported(mended: int, told: str) -> None:
     bench = Bench(rules=RULES["3.0.0"], maximum_nodes=1000 if mended > 2 else 2)
     if mended < 2:
         bench.do(OperatingModeSwitched(OperatingMode.MANUAL))
@@ -627,7 +627,7 @@ def test_an_action_may_not_have_a_blocking_type_that_it_does_not_declare() -> No
 
 
 @pytest.mark.clause("6.1.4.8")
-def test_no_way_leads_from_map_to_map() -> None:
+def test_no_route_leads_from_map_to_map() -> None:
     bench = Bench()
     both = (Map(map_id=each, map_version="1", map_status=MapStatus.ENABLED) for each in (MAP, "attic"))
     bench.do(MapsReport(tuple(both)))

@@ -42,7 +42,7 @@ def test_a_cancel_between_nodes_stops_the_robot_and_ends_the_order_in_one_state(
 
 
 @pytest.mark.clause("6.1.3/actions")
-def test_a_cancel_waits_for_what_cannot_be_interrupted() -> None:
+def test_a_cancel_waits_for_uninterruptible_actions() -> None:
     bench = Bench()
     actions = [action("soft", "SOFT"), action("hard", "SOFT", "press"), action("next", "HARD")]
     bench.send(order("n0", "n1", node_actions={"n0": actions}))
@@ -111,7 +111,7 @@ def test_a_second_cancel_joins_the_first() -> None:
 
 
 @pytest.mark.clause("6.1.3/again", "6.2.1/again")
-def test_a_cancel_that_is_delivered_again_has_no_effect_even_on_the_next_order() -> None:
+def test_a_redelivered_cancel_has_no_effect_even_on_the_next_order() -> None:
     bench = driving()
     bench.instant(action("c", "NONE", "cancelOrder"))
     bench.halted()
@@ -162,7 +162,7 @@ def test_a_robot_that_waits_for_its_horizon_can_be_cancelled() -> None:
 
 
 @pytest.mark.clause("6.1.3")
-def test_an_order_of_one_node_lives_by_its_actions_and_can_be_cancelled() -> None:
+def test_an_order_of_one_node_lasts_as_long_as_its_actions_and_can_be_cancelled() -> None:
     bench = Bench()
     bench.send(order("n0", node_actions={"n0": [action("a", "HARD")]}))
     bench.runs("a")
@@ -198,7 +198,7 @@ def test_a_cancel_clears_the_error_of_a_failed_drive() -> None:
 
 
 @pytest.mark.clause("6.1.4.6", "6.1.3/after")
-def test_no_new_order_is_taken_during_a_cancel_and_one_is_after_it() -> None:
+def test_a_new_order_is_accepted_only_after_a_cancel() -> None:
     bench = Bench()
     bench.send(order("n0", node_actions={"n0": [action("a", "HARD", "press")]}))
     bench.runs("a")
@@ -273,7 +273,7 @@ def test_the_mode_is_shown_with_the_empty_lists_when_the_last_action_has_ended(v
 
 @pytest.mark.clause("6.6.7")
 @VERSIONS
-def test_what_can_be_stopped_is_stopped(version: str) -> None:
+def test_stoppable_actions_are_stopped(version: str) -> None:
     bench = driving_in_version(version, node_actions={"n0": [action("a", "HARD")]})
     bench.runs("a")
 
@@ -301,7 +301,7 @@ def test_a_mode_that_is_switched_back_while_the_order_is_cleared_does_not_save_i
 @pytest.mark.clause("6.1.4.9")
 @VERSIONS
 @CLEARING
-def test_orders_are_refused_until_the_mode_takes_them(version: str, mode: OperatingMode) -> None:
+def test_orders_are_refused_until_the_mode_accepts_them(version: str, mode: OperatingMode) -> None:
     bench = Bench(rules=RULES[version])
     switch(bench, mode)
 
@@ -328,7 +328,7 @@ def test_orders_are_refused_as_soon_as_the_mode_is_switched(version: str) -> Non
 
 @pytest.mark.clause("6.6.5.1", "6.1.4.9")
 @VERSIONS
-def test_a_robot_with_a_fatal_error_takes_no_orders(version: str) -> None:
+def test_a_robot_with_a_fatal_error_accepts_no_orders(version: str) -> None:
     bench, entry = Bench(rules=RULES[version]), ErrorEntry(error_type="x", error_level=ErrorLevel.FATAL)
     bench.do(ErrorSwitched(entry, active=True))
 
@@ -359,7 +359,7 @@ def test_instant_actions_that_do_something_fail(version: str, mode: OperatingMod
 
 @pytest.mark.clause("6.6.6/INTERVENED")
 @VERSIONS
-def test_an_operator_who_intervenes_holds_the_order_and_gives_it_back(version: str) -> None:
+def test_an_operator_who_intervenes_pauses_the_order_and_returns_control(version: str) -> None:
     bench = driving_in_version(version)
     switch(bench, OperatingMode.INTERVENED)
     bench.halted()
@@ -377,7 +377,7 @@ def test_an_operator_who_intervenes_holds_the_order_and_gives_it_back(version: s
 
 @pytest.mark.clause("6.6.6/INTERVENED")
 @VERSIONS
-def test_while_an_operator_intervenes_an_order_is_taken_and_run_later(version: str) -> None:
+def test_while_an_operator_intervenes_an_order_is_accepted_and_run_later(version: str) -> None:
     bench = Bench(rules=RULES[version])
     switch(bench, OperatingMode.INTERVENED)
 
@@ -390,7 +390,7 @@ def test_while_an_operator_intervenes_an_order_is_taken_and_run_later(version: s
 
 @pytest.mark.clause("6.6.6/INTERVENED", "6.1.3")
 @VERSIONS
-def test_while_an_operator_intervenes_only_cancel_order_is_taken(version: str) -> None:
+def test_while_an_operator_intervenes_only_cancel_order_is_accepted(version: str) -> None:
     bench = driving_in_version(version)
     switch(bench, OperatingMode.INTERVENED)
     bench.halted()
@@ -406,7 +406,7 @@ def test_while_an_operator_intervenes_only_cancel_order_is_taken(version: str) -
     ("version", "kept"), [("2.0.0", "n1"), ("2.1.0", "n1"), ("3.0.0", "")], ids=["2.0", "2.1", "3.0"]
 )
 @pytest.mark.parametrize("mode", [OperatingMode.STARTUP, OperatingMode.SERVICE, OperatingMode.TEACH_IN])
-def test_the_last_node_is_forgotten_where_the_version_says_so(
+def test_the_last_node_is_cleared_if_the_version_requires_it(
     version: str, kept: str, mode: OperatingMode
 ) -> None:
     bench = driving_in_version(version)
@@ -421,7 +421,7 @@ def test_the_last_node_is_forgotten_where_the_version_says_so(
 @pytest.mark.parametrize(
     ("version", "kept"), [("2.0.0", "n1"), ("2.1.0", "n1"), ("3.0.0", "")], ids=["2.0", "2.1", "3.0"]
 )
-def test_in_manual_the_last_node_is_forgotten_when_the_robot_is_driven_away(version: str, kept: str) -> None:
+def test_in_manual_the_last_node_is_cleared_when_the_robot_is_driven_away(version: str, kept: str) -> None:
     bench = driving_in_version(version)
     bench.arrive()
     switch(bench, OperatingMode.MANUAL)
@@ -434,7 +434,7 @@ def test_in_manual_the_last_node_is_forgotten_when_the_robot_is_driven_away(vers
 
 @pytest.mark.clause("6.1.2/cleared")
 @VERSIONS
-def test_after_clearing_an_update_is_taken_only_where_the_base_ended(version: str) -> None:
+def test_after_clearing_an_update_is_accepted_only_where_the_base_ended(version: str) -> None:
     bench = driving_in_version(version)
     bench.arrive()
     bench.arrive()

@@ -26,7 +26,7 @@ from support.robot_core import MAP, Bench, action, at, order, restarted
 
 
 @pytest.mark.clause("6.6/restart")
-def test_an_order_that_was_driven_goes_on() -> None:
+def test_an_active_order_continues() -> None:
     bench = Bench()
     bench.send(order("n0", "n1", "n2", "n3", released=3))
     bench.arrive()
@@ -42,7 +42,7 @@ def test_an_order_that_was_driven_goes_on() -> None:
 
 
 @pytest.mark.clause("6.6/restart")
-def test_no_goal_is_given_before_the_robot_knows_where_it_is() -> None:
+def test_no_goal_is_sent_before_the_robot_is_localised() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
     kept = bench.core.memory()
@@ -58,7 +58,7 @@ def test_no_goal_is_given_before_the_robot_knows_where_it_is() -> None:
 
 
 @pytest.mark.clause("6.6/restart")
-def test_what_may_be_begun_anew_is_and_what_may_not_fails() -> None:
+def test_restartable_actions_restart_and_others_fail() -> None:
     bench = Bench()
     actions = [action("work", "SOFT"), action("press", "SOFT", "press"), action("later", "HARD")]
     bench.send(order("n0", node_actions={"n0": actions}))
@@ -90,7 +90,7 @@ def test_a_robot_that_an_action_drove_is_stopped_before_anything_else(action_typ
     assert not again.state.driving
 
 
-def test_a_goal_that_the_order_still_wants_is_not_stopped() -> None:
+def test_a_goal_that_the_order_still_needs_is_not_stopped() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
     bench.do(listed(("g1", "EXECUTING")))
@@ -98,7 +98,7 @@ def test_a_goal_that_the_order_still_wants_is_not_stopped() -> None:
     assert not restarted(bench).effects_of(Halt)
 
 
-def test_an_action_that_begins_anew_is_shown_at_its_beginning() -> None:
+def test_a_restarted_action_is_reported_as_initializing() -> None:
     bench = Bench()
     bench.send(order("n0", node_actions={"n0": [action("work", "SOFT")]}))
     bench.runs("work")
@@ -124,7 +124,7 @@ def test_an_action_that_ended_stays_ended() -> None:
 
 
 @pytest.mark.clause("6.1.3", "6.1.3.1")
-def test_a_cancel_is_brought_to_its_end() -> None:
+def test_a_cancel_is_completed() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
     bench.instant(action("c", "NONE", "cancelOrder"))
@@ -154,7 +154,7 @@ def test_a_pause_lasts() -> None:
 
 
 @pytest.mark.clause("6.2.1/again")
-def test_an_instant_action_that_comes_again_is_still_known() -> None:
+def test_a_repeated_instant_action_is_still_recognised() -> None:
     bench = Bench()
     bench.instant(action("i"))
     bench.finishes("i")
@@ -167,7 +167,7 @@ def test_an_instant_action_that_comes_again_is_still_known() -> None:
 
 @pytest.mark.clause("6.2.3/startPause")
 @pytest.mark.parametrize("held", [True, False])
-def test_an_action_that_was_held_begins_anew_when_the_pause_is_over(*, held: bool) -> None:
+def test_an_interrupted_action_restarts_after_the_pause(*, held: bool) -> None:
     bench = Bench()
     bench.send(order("n0", node_actions={"n0": [action("a", "HARD")]}))
     bench.runs("a")
@@ -188,7 +188,7 @@ def test_an_action_that_was_held_begins_anew_when_the_pause_is_over(*, held: boo
 
 
 @pytest.mark.clause("6.2.3/startPause", "6.1.3")
-def test_an_action_that_was_held_can_be_cancelled_after_the_restart() -> None:
+def test_an_interrupted_action_can_be_cancelled_after_the_restart() -> None:
     bench = Bench()
     bench.send(order("n0", node_actions={"n0": [action("a", "HARD")]}))
     bench.runs("a")
@@ -255,7 +255,7 @@ def kept_goals(bench: Bench) -> OwnGoals | None:
     return Bench(memory=bench.core.memory(), ready=False).core.own_goals
 
 
-def test_a_goal_is_known_before_it_is_given_and_until_its_end_is_told() -> None:
+def test_a_goal_is_recorded_from_before_it_is_sent_until_its_end_is_reported() -> None:
     bench = Bench()
     bench.send(order("n0", "n1", "n2"))
     pose = bench.goal.pose
@@ -271,7 +271,7 @@ def test_a_goal_is_known_before_it_is_given_and_until_its_end_is_told() -> None:
     assert kept_goals(bench) == OwnGoals((), bench.goal.pose, given=bench.goal.pose, behind="g1")
 
 
-def test_the_goal_before_stays_known_while_the_next_one_replaces_it() -> None:
+def test_the_previous_goal_stays_known_while_the_next_one_replaces_it() -> None:
     bench = Bench(strategy=DriveStrategy.PASS_THROUGH)
     bench.send(order("n0", "n1", "n2"))
     first = bench.goal.pose
@@ -285,7 +285,7 @@ def test_the_goal_before_stays_known_while_the_next_one_replaces_it() -> None:
     assert bench.core.own_goals == OwnGoals(("g2",), second)
 
 
-def test_an_agent_that_is_interrupted_twice_still_knows_its_goal() -> None:
+def test_an_agent_interrupted_twice_still_recognises_its_goal() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
     before = bench.core.own_goals
@@ -308,7 +308,7 @@ def test_a_goal_that_was_stopped_is_nobodys_any_more() -> None:
 
 
 @pytest.mark.clause("6.6.5.4")
-def test_no_order_is_taken_while_the_disk_takes_nothing_and_one_that_waits_for_it_is_not_refused() -> None:
+def test_no_new_order_is_accepted_while_the_disk_fails_and_a_waiting_one_is_not_refused() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
     bench.do(JournalReport("No space left on device"))
@@ -323,7 +323,7 @@ def test_no_order_is_taken_while_the_disk_takes_nothing_and_one_that_waits_for_i
     assert bench.state.order_id == "o1"
 
 
-def test_a_state_shows_what_the_disk_has_and_otherwise_how_things_are() -> None:
+def test_a_state_has_durable_fields_from_disk_and_current_values_otherwise() -> None:
     bench = Bench()
     bench.send(order("n0", "n1", "n2", node_actions={"n1": [action("a", "HARD")]}))
     before = bench.state

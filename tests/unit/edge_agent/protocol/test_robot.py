@@ -19,7 +19,7 @@ REPORT = [ReportState()]
 
 
 @pytest.mark.clause("6.6.1", "6.6.1/quiet")
-def test_a_state_is_sent_for_what_changes_and_not_for_each_pose() -> None:
+def test_a_state_is_sent_for_relevant_changes_but_not_for_each_pose() -> None:
     bench = Bench()
 
     assert bench.do(at(0.1)) == []
@@ -44,7 +44,7 @@ def test_an_external_goal_is_shown_for_information() -> None:
 
 @pytest.mark.clause("7.8/position")
 @pytest.mark.parametrize("x", [nan, inf, -inf])
-def test_a_pose_that_is_no_place_is_passed_over(x: float) -> None:
+def test_an_invalid_pose_is_ignored(x: float) -> None:
     bench = Bench()
 
     bench.do(PoseReport(Pose(x, 0.0, 0.0, MAP), localized=True))
@@ -56,7 +56,7 @@ def test_a_pose_that_is_no_place_is_passed_over(x: float) -> None:
 
 @pytest.mark.clause("7.8/power")
 @pytest.mark.parametrize("charge", [nan, -1.0, 101.0])
-def test_a_charge_that_is_none_is_passed_over(charge: float) -> None:
+def test_an_invalid_charge_is_ignored(charge: float) -> None:
     bench = Bench()
     bench.do(BatteryReport(70.0, charging=False, voltage=24.0, current=-1.0))
 
@@ -78,7 +78,7 @@ def test_a_heading_is_shown_between_minus_pi_and_pi() -> None:
 
 
 @pytest.mark.clause("7.8/position", "7.8/power")
-def test_before_anything_is_known_a_state_can_be_made() -> None:
+def test_a_state_can_be_built_before_any_report() -> None:
     state = Bench(ready=False).state
 
     assert (state.order_id, state.last_node_id, state.mobile_robot_position) == ("", "", None)

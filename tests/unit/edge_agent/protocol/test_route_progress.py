@@ -24,7 +24,7 @@ def references(state: State) -> dict[str, str]:
 
 
 @pytest.mark.clause("6.6.2", "7.8/distance")
-def test_distance_since_the_last_node_grows_and_begins_anew_at_the_next(bench: Bench) -> None:
+def test_distance_since_the_last_node_grows_and_restarts_at_the_next(bench: Bench) -> None:
     drive(bench, 0.0, 6.0)
     assert bench.state.distance_since_last_node == pytest.approx(6.0)
     drive(bench, 6.0, 10.0)
@@ -38,21 +38,21 @@ def test_a_robot_without_a_node_has_no_distance_to_it() -> None:
     assert Bench().state.distance_since_last_node is None
 
 
-def test_a_detour_counts_and_poses_of_a_robot_that_stands_do_not(bench: Bench) -> None:
+def test_a_detour_counts_but_poses_at_standstill_do_not(bench: Bench) -> None:
     bench.do(*(at(0.0, y * 0.25) for y in range(9)), *(at(0.0, 2.0 - y * 0.25) for y in range(9)))
     assert bench.state.distance_since_last_node == pytest.approx(4.0)
     bench.do(*(at(0.01 * (-1) ** number) for number in range(100)))
     assert bench.state.distance_since_last_node == pytest.approx(4.0)
 
 
-def test_a_jump_of_the_localisation_is_no_way(bench: Bench) -> None:
+def test_a_jump_of_the_localisation_is_not_counted_as_distance(bench: Bench) -> None:
     bench.do(at(8.0))
     assert bench.state.distance_since_last_node == 0.0
     drive(bench, 8.0, 9.0)
     assert bench.state.distance_since_last_node == pytest.approx(1.0)
 
 
-def test_what_is_left_goes_by_the_nodes_where_no_plan_is(bench: Bench) -> None:
+def test_the_remaining_distance_follows_the_nodes_without_a_plan(bench: Bench) -> None:
     drive(bench, 0.0, 5.0)
     assert references(bench.state) == {
         "goalDistanceLeft": "5.00",
@@ -66,7 +66,7 @@ def test_what_is_left_goes_by_the_nodes_where_no_plan_is(bench: Bench) -> None:
     assert references(bench.state)["goalPercent"] == "25"
 
 
-def test_what_is_left_goes_by_the_plan_where_it_leads_to_the_goal(bench: Bench) -> None:
+def test_the_remaining_distance_follows_a_plan_to_the_goal(bench: Bench) -> None:
     bench.do(PlanReport(((0.0, 0.0), (0.0, 5.0), (10.0, 5.0), (10.0, 0.3))))
     bench.do(at(0.0, 5.0))
     assert references(bench.state)["goalDistanceLeft"] == "14.70"
@@ -95,21 +95,21 @@ def test_the_plan_shows_with_its_times(bench: Bench) -> None:
     assert bench.state.intermediate_path is None
 
 
-def test_another_order_begins_anew(bench: Bench) -> None:
+def test_a_new_order_restarts_the_distance(bench: Bench) -> None:
     for _ in range(2):
         bench.arrive()
     bench.send(order("n2", "n3", order_id="o2"))
     assert references(bench.state)["orderPercent"] == "0"
 
 
-def test_after_a_restart_the_way_begins_at_the_last_node(bench: Bench) -> None:
+def test_after_a_restart_the_distance_starts_at_the_last_node(bench: Bench) -> None:
     drive(bench, 0.0, 6.0)
     again = Bench(memory=bench.core.memory(), ready=False)
     again.do(at(6.0), Started())
     assert again.state.distance_since_last_node == pytest.approx(6.0)
 
 
-def test_what_is_left_is_what_navigation_says_where_it_sends_no_plan(bench: Bench) -> None:
+def test_the_remaining_distance_is_navigations_without_a_plan(bench: Bench) -> None:
     drive(bench, 0.0, 5.0)
     bench.do(DriveProgress(7.5, 2, "map"))
     assert references(bench.state)["goalDistanceLeft"] == "7.50"

@@ -60,7 +60,7 @@ def test_a_robot_that_stops_at_the_node_is_not_slowed_down_before_it() -> None:
     assert limits(robot) == []
 
 
-def test_a_driver_that_takes_no_limits_is_asked_for_none() -> None:
+def test_a_driver_without_speed_limits_gets_none() -> None:
     robot = Bench(strategy=DriveStrategy.PASS_THROUGH, limits_speed=False, maximum_speed=0.3)
     robot.send(slow_behind_n1())
     go(robot, 9.0)

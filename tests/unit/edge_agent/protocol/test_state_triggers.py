@@ -170,7 +170,7 @@ def test_in_every_version(
 
 
 @pytest.mark.clause("6.6.1/zoneSets")
-def test_a_zone_set_that_comes() -> None:
+def test_a_received_zone_set() -> None:
     bench = Bench(rules=RULES["3.0.0"])
 
     assert sends_one_state(bench, ZoneSetReceived(transfer(GATE)), lambda state: state.zone_sets)

@@ -19,7 +19,7 @@ def restarted() -> Bench:
 
 
 @pytest.mark.parametrize("request_type", ["cancelOrder", "startPause"])
-def test_a_stop_ends_the_goal_of_before_first(request_type: str) -> None:
+def test_a_stop_ends_an_earlier_goal_first(request_type: str) -> None:
     bench = restarted()
     bench.instant(action("a", "NONE", request_type))
 
@@ -29,7 +29,7 @@ def test_a_stop_ends_the_goal_of_before_first(request_type: str) -> None:
     assert bench.status("a") == "FINISHED"
 
 
-def test_a_goal_of_before_goes_on_until_the_robot_is_known_to_be_lost() -> None:
+def test_an_earlier_goal_continues_until_the_robot_is_known_to_be_lost() -> None:
     bench = restarted()
     bench.do(VelocityReport(0.5, 0.0))
     assert not bench.effects_of(Halt)
@@ -40,7 +40,7 @@ def test_a_goal_of_before_goes_on_until_the_robot_is_known_to_be_lost() -> None:
     assert len(bench.effects_of(Halt)) == 1
 
 
-def test_a_robot_with_a_goal_of_before_may_drive_until_odometry_tells() -> None:
+def test_a_robot_with_an_earlier_goal_may_drive_until_odometry_arrives() -> None:
     bench = restarted()
     assert bench.state.driving
     bench.do(VelocityReport(0.0, 0.0))

@@ -54,7 +54,7 @@ def test_a_new_set_is_disabled_and_does_not_count() -> None:
 
 
 @pytest.mark.clause("6.4.2")
-def test_an_enabled_set_takes_the_place_of_the_other_one_of_its_map() -> None:
+def test_an_enabled_set_replaces_the_other_set_of_its_map() -> None:
     sets = with_sets(
         zone_set(WALL),
         zone_set(zone("w2", "BLOCKED", 1, 2), zone_set_id="s2"),
@@ -68,7 +68,7 @@ def test_an_enabled_set_takes_the_place_of_the_other_one_of_its_map() -> None:
 
 
 @pytest.mark.clause("6.4.1")
-def test_a_set_with_the_id_of_another_one_is_not_taken() -> None:
+def test_a_zone_set_with_a_known_id_is_refused() -> None:
     sets = with_sets(zone_set(WALL))
 
     with pytest.raises(DuplicateZoneSetError, match="already has a zone set 's1'"):
@@ -127,7 +127,7 @@ def test_there_is_room_for_so_much_and_no_more() -> None:
 
 
 @pytest.mark.clause("6.4.2")
-def test_what_is_held_can_be_held_again() -> None:
+def test_stored_zone_sets_can_be_restored() -> None:
     sets = with_sets(zone_set(WALL), zone_set(WALL, zone_set_id="s2"))
     sets.enable("s2")
     again = ZoneSets(SUPPORTED)
@@ -167,7 +167,7 @@ def ids(access: ZoneRequests) -> list[str]:
     return [each.request_id for each in access.requests]
 
 
-def test_each_zone_is_asked_for_once_by_a_request_of_its_own() -> None:
+def test_each_zone_is_requested_once_with_its_own_request() -> None:
     access = ZoneRequests(last_number=7)
     access.request([A, B], now=0.0)
     access.request([B, A], now=1.0)
@@ -188,7 +188,7 @@ def test_zones_of_one_name_in_two_sets_are_two_zones() -> None:
     )
 
 
-def test_a_refused_zone_is_asked_for_again_after_a_pause_and_not_before() -> None:
+def test_a_rejected_zone_is_requested_again_only_after_a_delay() -> None:
     access = asked()
     access.apply(response("zone-1", GrantType.REJECTED), NOWHERE, now=50.0)
     assert access.waits, "time alone lets it ask again"
@@ -200,7 +200,7 @@ def test_a_refused_zone_is_asked_for_again_after_a_pause_and_not_before() -> Non
 
 @pytest.mark.parametrize("grant", [GrantType.REVOKED, GrantType.REJECTED])
 @pytest.mark.parametrize("inside", [NOWHERE, IN_A])
-def test_a_grant_that_is_taken_back_is_shown_while_the_robot_is_in_the_zone(
+def test_a_revoked_grant_is_reported_while_the_robot_is_in_the_zone(
     grant: GrantType, inside: frozenset[ZoneKey]
 ) -> None:
     access = asked(status=RequestStatus.GRANTED, lasting=60)
@@ -212,7 +212,7 @@ def test_a_grant_that_is_taken_back_is_shown_while_the_robot_is_in_the_zone(
     assert access.requests == ()
 
 
-def test_what_was_never_granted_is_gone_when_refused_even_within_the_zone() -> None:
+def test_a_request_never_granted_is_removed_when_rejected_even_inside_the_zone() -> None:
     access = asked()
     access.apply(response("zone-1", GrantType.REJECTED), IN_A, 0.0)
     assert access.requests == ()
@@ -220,7 +220,7 @@ def test_what_was_never_granted_is_gone_when_refused_even_within_the_zone() -> N
     assert access.requests == ()
 
 
-def test_a_grant_taken_back_before_the_zone_is_asked_for_again_at_once() -> None:
+def test_a_grant_revoked_before_the_zone_is_requested_again_at_once() -> None:
     access = asked(status=RequestStatus.GRANTED)
     access.apply(response("zone-1", GrantType.REVOKED), NOWHERE, 0.0)
     access.request([A], now=0.0)
@@ -261,13 +261,13 @@ def test_a_grant_without_an_end_lasts_and_a_longer_lease_counts() -> None:
 @pytest.mark.parametrize(
     ("request_id", "grant"), [("zone-1", GrantType.QUEUED), ("zone-9", GrantType.GRANTED)]
 )
-def test_an_answer_that_says_nothing_new_changes_nothing(request_id: str, grant: GrantType) -> None:
+def test_a_response_without_a_change_has_no_effect(request_id: str, grant: GrantType) -> None:
     access = asked()
     access.apply(response(request_id, grant), IN_A, 0.0)
     assert (access.status(A.key), access.revision) == (RequestStatus.REQUESTED, 0)
 
 
-def test_only_what_is_wanted_is_kept() -> None:
+def test_only_requests_for_wanted_zones_are_kept() -> None:
     access = ZoneRequests()
     access.request([A, B], now=0.0)
     access.keep_only(frozenset({B.key}))

@@ -73,7 +73,7 @@ class TestClosedZones:
 
     @pytest.mark.clause("6.4/BLOCKED", "6.4/LINEGUIDED", "6.1.4.8")
     @pytest.mark.parametrize("kind", ["BLOCKED", "LINE_GUIDED"])
-    def test_an_order_through_one_is_refused(self, kind: str) -> None:
+    def test_an_order_through_a_blocked_zone_is_refused(self, kind: str) -> None:
         robot = with_zones(zone("wall", kind, 13, 17))
 
         robot.send(order("n0", "n1", "n2"))
@@ -83,7 +83,7 @@ class TestClosedZones:
         assert "zone 'wall'" in (entry.error_description or "")
         assert not robot.goals
 
-    def test_an_order_beside_one_is_taken(self) -> None:
+    def test_an_order_next_to_a_blocked_zone_is_accepted(self) -> None:
         robot = with_zones(zone("wall", "BLOCKED", 13, 17, low=0.31, high=5))
 
         robot.send(order("n0", "n1", "n2"))
@@ -91,7 +91,7 @@ class TestClosedZones:
         assert robot.errors == []
         assert robot.goal.pose.x == 10.0
 
-    def test_the_whole_contour_keeps_out(self) -> None:
+    def test_the_whole_contour_stays_outside(self) -> None:
         robot = with_zones(zone("wall", "BLOCKED", 13, 17, low=0.29, high=5))
 
         robot.send(order("n0", "n1", "n2"))
@@ -108,7 +108,7 @@ class TestClosedZones:
         assert robot.errors == []
 
     @pytest.mark.clause("6.4/BLOCKED", "6.6.5.4/unreachable")
-    def test_one_that_is_closed_on_the_way_stops_the_robot_before_it(self) -> None:
+    def test_a_zone_closed_during_the_drive_stops_the_robot_before_it(self) -> None:
         robot = with_zones(zone("far", "BLOCKED", 70, 80))
         robot.send(order("n0", "n1", "n2"))
         robot.arrive()
@@ -122,7 +122,7 @@ class TestClosedZones:
         assert robot.goal.pose.x == 20.0
 
     @pytest.mark.clause("6.4/BLOCKED")
-    def test_a_robot_that_stands_in_a_blocked_one_does_not_drive(self) -> None:
+    def test_a_robot_inside_a_blocked_zone_does_not_drive(self) -> None:
         robot = with_zones(zone("far", "BLOCKED", 70, 80))
         robot.send(order("n0", "n1", "n2"))
         enable(robot, zone("here", "BLOCKED", -1, 1), zone_set_id="s2")
@@ -136,7 +136,7 @@ class TestClosedZones:
 @pytest.mark.clause("6.4")
 class TestSpeedLimit:
     @pytest.mark.clause("6.4/SPEEDLIMIT")
-    def test_the_robot_is_slow_before_the_border_and_quick_again_behind_it(self) -> None:
+    def test_the_robot_slows_down_before_the_border_and_speeds_up_after_it(self) -> None:
         robot = with_zones(
             zone("slow", "SPEED_LIMIT", 4, 6, maximum_speed=0.4),
             zone("slower", "SPEED_LIMIT", 5, 6, maximum_speed=0.2),
@@ -151,7 +151,7 @@ class TestSpeedLimit:
         assert [each.speed for each in robot.effects_of(LimitSpeed)] == [0.4, 0.2, None]
 
     @pytest.mark.clause("6.4/SPEEDLIMIT", "6.4/others")
-    def test_a_driver_that_cannot_be_slowed_down_takes_no_such_zone(self) -> None:
+    def test_a_driver_without_speed_limits_refuses_speed_limit_zones(self) -> None:
         robot = Bench(rules=RULES["3.0.0"], limits_speed=False)
 
         robot.do(ZoneSetReceived(transfer(zone("slow", "SPEED_LIMIT", 4, 6, maximum_speed=0.4))))
@@ -162,7 +162,7 @@ class TestSpeedLimit:
 
 @pytest.mark.clause("6.4.3", "6.9")
 class TestRelease:
-    def test_the_robot_asks_an_edge_ahead_and_stands_before_the_zone(self) -> None:
+    def test_the_robot_requests_a_zone_one_edge_ahead_and_stops_before_it(self) -> None:
         robot = with_zones(GATE)
         robot.send(order("n0", "n1", "n2"))
         assert requests(robot) == [("gate", "zone-1", "REQUESTED")]
@@ -171,7 +171,7 @@ class TestRelease:
 
         assert [each.pose.x for each in robot.goals] == [10.0]
 
-    def test_it_drives_on_when_it_may_and_gives_the_zone_back_behind_it(self) -> None:
+    def test_it_drives_on_when_granted_and_releases_the_zone_after_leaving_it(self) -> None:
         robot = with_zones(GATE)
         robot.send(order("n0", "n1", "n2", "n3"))
         robot.arrive()
@@ -185,14 +185,14 @@ class TestRelease:
 
         assert requests(robot) == []
 
-    def test_zones_of_the_horizon_are_not_asked_for(self) -> None:
+    def test_zones_of_the_horizon_are_not_requested(self) -> None:
         robot = with_zones(GATE)
 
         robot.send(order("n0", "n1", "n2", released=2))
 
         assert requests(robot) == []
 
-    def test_a_queued_request_goes_on_to_stand(self) -> None:
+    def test_a_queued_request_remains_requested(self) -> None:
         robot = with_zones(GATE)
         robot.send(order("n0", "n1", "n2"))
 
@@ -200,7 +200,7 @@ class TestRelease:
 
         assert requests(robot) == [("gate", "zone-1", "REQUESTED")]
 
-    def test_after_a_refusal_it_asks_again_in_a_while_under_another_id(self) -> None:
+    def test_after_a_rejection_the_zone_is_requested_again_later_with_another_id(self) -> None:
         robot = with_zones(GATE)
         robot.send(order("n0", "n1", "n2"))
 
@@ -213,7 +213,7 @@ class TestRelease:
         assert requests(robot) == [("gate", "zone-2", "REQUESTED")]
 
     @pytest.mark.clause("6.4.3/loss")
-    def test_a_grant_that_is_taken_back_before_the_zone_stops_the_robot(self) -> None:
+    def test_a_grant_revoked_before_the_zone_stops_the_robot(self) -> None:
         robot = with_zones(GATE)
         robot.send(order("n0", "n1", "n2"))
         robot.arrive()
@@ -258,7 +258,7 @@ class TestRelease:
         ("behavior", "stands"),
         [(None, True), ("STOP", True), ("CONTINUE", False), ("EVACUATE", False)],
     )
-    def test_a_loss_within_the_zone_is_met_as_the_zone_says(
+    def test_a_loss_within_the_zone_follows_its_release_loss_behavior(
         self, behavior: str | None, *, stands: bool
     ) -> None:
         meets = ZoneReleaseLossBehavior(behavior) if behavior else None
@@ -277,7 +277,7 @@ class TestRelease:
         assert stands or robot.errors == []
 
     @pytest.mark.clause("6.4.3/loss")
-    def test_a_robot_that_cannot_leave_by_its_base_stands(self) -> None:
+    def test_a_robot_whose_base_does_not_leave_the_zone_stops(self) -> None:
         evacuated = ZoneReleaseLossBehavior.EVACUATE
         robot = with_zones(zone("gate", "RELEASE", 13, 21, release_loss_behavior=evacuated))
         robot.send(order("n0", "n1", "n2"))
@@ -290,7 +290,7 @@ class TestRelease:
         assert robot.errors == ["RELEASE_LOST"]
 
     @pytest.mark.clause("6.4.3/loss")
-    def test_a_new_grant_lets_it_go_on(self) -> None:
+    def test_a_new_grant_lets_the_robot_continue(self) -> None:
         robot = with_zones(GATE)
         robot.send(order("n0", "n1", "n2"))
         robot.arrive()
@@ -305,7 +305,7 @@ class TestRelease:
         assert robot.goal.pose.x == 20.0
         assert robot.goal.generation == 3
 
-    def test_all_requests_go_with_the_order(self) -> None:
+    def test_all_requests_end_with_the_order(self) -> None:
         robot = with_zones(GATE)
         robot.send(order("n0", "n1", "n2"))
         robot.instant(action("c", "NONE", "cancelOrder"))
@@ -324,7 +324,7 @@ class TestRelease:
 
         assert requests(robot) == []
 
-    def test_a_robot_that_ends_its_order_in_the_zone_keeps_it(self) -> None:
+    def test_a_robot_that_ends_its_order_in_the_zone_keeps_its_release(self) -> None:
         robot = with_zones(zone("gate", "RELEASE", 13, 25))
         robot.send(order("n0", "n1", "n2"))
         robot.arrive()
@@ -335,7 +335,7 @@ class TestRelease:
         assert requests(robot) == [("gate", "zone-1", "GRANTED")]
 
     @pytest.mark.clause("6.9/restart", "6.4.2")
-    def test_a_restarted_agent_knows_its_zone_sets_and_requests(self) -> None:
+    def test_a_restarted_agent_restores_its_zone_sets_and_requests(self) -> None:
         robot = with_zones(GATE)
         robot.send(order("n0", "n1", "n2"))
         robot.arrive()
@@ -352,7 +352,7 @@ class TestRelease:
         assert requests(again) == [("gate", "zone-1", "EXPIRED")]
         assert again.effects_of(Halt)  # navigation may still drive to the goal of before
 
-    def test_an_answer_to_a_request_that_nobody_made_is_passed_over(self) -> None:
+    def test_a_response_to_an_unknown_request_is_ignored(self) -> None:
         robot = with_zones(GATE)
         robot.send(order("n0", "n1", "n2"))
 
@@ -373,7 +373,7 @@ def test_a_node_in_pass_through_is_not_passed_into_a_closed_gate() -> None:
 
 @pytest.mark.clause("6.4/BLOCKED", "6.6.5.4")
 @pytest.mark.parametrize("place", [4.0, 14.0], ids=["on the way to it", "inside"])
-def test_what_a_zone_hinders_is_over_with_the_last_zone(place: float) -> None:
+def test_effects_of_zones_end_with_the_last_zone(place: float) -> None:
     robot = with_zones()
     robot.send(order("n0", "n1", "n2"))
     robot.arrive()
@@ -404,7 +404,7 @@ class TestLeasesAndRefusals:
         robot.do(at(15.0))
         return robot
 
-    def test_a_robot_that_does_not_know_where_it_is_shows_that_its_lease_is_over(self) -> None:
+    def test_a_robot_that_is_not_localised_reports_its_expired_lease(self) -> None:
         robot = self.inside(lasting=30)
         robot.do(at(15.0, localized=False), Halted())
 
@@ -424,7 +424,7 @@ class TestLeasesAndRefusals:
 
         assert requests(robot) == [("gate", "zone-1", "EXPIRED")]
 
-    def test_a_refusal_in_the_zone_takes_the_release_back(self) -> None:
+    def test_a_rejection_inside_the_zone_revokes_the_release(self) -> None:
         robot = self.inside()
 
         answer(robot, "REJECTED")
@@ -433,7 +433,7 @@ class TestLeasesAndRefusals:
         assert requests(robot) == [("gate", "zone-1", "REVOKED")]
         assert robot.errors == ["RELEASE_LOST"]
 
-    def test_a_robot_that_was_moved_out_of_the_zone_asks_for_it_anew(self) -> None:
+    def test_a_robot_that_was_moved_out_of_the_zone_requests_it_again(self) -> None:
         robot = self.inside()
         answer(robot, "REVOKED")
         robot.do(Halted(), at(11.0))
@@ -443,7 +443,7 @@ class TestLeasesAndRefusals:
         answer(robot, "GRANTED")
         assert len(robot.goals) == 3
 
-    def test_a_grant_whose_time_is_over_is_none_and_the_request_stands(self) -> None:
+    def test_an_expired_grant_is_ignored_and_the_request_remains(self) -> None:
         robot = with_zones(GATE)
         robot.send(order("n0", "n1", "n2"))
         before = len(robot.effects)
@@ -454,7 +454,7 @@ class TestLeasesAndRefusals:
         assert len(robot.effects) == before
 
     @pytest.mark.parametrize("behavior", [ZoneReleaseLossBehavior.CONTINUE, ZoneReleaseLossBehavior.EVACUATE])
-    def test_only_a_robot_in_the_zone_goes_on_without_a_release(
+    def test_only_a_robot_inside_the_zone_continues_without_a_release(
         self, behavior: ZoneReleaseLossBehavior
     ) -> None:
         robot = with_zones(zone("gate", "RELEASE", 13, 17, release_loss_behavior=behavior))
@@ -484,7 +484,7 @@ def bench() -> Bench:
 
 
 @pytest.mark.clause("6.4.1", "6.6.5")
-def test_the_same_id_is_refused_until_another_set_is_taken(bench: Bench) -> None:
+def test_the_same_id_is_refused_until_another_set_is_accepted(bench: Bench) -> None:
     bench.do(ZoneSetReceived(transfer(WALL)))
     bench.do(ZoneSetReceived(transfer(zone("other", "BLOCKED", 0, 1))))
 
@@ -527,7 +527,7 @@ def test_an_order_enables_a_set_on_a_node(bench: Bench) -> None:
 
 
 @pytest.mark.clause("6.2.3/downloadZoneSet")
-def test_a_set_that_an_action_brought_is_taken_or_fails_it(bench: Bench) -> None:
+def test_a_downloaded_zone_set_is_accepted_or_fails_its_action(bench: Bench) -> None:
     for action_id in ("w1", "w2"):
         bench.instant(action(action_id, "NONE", "work"))
         bench.do(ActionReport(action_id, ActionStatus.FINISHED, zone_set=zone_set(WALL)))
@@ -570,7 +570,7 @@ def test_a_set_with_a_zone_that_the_robot_does_not_support_is_refused(
 
 class TestKeepOut:
     @pytest.mark.clause("6.4/BLOCKED")
-    def test_navigation_is_told_the_blocked_zones_of_enabled_sets_alone(self) -> None:
+    def test_navigation_gets_only_the_blocked_zones_of_enabled_sets(self) -> None:
         robot = with_zones(zone("wall", "BLOCKED", 4, 6), GATE, keeps_out=True)
         assert [len(each.areas) for each in robot.effects_of(KeepOut)] == [1]
 
@@ -579,6 +579,6 @@ class TestKeepOut:
 
         assert [len(each.areas) for each in robot.effects_of(KeepOut)] == [1, 0]
 
-    def test_a_driver_that_cannot_is_not_asked(self) -> None:
+    def test_a_driver_without_support_is_not_called(self) -> None:
         robot = with_zones(zone("wall", "BLOCKED", 4, 6))
         assert not robot.effects_of(KeepOut)

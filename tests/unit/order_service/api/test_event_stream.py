@@ -77,7 +77,7 @@ async def withdraw(service: OrderService, name: str) -> None:
     await service.engine.unit_of_work.committed()
 
 
-async def test_a_new_client_is_told_what_there_is_and_then_what_changes(
+async def test_a_new_client_receives_a_snapshot_and_then_changes(
     service: OrderService, stream: EventStream
 ) -> None:
     await create(service, "T-1", "T-2")
@@ -97,7 +97,7 @@ async def test_a_new_client_is_told_what_there_is_and_then_what_changes(
         assert (told.event, told.id, told.data["name"]) == ("transportOrder", 4, "T-3")
 
 
-async def test_a_client_that_comes_back_is_told_what_it_missed_each_order_once(
+async def test_a_reconnecting_client_receives_each_missed_order_once(
     service: OrderService, stream: EventStream
 ) -> None:
     await create(service, "T-1", "T-2", "T-3")
@@ -118,7 +118,7 @@ async def test_a_client_that_comes_back_is_told_what_it_missed_each_order_once(
         assert [each.id for each in await client.hear()] == [6]
 
 
-async def test_ids_stand_over_a_restart(service: OrderService) -> None:
+async def test_ids_survive_a_restart(service: OrderService) -> None:
     await create(service, "T-1", "T-2")
     found = await service.store.unfinished()
     service.store.numbers.begin(found.last_change)
@@ -128,9 +128,7 @@ async def test_ids_stand_over_a_restart(service: OrderService) -> None:
 
 
 @pytest.mark.parametrize("last_id", ["99", "-1", "x", "1-2", "\u0663", "9" * 30])
-async def test_an_id_that_says_nothing_is_a_gap(
-    service: OrderService, stream: EventStream, last_id: str
-) -> None:
+async def test_an_unknown_event_id_is_a_gap(service: OrderService, stream: EventStream, last_id: str) -> None:
     await create(service, "T-1")
     async with aclosing(stream.follow(last_id, ORDERS)) as frames:
         told = await Client(frames).hear()
@@ -139,14 +137,16 @@ async def test_an_id_that_says_nothing_is_a_gap(
 
 
 @pytest.mark.parametrize("last_id", [None, ""])
-async def test_who_has_no_id_is_new(service: OrderService, stream: EventStream, last_id: str | None) -> None:
+async def test_a_client_without_an_event_id_is_new(
+    service: OrderService, stream: EventStream, last_id: str | None
+) -> None:
     await create(service, "T-1")
     async with aclosing(stream.follow(last_id, ORDERS)) as frames:
         told = await Client(frames).hear()
     assert [each.event for each in told] == ["transportOrder", "synced"]
 
 
-async def test_interests_choose_what_is_told(service: OrderService, stream: EventStream) -> None:
+async def test_interests_filter_events(service: OrderService, stream: EventStream) -> None:
     await create(service, "T-1", "T-2")
     for interest, expected in (
         (Interest(transport_order="T-2"), ["T-2", "Robot-01", "Robot-02"]),
@@ -160,7 +160,9 @@ async def test_interests_choose_what_is_told(service: OrderService, stream: Even
             assert names(await Client(frames).hear()) == expected
 
 
-async def test_vehicles_are_told_as_they_stand(service: OrderService, stream: EventStream) -> None:
+async def test_vehicles_are_published_with_their_current_status(
+    service: OrderService, stream: EventStream
+) -> None:
     async with aclosing(stream.follow(None, Interest(vehicle="Robot-02"))) as frames:
         client = Client(frames)
         await client.hear()
@@ -172,7 +174,7 @@ async def test_vehicles_are_told_as_they_stand(service: OrderService, stream: Ev
         ]
 
 
-async def test_who_falls_behind_is_brought_up_to_date_and_slows_nobody(service: OrderService) -> None:
+async def test_a_slow_client_receives_a_snapshot_and_does_not_slow_others(service: OrderService) -> None:
     stream = EventStream(service.engine, EventSettings(backlog=2))
     service.engine.unit_of_work.listeners[:] = [stream]
     async with aclosing(stream.follow(None, ORDERS)) as one, aclosing(stream.follow(None, ORDERS)) as other:
@@ -191,7 +193,7 @@ async def test_who_falls_behind_is_brought_up_to_date_and_slows_nobody(service: 
     assert stream.overflows == 1
 
 
-async def test_who_missed_too_much_is_told_so(service: OrderService) -> None:
+async def test_a_client_that_missed_too_much_gets_a_gap(service: OrderService) -> None:
     stream = EventStream(service.engine, EventSettings(replay_limit=2))
     await create(service, "T-1", "T-2", "T-3")
     await withdraw(service, "T-1")
@@ -201,7 +203,9 @@ async def test_who_missed_too_much_is_told_so(service: OrderService) -> None:
     assert told[-1].id == 4
 
 
-async def test_silence_is_broken_by_heartbeats(stream: EventStream, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_heartbeats_are_sent_while_nothing_else_is(
+    stream: EventStream, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(server_sent_events, "HEARTBEAT", 0.01)
     async with aclosing(stream.follow(None, ORDERS)) as frames:
         client = Client(frames)
@@ -209,7 +213,7 @@ async def test_silence_is_broken_by_heartbeats(stream: EventStream, monkeypatch:
         assert [each.event for each in await client.hear()] == ["heartbeat"]
 
 
-async def test_clients_are_limited_and_their_places_are_given_back(service: OrderService) -> None:
+async def test_clients_are_limited_and_their_slots_are_released(service: OrderService) -> None:
     stream = EventStream(service.engine, EventSettings(clients=1))
     async with aclosing(stream.follow(None, ORDERS)) as frames:
         await anext(frames)
@@ -227,7 +231,7 @@ async def test_closing_ends_every_stream(stream: EventStream) -> None:
         assert await anext(frames, None) is None
 
 
-async def test_store_that_cannot_be_read_is_said_before_anything(
+async def test_unreadable_store_is_reported_first(
     service: OrderService, stream: EventStream, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async def fail(*_: object) -> None:
@@ -239,7 +243,7 @@ async def test_store_that_cannot_be_read_is_said_before_anything(
     assert stream.clients == 0
 
 
-async def test_order_sequences_are_told_to_who_asks_for_them(service: OrderService) -> None:
+async def test_order_sequence_events_are_opt_in(service: OrderService) -> None:
     stream = EventStream(service.engine, EventSettings())
     service.engine.unit_of_work.listeners[:] = [stream]
     with service.engine.change():

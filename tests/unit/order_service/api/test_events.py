@@ -41,7 +41,7 @@ async def heard(lines: AsyncIterator[str], event: str) -> list[str]:
     raise AssertionError(event)
 
 
-async def test_stream_is_followed_and_taken_up_again(served: httpx.AsyncClient) -> None:
+async def test_stream_is_followed_and_resumed(served: httpx.AsyncClient) -> None:
     async with served.stream("GET", "/v1/events", params={"kind": "transportOrder"}) as answer:
         assert answer.headers["content-type"].startswith("text/event-stream")
         assert answer.headers["cache-control"] == "no-store"
@@ -58,7 +58,7 @@ async def test_stream_is_followed_and_taken_up_again(served: httpx.AsyncClient) 
     assert (await served.get("/v1/events", params={"kind": "weather"})).status_code == 422
 
 
-async def test_no_room_for_a_client_is_a_problem(served: httpx.AsyncClient, service: OrderService) -> None:
+async def test_too_many_clients_is_a_problem(served: httpx.AsyncClient, service: OrderService) -> None:
     service.stream.clients = 100
     answer = await served.get("/v1/events")
     service.stream.clients = 0

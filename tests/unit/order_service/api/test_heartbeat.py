@@ -60,7 +60,7 @@ async def test_heartbeats_are_retained_with_their_epoch_and_end_in_order(
     assert ServiceStatus.model_validate_json(link.published[0].payload).store_ready
 
 
-async def test_without_the_broker_nothing_is_published_nor_counted_as_dropped(
+async def test_without_the_broker_nothing_is_published_or_counted_as_dropped(
     beating: Callable[[], Heartbeat],
 ) -> None:
     link = Link(connected=False)
@@ -75,7 +75,7 @@ async def test_without_the_broker_nothing_is_published_nor_counted_as_dropped(
     assert link.online[0] is True
 
 
-def test_the_last_will_says_that_it_is_gone(beating: Callable[[], Heartbeat]) -> None:
+def test_the_last_will_reports_offline(beating: Callable[[], Heartbeat]) -> None:
     will = beating().will()
     said = ServiceStatus.model_validate_json(will.payload)
     assert (said.online, said.store_ready, will.retain) == (False, False, True)

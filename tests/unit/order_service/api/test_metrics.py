@@ -71,7 +71,7 @@ async def test_orders_are_counted_by_state_and_by_what_they_wait_for(client: htt
     assert after["nena_order_service_dispatch_seconds_count"] > 0
 
 
-async def test_the_queue_is_as_old_as_its_oldest_order_even_if_that_came_back_last(
+async def test_the_queue_age_is_that_of_its_oldest_order(
     service: OrderService, client: httpx.AsyncClient, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def created_after(seconds: int, order: TransportOrder) -> TransportOrder:
@@ -99,7 +99,7 @@ async def test_order_sequences_are_counted_until_they_are_finished(client: httpx
     assert (await shown(client))["nena_order_service_sequences"] == 0
 
 
-async def test_orders_from_before_a_restart_are_in_their_states_and_count_as_no_new_ones(
+async def test_orders_from_before_a_restart_keep_their_states_and_are_not_counted_as_new(
     service: OrderService, client: httpx.AsyncClient
 ) -> None:
     (await client.post("/v1/transportOrders", json=MOVE)).raise_for_status()
@@ -113,7 +113,7 @@ async def test_orders_from_before_a_restart_are_in_their_states_and_count_as_no_
     assert again.statistics.created == 0
 
 
-async def test_the_answer_is_compressed_for_who_takes_gzip(client: httpx.AsyncClient) -> None:
+async def test_the_answer_is_compressed_if_gzip_is_accepted(client: httpx.AsyncClient) -> None:
     async with client.stream("GET", "/metrics", headers={"accept-encoding": "gzip"}) as answer:
         raw = b"".join([part async for part in answer.aiter_raw()])
     plain = await client.get("/metrics", headers={"accept-encoding": "identity"})
@@ -127,7 +127,7 @@ async def test_the_answer_is_compressed_for_who_takes_gzip(client: httpx.AsyncCl
 @pytest.mark.parametrize(
     "app", [make_standby_app(lambda: "", lambda: "gone"), make_starting_app(lambda: "gone")]
 )
-async def test_who_does_not_lead_says_so(app: object) -> None:
+async def test_a_service_that_does_not_lead_reports_it(app: object) -> None:
     transport = httpx.ASGITransport(app)  # type: ignore[arg-type]
     async with httpx.AsyncClient(transport=transport, base_url="http://standby") as client:
         samples = await shown(client)
@@ -136,9 +136,7 @@ async def test_who_does_not_lead_says_so(app: object) -> None:
     assert samples["nena_order_service_store_ready"] == 0
 
 
-async def test_who_leads_says_so_until_it_is_not_sure(
-    service: OrderService, client: httpx.AsyncClient
-) -> None:
+async def test_the_leader_reports_it_while_certain(service: OrderService, client: httpx.AsyncClient) -> None:
     assert (await shown(client))["nena_order_service_leader"] == 1
     service.store.lead_problem = "the connection to the database was lost"
     assert (await shown(client))["nena_order_service_leader"] == 0
@@ -155,7 +153,7 @@ async def test_one_metric_that_fails_does_not_hide_the_others(
     assert "nena_order_service_commits_total" in samples
 
 
-def test_viewers_read_metrics_and_everybody_where_the_settings_say_so() -> None:
+def test_metrics_need_a_viewer_unless_they_are_public() -> None:
     assert role_needed("GET", "/metrics") is Role.VIEWER
     assert rule_of(HttpSettings(port=0))("GET", "/metrics") is Role.VIEWER
     assert rule_of(HttpSettings(port=0, open_metrics=True))("GET", "/metrics") is None
@@ -172,7 +170,7 @@ async def test_answers_are_counted_by_status_refused_ones_too() -> None:
     assert counts == {HTTPStatus.OK: 1, HTTPStatus.SERVICE_UNAVAILABLE: 1}
 
 
-def test_a_door_counts_its_rate_limits_from_none_on() -> None:
+def test_rate_limited_requests_are_counted_from_zero() -> None:
     """The first of a series that is born with it would be no increase for Prometheus."""
     limited, door = Counter({429: 2, 200: 5}), SimpleNamespace(answers=Counter[int]())
     service: Any = SimpleNamespace(answers=limited, mqtt_api=door)
@@ -196,7 +194,7 @@ async def cost(client: httpx.AsyncClient) -> tuple[int, int]:
     return len([line for line in answer.text.splitlines() if not line.startswith("#")]), calls
 
 
-async def test_a_scrape_grows_by_no_sample_and_few_calls_with_the_fleet_and_its_orders(
+async def test_a_scrape_hardly_grows_with_fleet_and_orders(
     service: OrderService, client: httpx.AsyncClient
 ) -> None:
     few_samples, few_calls = await cost(client)

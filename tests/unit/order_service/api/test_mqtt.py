@@ -15,7 +15,7 @@ def statuses(limits: MqttLimits, *hosts: str, in_work: int = 0) -> list[int | No
     return [problem.status if problem else None for problem in told]
 
 
-def test_each_host_has_a_rate_of_its_own_and_may_go_on_in_time() -> None:
+def test_each_host_has_its_own_rate_limit_that_recovers() -> None:
     clock = ManualClock()
     limits = MqttLimits(HostSettings(requests_per_second=2.0, burst=2), clock)
 
@@ -28,7 +28,7 @@ def test_each_host_has_a_rate_of_its_own_and_may_go_on_in_time() -> None:
     assert statuses(limits, "wms", "wms") == [None, 429]
 
 
-def test_so_many_may_be_in_work_and_one_more_is_told_to_wait() -> None:
+def test_pending_requests_are_limited() -> None:
     limits = MqttLimits(HostSettings(), ManualClock())
 
     assert statuses(limits, "wms", in_work=REQUESTS_LIMIT - 1) == [None]
@@ -39,7 +39,7 @@ def read(payload: bytes, *, retained: bool = False) -> Command | Problem:
     return read_request(Inbound("t", payload, retained), COMMANDS["delivery"], max_body=100)
 
 
-def test_request_that_fits_is_read() -> None:
+def test_valid_request_is_read() -> None:
     assert read(b'{"transportOrder": "T-1"}') == COMMANDS["delivery"].model_validate(
         {"transportOrder": "T-1"}
     )
@@ -57,7 +57,7 @@ def test_request_that_fits_is_read() -> None:
         (b" " * 101, 413),
     ],
 )
-def test_any_other_is_a_problem(payload: bytes, status: int) -> None:
+def test_any_other_value_is_a_problem(payload: bytes, status: int) -> None:
     problem = read(payload)
     assert isinstance(problem, Problem)
     assert problem.status == status
@@ -85,12 +85,12 @@ def test_retained_request_is_refused() -> None:
         (b'{"requestId": "17"}' + b" " * 300, None),
     ],
 )
-def test_who_is_refused_is_told_which_request_it_was(payload: bytes, text: str | None) -> None:
+def test_a_refusal_identifies_its_request(payload: bytes, text: str | None) -> None:
     assert text_in(Inbound("t", payload, retained=False), "requestId", max_body=300) == text
 
 
 @pytest.mark.parametrize("count", [11, 999, 100_000])
-def test_what_does_not_fit_by_the_thousand_has_an_answer_that_can_be_read(count: int) -> None:
+def test_thousands_of_conflicts_give_a_readable_answer(count: int) -> None:
     payload = b'{"zoneSet": {"mapId": "m", "zoneSetId": "s", "zones": [%b]}}' % b",".join([b"1"] * count)
     problem = read_request(Inbound("t", payload, retained=False), COMMANDS["putZoneSet"], max_body=10**6)
 

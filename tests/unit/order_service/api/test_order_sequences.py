@@ -50,7 +50,7 @@ async def test_a_sequence_is_created_filled_shown_and_completed(client: httpx.As
     assert (await client.post(f"{SEQUENCES}/S/completion")).json() == ended
 
 
-async def test_the_same_request_makes_one_sequence(client: httpx.AsyncClient) -> None:
+async def test_the_same_request_creates_one_sequence(client: httpx.AsyncClient) -> None:
     first = await make(client, idempotencyKey="k", failureFatal=True)
     again = await make(client, idempotencyKey="k", failureFatal=True)
     assert (first.status_code, again.status_code, first.json()["name"]) == (201, 200, again.json()["name"])
@@ -98,7 +98,7 @@ async def test_bad_sequences_are_refused(
     assert (answer.status_code, said in answer.text) == (status, True)
 
 
-async def test_what_is_unknown_is_told(client: httpx.AsyncClient) -> None:
+async def test_unknown_resources_are_reported(client: httpx.AsyncClient) -> None:
     assert (await client.get(f"{SEQUENCES}/S")).status_code == 404
     assert (await client.post(f"{SEQUENCES}/S/completion")).status_code == 404
     lost = await client.post(ORDERS, json=order("T-1", wrappingSequence="S"))
@@ -108,7 +108,7 @@ async def test_what_is_unknown_is_told(client: httpx.AsyncClient) -> None:
     assert (await client.get(f"{ORDERS}/T-1")).status_code == 404
 
 
-async def test_an_order_waits_for_its_dependencies_and_is_the_same_when_asked_for_again(
+async def test_an_order_waits_for_its_dependencies_and_is_idempotent(
     client: httpx.AsyncClient,
 ) -> None:
     await client.post(ORDERS, json=order("T-1"))

@@ -38,7 +38,7 @@ async def test_unknown_path_and_bad_request_are_problems(client: httpx.AsyncClie
     assert (await client.put(f"/v1/paths/{name}/lock", json={"locked": "perhaps"})).status_code == 422
 
 
-async def test_routes_keep_off_locked_paths_and_orders_wait_for_them(
+async def test_routes_avoid_locked_paths_and_orders_wait_for_them(
     client: httpx.AsyncClient, service: OrderService
 ) -> None:
     finder = service.engine.context.finder
@@ -57,7 +57,7 @@ async def test_routes_keep_off_locked_paths_and_orders_wait_for_them(
     assert finder.find(start, [_to(goal)]) == before
 
 
-async def test_locks_stand_over_a_restart(
+async def test_locks_survive_a_restart(
     client: httpx.AsyncClient, service: OrderService, settings: OrderServiceSettings
 ) -> None:
     name = (await client.get("/v1/paths")).json()["paths"][0]["name"]
@@ -67,9 +67,7 @@ async def test_locks_stand_over_a_restart(
     assert again.hosts.locks.get(name).locked
 
 
-async def test_store_that_takes_nothing_promises_nothing(
-    client: httpx.AsyncClient, service: OrderService
-) -> None:
+async def test_read_only_store_acknowledges_nothing(client: httpx.AsyncClient, service: OrderService) -> None:
     name = (await client.get("/v1/paths")).json()["paths"][0]["name"]
     service.store.problem = "disk full"
     assert (await lock(client, name, locked=True)).status_code == 503

@@ -10,7 +10,7 @@ from nena_order_service.service import OrderService
 from nena_shared.plant import PlantModel
 
 
-async def test_model_of_any_format_is_handed_on_or_refused() -> None:
+async def test_model_of_any_format_is_accepted_or_refused() -> None:
     asked: list[tuple[str, bool]] = []
 
     async def change(model: PlantModel, *, check_only: bool = False) -> None:
@@ -31,6 +31,6 @@ async def test_model_of_any_format_is_handed_on_or_refused() -> None:
     assert asked == [("Sample hall", False), ("Sample hall", True)]
 
 
-async def test_plant_model_is_told_as_it_is(client: httpx.AsyncClient, service: OrderService) -> None:
+async def test_plant_model_is_published_unchanged(client: httpx.AsyncClient, service: OrderService) -> None:
     answer = await client.get("/v1/plantModel")
     assert PlantModel.from_json(answer.content) == service.engine.plant

@@ -45,7 +45,7 @@ async def test_refusals_are_listed_over_rest_and_mqtt(client: httpx.AsyncClient)
     assert "- 412: The object has another version." in asyncapi["operations"]["hold"]["description"]
 
 
-def test_what_is_foreseen_says_what_to_do_in_its_own_words() -> None:
+def test_expected_errors_have_their_own_text() -> None:
     error = errors.UnknownOrderError("T-9")
 
     found = problem_of(error)
@@ -55,7 +55,7 @@ def test_what_is_foreseen_says_what_to_do_in_its_own_words() -> None:
 
 
 @pytest.mark.parametrize("error", [KeyError("secret"), RuntimeError("secret"), ValueError("secret")])
-def test_what_nobody_foresaw_gives_no_inside_view(error: Exception) -> None:
+def test_unexpected_errors_reveal_no_internals(error: Exception) -> None:
     found = problem_of(error)
 
     assert found.status == 500
@@ -72,16 +72,14 @@ async def test_body_of_another_content_type_is_refused(client: httpx.AsyncClient
         assert "Content-Type: application/json" in problem(answer, 415).detail
 
 
-async def test_what_is_not_there_is_a_problem(client: httpx.AsyncClient) -> None:
+async def test_unknown_resources_are_problems(client: httpx.AsyncClient) -> None:
     assert "'T-9'" in problem(await client.get(f"{ORDERS}/T-9"), 404).detail
     problem(await client.post(f"{ORDERS}/T-9/withdrawal"), 404)
     problem(await client.get("/v2/everything"), 404)
     problem(await client.delete(ORDERS), 405)
 
 
-async def test_fault_of_the_service_gives_no_inside_view(
-    client: httpx.AsyncClient, failing_create: str
-) -> None:
+async def test_service_faults_reveal_no_internals(client: httpx.AsyncClient, failing_create: str) -> None:
     with capture_logs() as logged:
         assert failing_create not in problem(await client.post(ORDERS, json=BODY), 500).model_dump_json()
     assert [(line["event"], line["path"]) for line in logged] == [("request failed", ORDERS)]

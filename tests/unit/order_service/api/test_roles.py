@@ -30,5 +30,5 @@ from nena_shared.fleet_api.base import Role
         ("DELETE /anything", Role.OPERATOR),
     ],
 )
-def test_what_a_request_takes(request_line: str, role: Role | None) -> None:
+def test_role_needed_for_a_request(request_line: str, role: Role | None) -> None:
     assert role_needed(*request_line.split()) == role

@@ -55,7 +55,7 @@ async def client(door: RestServer) -> AsyncIterator[httpx.AsyncClient]:
         yield made
 
 
-async def test_what_is_shown_answers_behind_the_same_guard(
+async def test_shown_applications_are_served_behind_the_same_guard(
     door: RestServer, client: httpx.AsyncClient
 ) -> None:
     assert (await client.get(PATH)).status_code == 401
@@ -67,7 +67,9 @@ async def test_what_is_shown_answers_behind_the_same_guard(
     assert (await client.get(PATH, headers={"x-api-access-key": "vic's"})).text == "second"
 
 
-async def test_what_was_counted_is_not_forgotten(door: RestServer, client: httpx.AsyncClient) -> None:
+async def test_rate_limits_survive_showing_another_application(
+    door: RestServer, client: httpx.AsyncClient
+) -> None:
     wrong = {"authorization": "Bearer guess"}
     statuses = {(await client.get(PATH, headers=wrong)).status_code for _ in range(WRONG_TOKENS_AT_ONCE)}
     assert statuses == {401}
@@ -76,7 +78,7 @@ async def test_what_was_counted_is_not_forgotten(door: RestServer, client: httpx
     assert (await client.get(PATH, headers=wrong)).status_code == 429
 
 
-async def test_a_broken_file_of_users_fails_requests_and_not_the_program(
+async def test_a_broken_users_file_fails_requests_but_not_the_program(
     door: RestServer, client: httpx.AsyncClient, users: Path
 ) -> None:
     await asyncio.to_thread(users.write_text, "[[user")
@@ -86,7 +88,7 @@ async def test_a_broken_file_of_users_fails_requests_and_not_the_program(
     assert (await client.get("/healthz")).text == "second"
 
 
-async def test_a_door_that_was_never_open_gives_the_port_back() -> None:
+async def test_a_server_that_never_opened_releases_its_port() -> None:
     first = RestServer(saying("first"), HttpSettings(port=0))
     settings = HttpSettings(port=int(first.url.rpartition(":")[2]))
     await first.close()
@@ -123,12 +125,12 @@ async def test_a_command_of_a_page_is_refused(
     assert "http.users" in answer.json()["detail"]
 
 
-async def test_a_name_that_was_made_to_point_here_helps_no_page(client_of_pages: httpx.AsyncClient) -> None:
+async def test_dns_rebinding_does_not_help_a_page(client_of_pages: httpx.AsyncClient) -> None:
     headers = {"host": "page.example", "origin": FOREIGN, "content-type": "application/json"}
     assert (await client_of_pages.post(WITHDRAWAL, headers=headers, content="{}")).status_code == 403
 
 
-async def test_programs_command_and_anybody_reads(client_of_pages: httpx.AsyncClient) -> None:
+async def test_programs_may_command_and_anyone_may_read(client_of_pages: httpx.AsyncClient) -> None:
     assert (await client_of_pages.post(WITHDRAWAL)).text == "done"
     assert (await client_of_pages.get("/v1/vehicles", headers={"origin": FOREIGN})).text == "done"
 
@@ -149,7 +151,7 @@ def client_of_standby(active_url: str, problem: str = "") -> httpx.AsyncClient:
 
 
 @pytest.mark.parametrize("method", ["GET", "POST", "PUT", "DELETE"])
-async def test_every_request_is_told_where_to_go(method: str) -> None:
+async def test_every_request_is_redirected(method: str) -> None:
     async with client_of_standby("http://active.example") as standby:
         answer = await standby.request(method, "/v1/vehicles/Robot-01")
     problem = Problem.model_validate_json(answer.content)
@@ -160,7 +162,7 @@ async def test_every_request_is_told_where_to_go(method: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["Auftrag%20Ж", "%3E;%20rel=%22self%22"])
-async def test_a_name_is_passed_on_as_it_came(name: str) -> None:
+async def test_a_name_is_passed_on_unchanged(name: str) -> None:
     async with client_of_standby("http://active.example") as standby:
         answer = await standby.get(f"/v1/transportOrders/{name}")
     place = f"http://active.example{answer.request.url.raw_path.decode()}"
@@ -168,7 +170,7 @@ async def test_a_name_is_passed_on_as_it_came(name: str) -> None:
     assert place in answer.json()["detail"]
 
 
-async def test_where_nobody_is_known_to_be_active_it_says_so() -> None:
+async def test_a_standby_without_a_known_active_service_reports_it() -> None:
     async with client_of_standby("", problem="connection refused") as standby:
         answer = await standby.get("/v1/vehicles")
         ready = await standby.get("/readyz")
@@ -191,7 +193,7 @@ async def test_it_does_not_blame_a_database_that_answers() -> None:
     assert "asks the MQTT broker" in ready.json()["problems"][0]
 
 
-async def test_it_is_well_and_says_what_it_waits_for() -> None:
+async def test_a_starting_service_is_healthy_and_reports_what_it_waits_for() -> None:
     async with client_of_starting("database or disk is full") as starting:
         assert (await starting.get("/healthz")).status_code == 200
         ready = await starting.get("/readyz")

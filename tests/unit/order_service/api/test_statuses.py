@@ -33,7 +33,7 @@ def ended(name: str, version: int = 1) -> TransportOrderStatus:
     )
 
 
-async def test_an_end_is_kept_for_its_time_and_then_cleared() -> None:
+async def test_an_ended_order_stays_retained_for_a_time_and_is_then_cleared() -> None:
     cleared: list[str] = []
     ends = EndedOrders(0.05, cleared.append)
     ends.add(ended("T-1"))
@@ -43,7 +43,7 @@ async def test_an_end_is_kept_for_its_time_and_then_cleared() -> None:
     assert ends.statuses() == ()
 
 
-async def test_an_end_that_is_told_anew_is_cleared_once() -> None:
+async def test_a_republished_end_is_cleared_once() -> None:
     cleared: list[str] = []
     ends = EndedOrders(0.05, cleared.append)
     ends.add(ended("T-1"))
@@ -55,7 +55,7 @@ async def test_an_end_that_is_told_anew_is_cleared_once() -> None:
     assert cleared == ["T-1", "T-2"]
 
 
-async def test_of_too_many_ends_the_oldest_is_cleared_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_the_oldest_retained_end_is_cleared_beyond_the_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ended_orders, "ENDS_KEPT", 2)
     cleared: list[str] = []
     ends = EndedOrders(LONG, cleared.append)
@@ -79,7 +79,7 @@ async def test_after_the_close_nothing_is_cleared() -> None:
     assert (cleared, closed.statuses()) == (["T-2"], ())
 
 
-async def test_it_ends_also_when_its_link_forgets_that_it_is_to_end(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_it_ends_even_if_its_link_swallows_the_cancellation(monkeypatch: pytest.MonkeyPatch) -> None:
     cancel_again_at_once(monkeypatch)
     monkeypatch.setattr(MqttLink, "run", forgetful)
     sweep = RetainedSweep(

@@ -18,7 +18,7 @@ async def test_orders_and_vehicles_are_counted_by_state(client: httpx.AsyncClien
     assert found["oldestOrder"] == "TO-2"
 
 
-async def test_the_traffic_plan_is_empty_where_no_robot_has_told_where_it_is(
+async def test_the_traffic_plan_is_empty_without_positions(
     client: httpx.AsyncClient,
 ) -> None:
     plan = (await client.get("/v1/traffic/plan")).json()

@@ -26,7 +26,7 @@ ORDERS = "/v1/transportOrders"
 BODY: dict[str, Any] = {"destinations": [{"locationName": "Goods in", "operation": "Load cargo"}]}
 
 
-async def test_created_order_is_answered_where_it_is_and_is_in_the_store(
+async def test_created_order_is_answered_with_its_location_and_stored(
     client: httpx.AsyncClient, service: OrderService
 ) -> None:
     answer = await client.post(ORDERS, json={**BODY, "name": "T-1"})
@@ -41,7 +41,7 @@ async def test_created_order_is_answered_where_it_is_and_is_in_the_store(
     assert (await client.get(answer.headers["location"])).json() == answer.json()
 
 
-async def test_names_are_made_and_completed(client: httpx.AsyncClient) -> None:
+async def test_names_are_generated_and_completed(client: httpx.AsyncClient) -> None:
     made = (await client.post(ORDERS, json=BODY)).json()["name"]
     completed = [
         (await client.post(ORDERS, json={**BODY, "name": "Night", "incompleteName": True})).json()["name"]
@@ -52,7 +52,7 @@ async def test_names_are_made_and_completed(client: httpx.AsyncClient) -> None:
     assert len({made, *completed}) == 3
 
 
-async def test_name_that_is_taken_is_refused(client: httpx.AsyncClient) -> None:
+async def test_used_name_is_refused(client: httpx.AsyncClient) -> None:
     await client.post(ORDERS, json={**BODY, "name": "T-1"})
     answer = await client.post(ORDERS, json={**BODY, "name": "T-1", "priority": 1})
     assert "'T-1'" in problem(answer, 409).detail
@@ -89,7 +89,7 @@ async def test_same_key_gives_the_same_order_also_by_header(client: httpx.AsyncC
         {"name": "Night", "incompleteName": True},
     ],
 )
-async def test_a_key_that_made_another_order_is_refused(
+async def test_a_key_used_for_another_order_is_refused(
     client: httpx.AsyncClient, change: dict[str, object]
 ) -> None:
     await client.post(ORDERS, json={**BODY, "name": "T-1", "idempotencyKey": "k"})
@@ -100,19 +100,19 @@ async def test_a_key_that_made_another_order_is_refused(
     assert len((await client.get(ORDERS)).json()["transportOrders"]) == 1
 
 
-async def test_requests_of_one_key_at_the_same_moment_make_one_order(client: httpx.AsyncClient) -> None:
+async def test_concurrent_requests_with_one_key_create_one_order(client: httpx.AsyncClient) -> None:
     body = {**BODY, "idempotencyKey": "k", "name": "T-1"}
     answers = await asyncio.gather(*(client.post(ORDERS, json=body) for _ in range(20)))
     assert sorted(answer.status_code for answer in answers) == [200] * 19 + [201]
     assert {answer.json()["name"] for answer in answers} == {"T-1"}
 
 
-async def test_requests_of_one_name_at_the_same_moment_make_one_order(client: httpx.AsyncClient) -> None:
+async def test_concurrent_requests_with_one_name_create_one_order(client: httpx.AsyncClient) -> None:
     answers = await asyncio.gather(*(client.post(ORDERS, json={**BODY, "name": "T-1"}) for _ in range(20)))
     assert sorted(answer.status_code for answer in answers) == [200] * 19 + [201]
 
 
-async def test_unroutable_order_is_made_and_says_why(client: httpx.AsyncClient) -> None:
+async def test_unroutable_order_is_created_with_a_reason(client: httpx.AsyncClient) -> None:
     body = {"destinations": [{"locationName": "Packing stand"}, {"locationName": "Parking bay"}]}
     body["properties"] = [{"key": "tcs:resourcesToAvoid", "value": "Middle 4"}]
     order = (await client.post(ORDERS, json=body)).json()
@@ -136,7 +136,7 @@ async def test_unroutable_order_is_made_and_says_why(client: httpx.AsyncClient) 
         (b'{"destinations": [{"coordinate": {"x": 1e999, "y": 0}}]}', 422, "form"),
     ],
 )
-async def test_bad_requests_are_told_what_to_do_and_make_nothing(
+async def test_bad_requests_get_a_hint_and_create_nothing(
     client: httpx.AsyncClient, body: bytes, status: int, said: str
 ) -> None:
     found = problem(
@@ -147,7 +147,7 @@ async def test_bad_requests_are_told_what_to_do_and_make_nothing(
     assert (await client.get(ORDERS)).json()["transportOrders"] == []
 
 
-async def test_all_problems_are_told_at_once(client: httpx.AsyncClient) -> None:
+async def test_all_problems_are_reported_together(client: httpx.AsyncClient) -> None:
     body = {"destinations": [{"locationName": "Nowhere"}, {"locationName": "Goods in", "operation": "Fly"}]}
     found = problem(await client.post(ORDERS, json=body), 422)
     assert [error.split(":")[0] for error in found.errors] == ["Destination 1", "Destination 2"]
@@ -180,7 +180,7 @@ async def made(client: httpx.AsyncClient, number: int) -> list[str]:
     return names[::-1]
 
 
-async def test_a_long_page_is_whole_and_says_how_long_it_is(client: httpx.AsyncClient) -> None:
+async def test_a_long_page_is_complete_and_has_its_length(client: httpx.AsyncClient) -> None:
     names = await made(client, 3 * ORDERS_AT_ONCE)
     for limit in (ORDERS_AT_ONCE - 1, ORDERS_AT_ONCE, 3 * ORDERS_AT_ONCE - 1, 3 * ORDERS_AT_ONCE):
         answer = await client.get(ORDERS, params={"limit": limit})
@@ -196,7 +196,7 @@ async def test_a_long_page_is_whole_and_says_how_long_it_is(client: httpx.AsyncC
     assert answer.json()["transportOrders"][0] == single
 
 
-async def test_a_page_is_never_in_memory_as_a_whole(
+async def test_a_page_is_never_completely_in_memory(
     client: httpx.AsyncClient, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As models, 1,000 orders with their history take 11 MB, which the allocator does not return."""
@@ -245,16 +245,14 @@ async def test_withdrawal_of_a_waiting_order_ends_it(client: httpx.AsyncClient) 
     assert "already FAILED" in problem(await client.post(f"{ORDERS}/T-1/withdrawal"), 409).detail
 
 
-async def test_store_that_takes_nothing_promises_nothing(
-    client: httpx.AsyncClient, service: OrderService
-) -> None:
+async def test_read_only_store_acknowledges_nothing(client: httpx.AsyncClient, service: OrderService) -> None:
     service.store.problem = "disk full"
     found = problem(await client.post(ORDERS, json=BODY), 503)
     assert "disk full" in found.detail
     assert service.engine.state.orders.dispatchable() == ()
 
 
-async def test_version_is_the_tag_of_an_order(client: httpx.AsyncClient) -> None:
+async def test_the_etag_of_an_order_is_its_version(client: httpx.AsyncClient) -> None:
     made = await client.post(ORDERS, json={**BODY, "name": "T-1"})
     tag = made.headers["etag"]
     assert tag == f'"{made.json()["version"]}"'
@@ -274,7 +272,7 @@ async def test_order_that_has_changed_meanwhile_is_not_withdrawn(client: httpx.A
     assert fresh.headers["etag"] != made.headers["etag"]
 
 
-async def test_delivery_of_an_order_is_told(client: httpx.AsyncClient) -> None:
+async def test_delivery_of_an_order_is_published(client: httpx.AsyncClient) -> None:
     await client.post(ORDERS, json={**BODY, "name": "T-1"})
     told = (await client.get(f"{ORDERS}/T-1/delivery")).json()
     assert (told["transportOrder"], told["phase"]) == ("T-1", "NONE")
@@ -321,7 +319,9 @@ def ann(subject: str) -> OidcUser:
         (None, "somebody"),
     ],
 )
-async def test_who_asks_is_written_down(service: OrderService, user: KnownUser | None, by: str) -> None:
+async def test_the_requesting_user_is_recorded(
+    service: OrderService, user: KnownUser | None, by: str
+) -> None:
     async def door(scope: Scope, receive: Receive, send: Send) -> None:
         scope["state"] = {"user": user}
         await service.app(scope, receive, send)
@@ -337,7 +337,7 @@ async def test_who_asks_is_written_down(service: OrderService, user: KnownUser |
     assert told["nena:resumed"][0] == by
 
 
-async def test_what_has_ended_is_neither_held_nor_resumed(client: httpx.AsyncClient) -> None:
+async def test_ended_orders_are_neither_held_nor_resumed(client: httpx.AsyncClient) -> None:
     await client.post(ORDERS, json={"name": "T-1", "destinations": [{"locationName": "South 2"}]})
     await client.post(f"{ORDERS}/T-1/withdrawal")
     for verb in ("hold", "resume"):

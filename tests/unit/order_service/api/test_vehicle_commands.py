@@ -16,7 +16,7 @@ import pytest
         ({"coordinate": {"x": 1.5, "y": 2, "theta": 0}}, (None, "MOVE")),
     ],
 )
-async def test_vehicle_is_dispatched_by_an_order_of_its_own(
+async def test_vehicle_is_dispatched_with_its_own_order(
     client: httpx.AsyncClient, body: dict[str, Any], destination: tuple[str | None, str]
 ) -> None:
     answer = await client.post("/v1/vehicles/Robot-02/dispatch", json=body)

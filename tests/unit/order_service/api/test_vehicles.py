@@ -26,7 +26,7 @@ async def test_vehicles_are_filtered_and_paged(client: httpx.AsyncClient) -> Non
     assert (await client.get("/v1/vehicles", params={"after": "R2D2"})).status_code == 404
 
 
-async def test_integration_level_is_set_and_told(client: httpx.AsyncClient) -> None:
+async def test_integration_level_is_set_and_published(client: httpx.AsyncClient) -> None:
     place = "/v1/vehicles/Robot-01/integrationLevel"
     answer = await client.put(place, json={"integrationLevel": "TO_BE_RESPECTED"})
     assert (answer.status_code, answer.json()["integrationLevel"]) == (200, "TO_BE_RESPECTED")
@@ -36,7 +36,7 @@ async def test_integration_level_is_set_and_told(client: httpx.AsyncClient) -> N
     assert missing.status_code == 404
 
 
-async def test_acceptable_order_types_are_set_and_told(client: httpx.AsyncClient) -> None:
+async def test_acceptable_order_types_are_set_and_published(client: httpx.AsyncClient) -> None:
     url = "/v1/vehicles/Robot-01/acceptableOrderTypes"
     assert (await client.get("/v1/vehicles/Robot-01")).json()["acceptableOrderTypes"] == [
         {"name": "*", "priority": 0}

@@ -20,7 +20,7 @@ async def test_zone_sets_are_put_shown_enabled_and_deleted(client: httpx.AsyncCl
     assert len((await client.get(URL)).json()["zoneSets"]) == 1
 
 
-async def test_what_is_no_zone_set_is_refused(client: httpx.AsyncClient) -> None:
+async def test_an_invalid_zone_set_is_refused(client: httpx.AsyncClient) -> None:
     for wrong in ({}, {**DAY, "zones": [{"zoneId": "z"}]}, {**DAY, "mapId": 7}):
         answer = await client.post(URL, json=wrong)
         assert (answer.status_code, bool(answer.json()["errors"])) == (422, True)

@@ -47,7 +47,7 @@ def greedy(levels: list[Level]) -> dict[int, str]:
 
 
 @given(LEVELS)
-def test_each_level_is_served_as_far_as_it_can_be_and_all_at_the_least_cost(
+def test_each_level_is_served_as_far_as_possible_at_minimum_cost(
     told: list[list[dict[str, int]]],
 ) -> None:
     levels = numbered(told)

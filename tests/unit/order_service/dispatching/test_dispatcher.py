@@ -79,7 +79,7 @@ NEAR_EACH = Told(
 
 
 @pytest.mark.parametrize(("crowding", "chosen"), [(0.0, "T-1"), (0.1, "T-1"), (0.2, "T-2")])
-def test_an_order_to_a_crowded_station_is_dearer(crowding: float, chosen: str) -> None:
+def test_an_order_to_a_crowded_station_costs_more(crowding: float, chosen: str) -> None:
     """The vehicle has 100 to the first order and 125 to the other; two others are to come to the first."""
     known = Told({("T-1", "v"): 100, ("T-2", "v"): 125}, crowds={"T-1": 2})
     orders = [dispatchable_order(number=1), dispatchable_order(number=2)]
@@ -88,7 +88,7 @@ def test_an_order_to_a_crowded_station_is_dearer(crowding: float, chosen: str) -
     assert pairs(decisions) == {chosen: "v"}
 
 
-def test_an_order_is_left_to_a_vehicle_that_is_about_to_be_free_nearer_to_it() -> None:
+def test_an_order_waits_for_a_nearer_vehicle_that_is_about_to_be_free() -> None:
     orders = [dispatchable_order(number=1), dispatchable_order(number=2)]
     fleet = [*vehicles(here=""), unloading("unloads")]
 
@@ -99,7 +99,7 @@ def test_an_order_is_left_to_a_vehicle_that_is_about_to_be_free_nearer_to_it() -
     assert pairs(decide(orders, vehicles(here="", unloads=BUSY), NEAR_EACH)) == {"T-1": "here"}
 
 
-def test_a_free_vehicle_waits_for_none_that_is_about_to_be_free() -> None:
+def test_a_free_vehicle_does_not_wait_for_one_that_is_about_to_be_free() -> None:
     fleet = [*vehicles(here=""), unloading("unloads")]
     assert pairs(decide([dispatchable_order(number=1)], fleet, NEAR_EACH)) == {"T-1": "here"}
 
@@ -108,7 +108,7 @@ def test_a_free_vehicle_waits_for_none_that_is_about_to_be_free() -> None:
     assert pairs(decide(orders, both, NEAR_EACH)) == {"T-1": "else", "T-2": "here"}
 
 
-def test_an_order_that_comes_before_others_waits_for_no_vehicle_that_unloads() -> None:
+def test_an_order_ahead_of_others_does_not_wait_for_an_unloading_vehicle() -> None:
     fleet = [*vehicles(here=""), unloading("unloads")]
 
     urgent = [dispatchable_order(number=1, priority=5), dispatchable_order(number=2)]
@@ -136,7 +136,7 @@ def test_intended_vehicle_is_waited_for_and_named() -> None:
     assert decisions.reasons == {"T-1": "waits for vehicle 'V-2', which is offline"}
 
 
-def test_a_load_keeps_a_vehicle_from_orders_that_begin_with_another_one_and_from_no_others() -> None:
+def test_a_load_excludes_only_orders_that_start_with_another_pick() -> None:
     orders = [dispatchable_order("A:Load", number=1), dispatchable_order("A:Unload", number=2)]
     loaded = DispatchedVehicle("V1", carried=Carried(("",)))
     decisions = decide(orders, [loaded], Told({"V1": 1}))
@@ -169,7 +169,7 @@ def test_fleet_without_vehicles_is_said() -> None:
     assert "none in the plant model takes orders" in decide([dispatchable_order()], [], Told()).reasons["T-1"]
 
 
-def test_a_vehicle_that_must_not_do_an_order_is_passed_over_and_the_reason_is_told() -> None:
+def test_an_unsuitable_vehicle_is_skipped_with_a_reason() -> None:
     told = Told({"picky": 1, "other": 2}, {("Hazardous", "picky"): "accepts no orders of type 'Hazardous'"})
     orders = [dispatchable_order(number=1, type="Hazardous")]
     assert pairs(decide(orders, vehicles(picky="", other=""), told)) == {"T-1": "other"}
@@ -193,7 +193,7 @@ def test_a_vehicle_without_energy_takes_orders_to_recharge_only() -> None:
     assert decisions.reasons == {"T-1": f"waits for a vehicle: each of them {LOW}"}
 
 
-def test_a_dispensable_order_is_given_up_for_another_one_but_not_for_its_like() -> None:
+def test_a_dispensable_order_gives_way_to_others_but_not_to_dispensable_ones() -> None:
     parking = DispatchedVehicle("V1", idle=False, gives_up="Park-1")
     told = Told({"V1": 1})
     assignment = decide([dispatchable_order()], [parking], told).assignments[0]
@@ -202,7 +202,7 @@ def test_a_dispensable_order_is_given_up_for_another_one_but_not_for_its_like() 
     assert reason.endswith("has a dispensable order")
 
 
-def test_a_vehicle_that_is_kept_for_an_order_does_that_one_first_of_all() -> None:
+def test_a_vehicle_reserved_for_an_order_executes_it_first() -> None:
     fleet = [DispatchedVehicle("V1", kept_for=2), *vehicles(V2=BUSY)]
     orders = [dispatchable_order(number=1, priority=9), dispatchable_order(number=2)]
     decisions = decide(orders, fleet, Told({"V1": 1}), {2: "V1"})
@@ -210,13 +210,13 @@ def test_a_vehicle_that_is_kept_for_an_order_does_that_one_first_of_all() -> Non
     assert "T-1" in decisions.reasons
 
 
-def test_an_order_for_which_a_vehicle_is_kept_waits_for_no_other_one() -> None:
+def test_an_order_with_a_reserved_vehicle_waits_for_no_other() -> None:
     fleet = vehicles(V1="ends a dispensable order first", V2="")
     decisions = decide([dispatchable_order()], fleet, Told({"V1": 1, "V2": 1}), {1: "V1"})
     assert decisions.reasons == {"T-1": "waits for vehicle 'V1', which ends a dispensable order first"}
 
 
-def test_who_is_scarce_may_choose() -> None:
+def test_scarce_vehicles_choose_first() -> None:
     orders = [dispatchable_order(number=number) for number in (1, 2, 3)]
     told = Told({("T-1", "V1"): 9, ("T-2", "V1"): 1, ("T-3", "V1"): 5})
     settings: dict[str, Any] = {
@@ -328,7 +328,7 @@ def test_vehicles_by_key(keys: list[VehicleKey], expected: str) -> None:
     assert "".join(each.name for each in sorted(fleet, key=rank_vehicles(keys))) == expected
 
 
-def test_candidates_by_cost_and_by_what_vehicles_like() -> None:
+def test_candidates_by_cost_and_preference() -> None:
     likes = (AcceptableOrderType(name="-", priority=3),)
     near = Candidate(OLD, DispatchedVehicle("near", order_types=likes), RouteCost(5, 2))
     short = Candidate(URGENT, DispatchedVehicle("short", idle=False), RouteCost(4, 3))
@@ -351,7 +351,7 @@ def test_every_key_has_a_value() -> None:
     assert CANDIDATE_VALUES.keys() == set(CandidateKey)
 
 
-def test_an_unknown_key_is_refused_with_the_list_of_those_that_there_are() -> None:
+def test_an_unknown_key_is_refused_with_the_list_of_known_ones() -> None:
     with pytest.raises(ValidationError) as refused:
         DispatchSettings.model_validate({"orders": ["BY_COLOUR"]})
     assert all(key in str(refused.value) for key in OrderKey)
@@ -390,7 +390,7 @@ FLEET = [
 TOLD = Told({"far": 9, "near": 2, "low": 1})
 
 
-def test_each_vehicle_has_a_reason_and_those_that_could_come_first() -> None:
+def test_each_vehicle_has_a_reason_and_suitable_ones_come_first() -> None:
     found = explain(dispatchable_order(), FLEET, TOLD)
     assert [(each.vehicle, each.fits) for each in found[:2]] == [("near", True), ("far", True)]
     assert [each.cost for each in found] == [2, 9, None, None, None]
@@ -403,7 +403,7 @@ def test_each_vehicle_has_a_reason_and_those_that_could_come_first() -> None:
     }
 
 
-def test_who_is_not_meant_is_told_who_is() -> None:
+def test_an_unintended_vehicle_names_the_intended_one() -> None:
     order = dispatchable_order(intended_vehicle="near")
     reasons = {each.vehicle: each.reason for each in explain(order, FLEET, TOLD)}
     assert reasons["near"] == COULD
@@ -412,12 +412,12 @@ def test_who_is_not_meant_is_told_who_is() -> None:
     assert kept["near"] == "is not 'far', which is reserved for it"
 
 
-def test_who_does_it_is_said() -> None:
+def test_the_executing_vehicle_is_reported() -> None:
     found = explain(assigned_order(vehicle="V-1"), vehicles(**{"V-1": BUSY}), TOLD)
     assert [(each.fits, each.reason) for each in found] == [(True, "does it")]
 
 
-def test_a_load_that_is_in_the_way_is_told() -> None:
+def test_a_load_in_the_way_is_explained() -> None:
     loaded = [DispatchedVehicle("near", carried=Carried(("",)))]
     (pick,), (drop,) = (explain(dispatchable_order(stop), loaded, TOLD) for stop in ("A:Load", "A:Unload"))
     assert (pick.fits, pick.reason) == (False, "carries a load and has no room for another one")
@@ -444,19 +444,19 @@ def why(places: tuple[str | None, ...], sheet: Factsheet | None, pick: Pick) -> 
 
 @pytest.mark.clause("7.8/loads")
 @pytest.mark.parametrize("loads", [None, ()], ids=["cannot tell", "empty"])
-def test_who_carries_nothing_or_cannot_tell_has_room(loads: tuple[()] | None) -> None:
+def test_vehicles_without_or_with_unknown_loads_have_room(loads: tuple[()] | None) -> None:
     assert carried(state(loads=loads), None) is None
 
 
 @pytest.mark.parametrize("sheet", [None, specified(), specified(load_positions=())])
-def test_who_says_of_no_places_has_one(sheet: Factsheet | None) -> None:
+def test_a_vehicle_without_load_positions_has_one(sheet: Factsheet | None) -> None:
     assert why((None,), sheet, Pick()) == ONE
     assert why(("front",), sheet, Pick("pallet")) == ONE
     assert why(("front",), sheet, Pick(place="front")) == f"{ONE} at 'front'"
     assert why(("front",), sheet, Pick(place="rear")) == ""
 
 
-def test_each_place_takes_one_load() -> None:
+def test_each_load_position_holds_one_load() -> None:
     sheet = specified(load_positions=("front", "rear"))
     assert why((None,), sheet, Pick()) == ""
     assert why(("front", "rear"), sheet, Pick()) == "carries 2 loads and has no room for another one"
@@ -465,7 +465,7 @@ def test_each_place_takes_one_load() -> None:
     assert why((None,), sheet, Pick(place="rear")) == f"{ONE} at 'rear'"
 
 
-def test_loads_of_some_types_go_to_some_places_only() -> None:
+def test_load_positions_accept_only_certain_load_types() -> None:
     sets = (
         {"set_name": "a", "load_type": "pallet", "load_positions": ("fork",)},
         {"set_name": "b", "load_type": "box", "load_positions": ("fork",)},
@@ -479,12 +479,12 @@ def test_loads_of_some_types_go_to_some_places_only() -> None:
     assert why(("elsewhere",), sheet, Pick("pallet")) == ONE
 
 
-def test_what_is_carried_can_be_compared() -> None:
+def test_loads_can_be_compared() -> None:
     sheet = specified(load_positions=("front",))
     assert carried(state(loads=at("front")), sheet) == Carried(("front",), frozenset({"front"}), {})
 
 
-def test_of_a_vehicle_of_which_nobody_has_said_anything_any_type_is_accepted() -> None:
+def test_a_vehicle_without_order_types_accepts_any_type() -> None:
     assert acceptable(None) == ANY_ORDER_TYPE
     assert why_not_accepted(acceptable(None), "-") == ""
 
@@ -500,7 +500,7 @@ def test_of_a_vehicle_of_which_nobody_has_said_anything_any_type_is_accepted() -
         ((), "Transport", None),
     ],
 )
-def test_the_very_type_counts_more_than_any(
+def test_the_exact_type_takes_precedence_over_any(
     names: tuple[str, ...], order_type: str, priority: int | None
 ) -> None:
     assert type_priority(acceptable(names), order_type) == priority
@@ -511,18 +511,18 @@ def test_the_reason_names_what_is_accepted() -> None:
     assert why_not_accepted((), "-") == "accepts no orders of any type"
 
 
-def test_obstacles_count_before_all_else() -> None:
+def test_obstacles_take_precedence() -> None:
     vehicle = DispatchedVehicle("V1", "is offline", restriction="has to recharge", kept_for=2)
     assert vehicle.why_not(dispatchable_order(), recharges=True) == "is offline"
 
 
-def test_a_restriction_lets_it_recharge() -> None:
+def test_a_restricted_vehicle_may_recharge() -> None:
     vehicle = DispatchedVehicle("V1", restriction="has to recharge")
     assert vehicle.why_not(dispatchable_order(), recharges=False) == "has to recharge"
     assert vehicle.why_not(dispatchable_order(), recharges=True) == ""
 
 
-def test_it_is_kept_for_one_order() -> None:
+def test_a_vehicle_is_reserved_for_one_order() -> None:
     vehicle = DispatchedVehicle("V1", kept_for=2)
     assert vehicle.why_not(dispatchable_order(number=1), recharges=False) == "is reserved for another order"
     assert vehicle.why_not(dispatchable_order(number=2), recharges=False) == ""
@@ -556,20 +556,20 @@ def test_thresholds_belong_to_the_worse_side(*, level: float, critical: bool, de
     assert (energy(level).critical, energy(level).degraded) == (critical, degraded)
 
 
-def test_who_has_too_little_energy_is_restricted_in_words_that_stay() -> None:
+def test_low_energy_restricts_with_a_stable_reason() -> None:
     reason = energy(3).restriction(fully=True)
     assert reason == "must recharge first: critical energy (at most 20 %)"
     assert energy(19).restriction(fully=False) == reason
 
 
-def test_who_recharges_goes_on_until_it_is_fully_or_sufficiently_recharged() -> None:
+def test_recharging_continues_until_full_or_sufficient() -> None:
     assert "until its energy is 95 %" in energy(60, charging=True).restriction(fully=True)
     assert energy(60, charging=True).restriction(fully=False) == ""
     assert "until its energy is 50 %" in energy(49, charging=True).restriction(fully=False)
     assert energy(95, charging=True).restriction(fully=True) == ""
 
 
-def test_who_is_called_away_from_recharging_is_above_the_critical_level() -> None:
+def test_only_vehicles_above_critical_energy_leave_recharging() -> None:
     even = Energy(30, charging=True, thresholds=EnergyThresholds())
     assert even.restriction(fully=False)
     assert not even.recharged(fully=False)

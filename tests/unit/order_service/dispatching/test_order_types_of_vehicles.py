@@ -32,7 +32,7 @@ async def make(store: MemoryStore) -> tuple[Engine, FleetVehicle]:
     return engine, vehicle
 
 
-async def test_an_order_of_another_type_waits_until_its_type_is_accepted_also_over_a_restart() -> None:
+async def test_an_order_waits_until_its_type_is_accepted_also_after_a_restart() -> None:
     store = MemoryStore()
     engine, vehicle = await make(store)
     engine.create(request("B", type="Transport"), "T")
@@ -58,7 +58,7 @@ async def test_an_intended_vehicle_that_does_not_accept_the_type_is_named() -> N
     )
 
 
-async def test_an_order_whose_deadline_passes_is_late_and_goes_on() -> None:
+async def test_an_order_past_its_deadline_is_late_and_continues() -> None:
     engine, vehicle = await make(MemoryStore())
     engine.create(request("B", type="Charge", deadline=datetime(2000, 1, 1, tzinfo=UTC)), "T")
     assert not status_of(engine, "T").late

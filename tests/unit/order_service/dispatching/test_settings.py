@@ -7,7 +7,7 @@ from nena_order_service.dispatching.settings import DispatchSettings, EnergySett
 from nena_shared.plant.model import EnergyThresholds
 
 
-def test_vehicles_that_the_plant_model_lacks_have_the_thresholds_that_it_would_give() -> None:
+def test_vehicles_outside_the_plant_have_default_thresholds() -> None:
     assert EnergySettings().thresholds == EnergyThresholds()
 
 
@@ -22,7 +22,7 @@ def test_no_list_of_keys_is_empty(keys: str) -> None:
         DispatchSettings.model_validate({keys: []})
 
 
-def test_nobody_parks_or_recharges_unless_that_is_switched_on() -> None:
+def test_no_vehicle_parks_or_recharges_unless_enabled() -> None:
     settings = DispatchSettings()
     assert not settings.parking.enabled
     assert not settings.recharging.enabled

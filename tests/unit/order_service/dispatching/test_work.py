@@ -64,7 +64,7 @@ async def waiting(number: int, settings: dict[str, Any], **order: Any) -> tuple[
     ],
     ids=["together", "orders choose", "for another vehicle"],
 )
-async def test_the_end_of_an_order_costs_the_same_however_many_wait(
+async def test_the_end_of_an_order_costs_the_same_with_a_long_queue(
     settings: dict[str, Any], order: dict[str, Any]
 ) -> None:
     calls = []
@@ -81,7 +81,7 @@ async def test_the_end_of_an_order_costs_the_same_however_many_wait(
     assert calls[1] < calls[0] * ALIKE, calls
 
 
-async def test_a_new_order_costs_the_same_however_many_wait() -> None:
+async def test_a_new_order_costs_the_same_with_a_long_queue() -> None:
     calls = []
     for number in (FEW, MANY):
         engine, _ = await waiting(number, {})
@@ -89,7 +89,7 @@ async def test_a_new_order_costs_the_same_however_many_wait() -> None:
     assert calls[1] < calls[0] * ALIKE, calls
 
 
-async def test_costs_are_kept_over_decisions(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_costs_are_cached_across_decisions(monkeypatch: pytest.MonkeyPatch) -> None:
     engine, fleet = await waiting(FEW, {})
     fleet.finish("V1")
     known = engine._dispatching._costs
@@ -109,7 +109,7 @@ async def test_costs_are_kept_over_decisions(monkeypatch: pytest.MonkeyPatch) ->
     assert len(looked_at) > 20
 
 
-async def test_all_orders_are_told_why_they_wait_by_and_by() -> None:
+async def test_wait_reasons_of_all_orders_are_updated_eventually() -> None:
     engine, fleet = await waiting(FEW, {})
     del fleet.at["V1"]
     engine.on_events()
@@ -130,7 +130,7 @@ async def test_no_order_overtakes_one_that_is_of_an_earlier_age_window() -> None
     assert fleet.sent[-1][1].order_id == "far-0"
 
 
-async def test_a_vehicle_takes_the_order_that_is_nearest_to_where_it_has_unloaded() -> None:
+async def test_a_vehicle_takes_the_order_nearest_to_its_unloading_point() -> None:
     engine, fleet = await waiting(0, {})
     engine.create(request("H"), "far")
     engine.create(request("B"), "near")
@@ -141,7 +141,7 @@ async def test_a_vehicle_takes_the_order_that_is_nearest_to_where_it_has_unloade
     assert far.state is TransportOrderState.DISPATCHABLE
 
 
-async def test_a_whole_fleet_is_given_work_in_slices() -> None:
+async def test_a_whole_fleet_is_dispatched_in_slices() -> None:
     number = 60
     points = tuple(point(f"P{index}", 4000 * index) for index in range(number))
     names = [f"V{index}" for index in range(number)]
@@ -166,7 +166,7 @@ async def test_a_whole_fleet_is_given_work_in_slices() -> None:
     assert all(robot[1:] == vda_order.order_id[1:-2] for robot, vda_order in fleet.sent)
 
 
-async def test_a_vehicle_that_becomes_free_in_mid_offer_takes_the_most_urgent_order() -> None:
+async def test_a_vehicle_freed_during_an_offer_takes_the_most_urgent_order() -> None:
     far, near = tuple(f"P{index}" for index in range(8)), ("A", "B")
     points = tuple(point(name, 4000 * index) for index, name in enumerate((*far, *near)))
     paths = tuple(path(f"{a} {b}", 4000) for a, b in pairwise(far))
@@ -229,7 +229,7 @@ async def turns_counted(looks: list[int]) -> AsyncIterator[None]:
         task.cancel()
 
 
-async def test_after_a_path_was_locked_a_large_fleet_is_looked_at_in_slices(
+async def test_after_a_path_lock_a_large_fleet_is_checked_in_slices(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     engine, looks = await large_fleet(monkeypatch)
@@ -249,7 +249,7 @@ async def test_an_order_is_explained_in_slices(monkeypatch: pytest.MonkeyPatch) 
     assert max(looks) <= EXPLAINED_AT_ONCE
 
 
-async def test_a_large_fleet_is_looked_at_in_slices(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_large_fleet_is_checked_in_slices(monkeypatch: pytest.MonkeyPatch) -> None:
     engine, looks = await large_fleet(monkeypatch)
     parts = engine._look()
     while next(parts, parts) is not parts:

@@ -42,7 +42,7 @@ def answers(fleet: ScriptedFleet) -> list[tuple[str, str]]:
     return [(each.action_type, str(each.parameter("actionId"))) for each in retries]
 
 
-async def test_an_action_is_tried_again_by_the_robot_itself() -> None:
+async def test_an_action_is_retried_by_the_robot() -> None:
     engine, fleet = await failing({"do": "RETRY", "times": 2})
     action = fleet.sent[0][1].actions[0]
     assert action.retriable
@@ -54,7 +54,7 @@ async def test_an_action_is_tried_again_by_the_robot_itself() -> None:
     assert [entry.event_code for entry in status_of(engine).history].count("nena:retried") == 1
 
 
-async def test_when_no_try_is_left_the_action_has_failed() -> None:
+async def test_an_action_without_retries_left_has_failed() -> None:
     engine, fleet = await failing({"do": "RETRY"}, {"do": "SKIP"})
     fleet.answer_instant("V1", ActionStatus.FINISHED)
     fleet.wait_for_retry("V1")
@@ -65,7 +65,7 @@ async def test_when_no_try_is_left_the_action_has_failed() -> None:
     assert status_of(engine).reason.endswith("operations left out: 1")
 
 
-async def test_a_pause_before_the_next_try_takes_another_order() -> None:
+async def test_a_retry_with_a_delay_sends_a_new_vda_order() -> None:
     engine, fleet = await failing({"do": "RETRY", "after": 10})
     assert [kind for kind, _ in answers(fleet)] == ["skipRetry"]
     fleet.fail("V1", "the action has failed", FailureKind.ACTION, at="B")
@@ -75,7 +75,7 @@ async def test_a_pause_before_the_next_try_takes_another_order() -> None:
     assert fleet.sent[-1][1].order_id == "T-0~1"
 
 
-async def test_a_robot_that_takes_no_answer_is_told_to_cancel() -> None:
+async def test_a_robot_that_rejects_the_retry_answer_is_sent_cancel_order() -> None:
     engine, fleet = await failing({"do": "RETRY"}, {"do": "HOLD"})
     fleet.answer_instant("V1", ActionStatus.FAILED)
     assert fleet.cancelled == ["V1"]

@@ -134,7 +134,7 @@ async def test_an_order_waits_until_those_that_it_depends_on_are_finished() -> N
         ("HOLD", S.DISPATCHABLE, "order 'T-1', on which it depends, is FAILED"),
     ],
 )
-async def test_the_policy_says_what_the_failure_of_a_dependency_means(
+async def test_the_policy_defines_the_effect_of_a_failed_dependency(
     policy: str, state: TransportOrderState, said: str
 ) -> None:
     site = await make(V1="A")
@@ -148,7 +148,7 @@ async def test_the_policy_says_what_the_failure_of_a_dependency_means(
     assert site.order("T-3").state is (S.FAILED if policy == "FAIL" else S.ACTIVE)
 
 
-async def test_a_held_order_that_is_resumed_waits_on_and_says_for_what() -> None:
+async def test_a_resumed_order_still_waits_and_reports_why() -> None:
     site = await make(V1="A")
     site.create("T-1")
     site.create("T-2", "C", dependencies=["T-1"])
@@ -164,14 +164,14 @@ async def test_a_held_order_that_is_resumed_waits_on_and_says_for_what() -> None
     assert site.order("T-2").state is S.BEING_PROCESSED
 
 
-async def test_an_order_on_one_that_has_ended_long_ago_is_judged_at_once() -> None:
+async def test_a_dependency_that_ended_long_ago_is_evaluated_at_once() -> None:
     site = await make(V1="A")
     site.engine.create(request("B", dependencies=["Old"]), "T-1", {"Old": S.FINISHED})
     site.engine.create(request("B", dependencies=["Old"]), "T-2", {"Old": S.FAILED})
     assert site.state("T-1", "T-2") == [S.BEING_PROCESSED, S.FAILED]
 
 
-async def test_orders_of_a_sequence_are_done_in_turn_by_one_vehicle() -> None:
+async def test_orders_of_a_sequence_are_executed_in_order_by_one_vehicle() -> None:
     site = await make()
     site.sequence()
     for number, stop in enumerate("BDB"):
@@ -244,7 +244,7 @@ async def test_a_sequence_is_for_its_intended_vehicle_only() -> None:
     assert site.order("T-0").processing_vehicle == "V2"
 
 
-async def test_sequence_and_dependencies_go_on_after_a_restart() -> None:
+async def test_sequence_and_dependencies_continue_after_a_restart() -> None:
     store = MemoryStore()
     site = await make(store)
     site.sequence()
@@ -279,7 +279,7 @@ STEPS = st.lists(st.sampled_from(KINDS), max_size=25)
 
 @settings(max_examples=60)
 @given(STEPS, st.randoms(use_true_random=False))
-def test_whatever_happens_each_order_has_its_turn(steps: list[str], chance: Random) -> None:
+def test_every_order_is_eventually_served(steps: list[str], chance: Random) -> None:
     asyncio.run(_play(steps, chance))
 
 

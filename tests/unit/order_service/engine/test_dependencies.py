@@ -7,7 +7,7 @@ from nena_order_service.engine.dependencies import Dependencies
 from support.order_service import raw_order
 
 
-def test_an_order_says_what_it_waits_for_until_it_waits_for_nothing() -> None:
+def test_an_order_reports_what_it_waits_for_while_it_waits() -> None:
     dependencies = Dependencies()
     order = raw_order(number=9)
     dependencies.wait(order, ["B", "A"])
@@ -25,7 +25,7 @@ def test_many_are_counted_not_named() -> None:
     assert dependencies.why_waiting(raw_order()) == "waits until 'T-2', 'T-3', 'T-4' and 4 more are FINISHED"
 
 
-def test_an_order_that_is_forgotten_is_not_told_of_any_more() -> None:
+def test_a_forgotten_order_is_no_longer_published() -> None:
     dependencies = Dependencies()
     for number in (1, 2):
         dependencies.wait(raw_order(number=number), ["A", "B"])
@@ -39,7 +39,9 @@ def test_an_order_that_is_forgotten_is_not_told_of_any_more() -> None:
     st.dictionaries(st.integers(1, 5), st.sets(st.sampled_from("ABC")), max_size=5),
     st.permutations(list("ABC")),
 )
-def test_each_order_waits_for_just_what_is_not_settled(waits: dict[int, set[str]], ends: list[str]) -> None:
+def test_each_order_waits_exactly_for_unsettled_dependencies(
+    waits: dict[int, set[str]], ends: list[str]
+) -> None:
     dependencies = Dependencies()
     for number, names in waits.items():
         dependencies.wait(raw_order(number=number), names)

@@ -41,7 +41,7 @@ async def make(**dispatch: Any) -> tuple[Engine, ScriptedFleet]:
     return engine, fleet
 
 
-async def test_energy_decides_who_may_and_not_at_all_where_it_is_not_respected() -> None:
+async def test_energy_restricts_vehicles_only_if_respected() -> None:
     engine, fleet = await make()
     engine.create(request("A"), "T")
     assert fleet.sent[0][0] == "V2"
@@ -70,7 +70,7 @@ async def test_a_vehicle_that_kept_a_load_drops_it_before_it_picks_up_another_on
     assert [vda_order.order_id for _, vda_order in fleet.sent] == ["drop-0", "T-0"]
 
 
-async def test_a_vehicle_is_not_kept_for_an_order_that_is_intended_for_another_one() -> None:
+async def test_no_vehicle_is_reserved_for_an_order_intended_for_another() -> None:
     engine, _ = await make(energy={"respected": False})
     engine.create(request("B", intendedVehicle="V2"), "first")
     engine.create(request("A", intendedVehicle="V2"), "T")
@@ -102,7 +102,7 @@ async def test_a_vehicle_gets_no_order_before_its_map_is_enabled() -> None:
 
 
 @pytest.mark.parametrize("at", ["A", "C"])
-async def test_the_map_that_counts_is_that_of_the_point_where_a_vehicle_stands(at: str) -> None:
+async def test_the_map_of_the_start_point_must_be_enabled(at: str) -> None:
     floors = {"A": "floor 1", "B": "floor 2", "C": "floor 2"}
     points = tuple(
         each.model_copy(update={"properties": {"vda5050:mapId": floors[each.name]}}) for each in PLANT.points
@@ -127,7 +127,7 @@ async def test_the_map_that_counts_is_that_of_the_point_where_a_vehicle_stands(a
     assert [vda_order.order_id for _, vda_order in fleet.sent] == ["T-0"]
 
 
-async def test_loads_of_a_vehicle_that_does_a_sequence_are_those_that_its_host_has_planned() -> None:
+async def test_loads_of_a_vehicle_bound_to_a_sequence_are_ignored() -> None:
     engine, fleet = await make(energy={"respected": False})
     with engine.change():
         engine.sequences.create(OrderSequenceRequest(intended_vehicle="V1"), "S")
@@ -139,7 +139,7 @@ async def test_loads_of_a_vehicle_that_does_a_sequence_are_those_that_its_host_h
     assert [vda_order.order_id for _, vda_order in fleet.sent] == ["S-1-0", "S-2-0"]
 
 
-async def test_the_end_of_a_load_starts_a_decision_and_the_setting_switches_all_off() -> None:
+async def test_a_dropped_load_triggers_dispatching_unless_disabled() -> None:
     engine, fleet = await make(energy={"respected": False})
     fleet.fields["V1"] = {"loads": ({"load_id": ""},)}
     fleet.appear("V1", "A")
@@ -155,7 +155,7 @@ async def test_the_end_of_a_load_starts_a_decision_and_the_setting_switches_all_
     assert [vda_order.order_id for _, vda_order in fleet.sent] == ["T-0"]
 
 
-async def test_keys_of_the_settings_decide_who_is_taken() -> None:
+async def test_configured_keys_decide_which_vehicle_is_chosen() -> None:
     engine, fleet = await make(energy={"critical": 0}, vehicle_candidates=["BY_ENERGY_LEVEL"])
     fleet.fields["V1"] = power(40)
     fleet.appear("V1", "A")
@@ -187,7 +187,7 @@ async def test_a_state_that_changes_nothing_starts_no_decision(monkeypatch: pyte
     assert fleet.sent[0][0] == "V2"
 
 
-async def test_another_decision_needs_no_other_search(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_repeated_decision_needs_no_search(monkeypatch: pytest.MonkeyPatch) -> None:
     engine, fleet = await make(energy={"respected": False})
     fleet.out_of_order.update(("V1", "V2"))
     engine.create(request("B"), "T")
@@ -204,7 +204,7 @@ async def test_another_decision_needs_no_other_search(monkeypatch: pytest.Monkey
     assert [each.fits for each in await engine.explain(order)] == [True, True]
 
 
-async def test_an_order_that_avoids_what_the_plant_has_lost_waits_and_says_so() -> None:
+async def test_an_order_that_avoids_a_missing_resource_waits_with_a_reason() -> None:
     engine, fleet = await make()
     engine.create(request("B", intendedVehicle="V1"), "T")
     order = engine.state.orders.named("T")
@@ -234,7 +234,7 @@ async def two_wait_while_one_unloads(*, unloads: bool) -> tuple[Engine, Scripted
     return engine, fleet
 
 
-async def test_an_order_is_left_to_a_vehicle_that_unloads_where_it_begins() -> None:
+async def test_an_order_waits_for_a_vehicle_that_unloads_at_its_start() -> None:
     engine, fleet = await two_wait_while_one_unloads(unloads=True)
     assert (status_of(engine, "to A").processing_vehicle, status_of(engine, "to C").state) == (
         "V2",
@@ -246,13 +246,13 @@ async def test_an_order_is_left_to_a_vehicle_that_unloads_where_it_begins() -> N
     assert status_of(engine, "to C").processing_vehicle == "V1"
 
 
-async def test_a_vehicle_that_still_drives_is_not_counted_on() -> None:
+async def test_a_vehicle_still_driving_does_not_count_as_soon_free() -> None:
     engine, _ = await two_wait_while_one_unloads(unloads=False)
 
     assert status_of(engine, "to C").processing_vehicle == "V2"
 
 
-async def test_no_vehicle_stays_free_for_the_sake_of_one_that_unloads() -> None:
+async def test_no_free_vehicle_is_left_idle_for_an_unloading_one() -> None:
     engine, fleet = await make(energy={"respected": False})
     fleet.appear("V1", "C")
     fleet.appear("V2", "B")

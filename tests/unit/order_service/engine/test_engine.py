@@ -78,7 +78,7 @@ def now(engine: Engine, order: TransportOrder) -> TransportOrderStatus:
     return found.status
 
 
-async def test_nothing_is_sent_or_told_before_it_is_committed(
+async def test_nothing_is_sent_or_published_before_the_commit(
     engine: Engine, store: MemoryStore, fleet: ScriptedFleet
 ) -> None:
     ear = Ear()
@@ -92,9 +92,7 @@ async def test_nothing_is_sent_or_told_before_it_is_committed(
     assert ear.vehicles[-1].transport_order == "T"
 
 
-async def test_each_drive_order_is_a_vda_order_from_where_the_robot_stands(
-    engine: Engine, fleet: ScriptedFleet
-) -> None:
+async def test_each_drive_order_starts_at_the_robots_position(engine: Engine, fleet: ScriptedFleet) -> None:
     order = engine.create(request("L:Load", "A"), "T")
     fleet.finish("V1")
     fleet.finish("V1")
@@ -115,7 +113,7 @@ async def test_failed_vda_order_fails_the_order_and_frees_the_vehicle(
     assert now(engine, second).processing_vehicle == "V1"
 
 
-async def test_order_whose_robot_is_lost_says_so_until_it_is_back(
+async def test_order_with_a_lost_robot_reports_it_until_it_returns(
     engine: Engine, fleet: ScriptedFleet
 ) -> None:
     order = engine.create(request("C"), "T")
@@ -132,7 +130,7 @@ async def test_order_whose_robot_is_lost_says_so_until_it_is_back(
     assert now(engine, order).reason == "vehicle V1 travels to destination 1 of 1"
 
 
-async def test_robot_that_does_not_take_the_vda_order_fails_the_order(
+async def test_robot_that_does_not_accept_the_vda_order_fails_the_order(
     engine: Engine, store: MemoryStore, fleet: ScriptedFleet
 ) -> None:
     store.held = True
@@ -152,7 +150,7 @@ async def test_withdrawal_waits_for_the_robot(engine: Engine, fleet: ScriptedFle
     assert now(engine, order).state is S.FAILED
 
 
-async def test_robot_that_finishes_before_the_cancel_gets_no_more_of_a_withdrawn_order(
+async def test_robot_that_finishes_before_the_cancel_gets_no_further_drive_order(
     engine: Engine, fleet: ScriptedFleet
 ) -> None:
     order = engine.create(request("B", "C"), "T")
@@ -162,7 +160,7 @@ async def test_robot_that_finishes_before_the_cancel_gets_no_more_of_a_withdrawn
     assert sent(fleet) == [("V1", "T-0")]
 
 
-async def test_order_whose_vehicle_is_nowhere_waits_until_it_is_found(
+async def test_order_whose_vehicle_is_not_located_waits_until_it_is(
     engine: Engine, fleet: ScriptedFleet
 ) -> None:
     order = engine.create(request("B", "C"), "T")
@@ -173,9 +171,7 @@ async def test_order_whose_vehicle_is_nowhere_waits_until_it_is_found(
     assert sent(fleet) == [("V1", "T-0"), ("V1", "T-1")]
 
 
-async def test_vehicle_whose_reason_changes_without_news_is_told_once(
-    engine: Engine, fleet: ScriptedFleet
-) -> None:
+async def test_vehicle_with_a_changed_reason_is_published_once(engine: Engine, fleet: ScriptedFleet) -> None:
     ear = Ear()
     engine.unit_of_work.listeners.append(ear)
     engine.look()
@@ -190,7 +186,7 @@ async def test_vehicle_whose_reason_changes_without_news_is_told_once(
     assert engine.status(engine.registry.discover(key("V2"))).transport_order == "T"
 
 
-async def test_robot_that_appears_gets_what_waits_for_it(engine: Engine, fleet: ScriptedFleet) -> None:
+async def test_robot_that_appears_gets_its_waiting_order(engine: Engine, fleet: ScriptedFleet) -> None:
     order = engine.create(request("B", intendedVehicle="V2"), "T")
     assert now(engine, order).reason == "waits for vehicle 'V2', which is offline"
     fleet.appear("V2", "D")
@@ -206,7 +202,7 @@ async def test_robot_without_a_state_is_asked_for_it_once(fleet: ScriptedFleet) 
 
 
 @pytest.mark.usefixtures("engine")
-async def test_robot_that_has_connected_again_is_asked_for_its_state_once(fleet: ScriptedFleet) -> None:
+async def test_reconnected_robot_is_asked_for_its_state_once(fleet: ScriptedFleet) -> None:
     fleet.stale.add("V1")
     fleet.appear("V1", "A")
     fleet.appear("V1", "A")
@@ -218,7 +214,7 @@ async def test_robot_that_has_connected_again_is_asked_for_its_state_once(fleet:
     assert fleet.actions == [("V1", "stateRequest")] * 2
 
 
-async def test_restart_takes_up_what_is_under_way(
+async def test_restart_resumes_orders_under_way(
     engine: Engine, store: MemoryStore, fleet: ScriptedFleet
 ) -> None:
     running = engine.create(request("B", "C"), "running")
@@ -250,7 +246,7 @@ async def test_restart_cancels_what_was_withdrawn(
     assert fleet.cancelled == ["V1"]
 
 
-async def test_restart_with_another_plant_fails_what_is_not_possible_any_more(
+async def test_restart_with_another_plant_fails_impossible_waiting_orders(
     engine: Engine, store: MemoryStore
 ) -> None:
     engine.create(request("B"), "T1")
@@ -261,7 +257,9 @@ async def test_restart_with_another_plant_fails_what_is_not_possible_any_more(
     assert "no longer possible in this plant" in now(again, order).reason
 
 
-async def test_restart_with_another_plant_fails_what_cannot_go_on(engine: Engine, store: MemoryStore) -> None:
+async def test_restart_with_another_plant_fails_impossible_running_orders(
+    engine: Engine, store: MemoryStore
+) -> None:
     order = engine.create(request("B", "L:NOP"), "T")
     smaller = PlantModel(
         name="small", points=(point("A"), point("B")), paths=(path("A B"),), vehicles=PLANT.vehicles

@@ -22,7 +22,7 @@ ROW = PlantModel(
 make = partial(engine_with, ROW)
 
 
-async def test_an_order_that_waits_is_given_to_nobody_while_it_is_held() -> None:
+async def test_a_waiting_order_is_not_assigned_while_held() -> None:
     store = MemoryStore()
     engine, fleet = await make(store)
     order = engine.create(request("C"), "T")
@@ -38,7 +38,7 @@ async def test_an_order_that_waits_is_given_to_nobody_while_it_is_held() -> None
     assert status_of(again).processing_vehicle == "V1"
 
 
-async def test_a_robot_under_way_is_told_to_cancel_and_goes_on_when_the_order_is_resumed() -> None:
+async def test_a_robot_under_way_is_cancelled_and_continues_when_the_order_is_resumed() -> None:
     store = MemoryStore()
     engine, fleet = await make(store, V1="A")
     order = engine.create(request("D"), "T")
@@ -72,7 +72,7 @@ async def test_a_restart_between_the_hold_and_the_cancel_cancels_again() -> None
     assert [vda_order.order_id for _, vda_order in fleet.sent] == ["T-0~1"]
 
 
-async def test_an_operation_that_was_broken_off_is_told_and_not_done_again_by_itself() -> None:
+async def test_an_interrupted_operation_is_reported_and_not_repeated_automatically() -> None:
     engine, fleet = await make(MemoryStore(), V1="A")
     order = engine.create(request("D", onFailure=[{"do": "RETRY"}]), "T")
     engine.hold(order.number, "Ann", "tea")
@@ -84,7 +84,7 @@ async def test_an_operation_that_was_broken_off_is_told_and_not_done_again_by_it
     assert "check what it has done" in status_of(engine).reason
 
 
-async def test_who_resumes_hears_that_an_operation_was_broken_off() -> None:
+async def test_resuming_reports_an_interrupted_operation() -> None:
     engine, fleet = await make(MemoryStore(), V1="A")
     order = engine.create(request("D"), "T")
     engine.hold(order.number, "Ann", "tea")
@@ -115,7 +115,7 @@ async def test_a_gentle_hold_becomes_an_immediate_one() -> None:
     assert fleet.cancelled == ["V1"]
 
 
-async def test_an_operation_is_done_to_its_end_and_the_next_destination_waits() -> None:
+async def test_a_begun_operation_is_finished_and_the_next_destination_waits() -> None:
     engine, fleet = await make(MemoryStore(), V1="A")
     order = engine.create(request("B", "C"), "T")
     fleet.operate("V1")
@@ -128,7 +128,7 @@ async def test_an_operation_is_done_to_its_end_and_the_next_destination_waits() 
     assert fleet.sent[-1][1].order_id == "T-1"
 
 
-async def test_what_fails_while_it_is_held_is_said_and_waits() -> None:
+async def test_a_failure_during_a_hold_is_reported_and_waits() -> None:
     engine, fleet = await make(MemoryStore(), V1="A")
     order = engine.create(request("D"), "T")
     engine.hold(order.number, "Ann", "tea")
@@ -139,7 +139,7 @@ async def test_what_fails_while_it_is_held_is_said_and_waits() -> None:
     assert status_of(engine).reason == "withdrawn before the vehicle had started: not wanted"
 
 
-async def test_a_held_robot_keeps_its_place_and_others_say_why_they_wait() -> None:
+async def test_a_held_robot_keeps_its_position_and_others_report_why_they_wait() -> None:
     engine, fleet = await make(MemoryStore(), V1="B", V2="A")
     order = engine.create(request("D", intendedVehicle="V1"), "T")
     engine.hold(order.number, "Ann", "tea")
@@ -157,7 +157,7 @@ async def test_a_held_robot_keeps_its_place_and_others_say_why_they_wait() -> No
     assert key("V2") in fleet.missions
 
 
-async def test_what_is_not_sent_yet_is_not_sent_while_it_is_held() -> None:
+async def test_unsent_orders_are_not_sent_while_held() -> None:
     engine, fleet = await make(MemoryStore(), V1="A", V2="C")
     fleet.out_of_order.add("V2")
     order = engine.create(request("D", intendedVehicle="V1"), "T")
@@ -172,7 +172,7 @@ async def test_what_is_not_sent_yet_is_not_sent_while_it_is_held() -> None:
     assert [vda_order.order_id for _, vda_order in fleet.sent] == ["T-0"]
 
 
-async def test_nothing_is_resumed_that_nobody_holds() -> None:
+async def test_resuming_an_order_that_is_not_held_does_nothing() -> None:
     engine, fleet = await make(MemoryStore(), V1="A")
     order = engine.create(request("D"), "T")
     version = status_of(engine).version

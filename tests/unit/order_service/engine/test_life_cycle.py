@@ -20,7 +20,7 @@ PLANT = PlantModel(
 make = partial(engine_with, PLANT)
 
 
-async def test_the_next_drive_order_waits_for_traffic_and_says_so() -> None:
+async def test_the_next_drive_order_waits_for_traffic_with_a_reason() -> None:
     engine, fleet = await make(MemoryStore(), V1="A", V2="C")
     fleet.out_of_order.add("V2")
     engine.create(request("B", "C", intendedVehicle="V1"), "T")
@@ -33,7 +33,7 @@ async def test_the_next_drive_order_waits_for_traffic_and_says_so() -> None:
     assert [vda_order.order_id for _, vda_order in fleet.sent] == ["T-0", "T-1"]
 
 
-async def test_a_robot_that_is_gone_before_its_order_is_sent_is_named() -> None:
+async def test_a_robot_lost_before_its_order_is_sent_is_named() -> None:
     engine, fleet = await make(MemoryStore(), V1="A", V2="B")
     engine.create(request("C", intendedVehicle="V1"), "T")
     del fleet.at["V1"]
@@ -43,7 +43,7 @@ async def test_a_robot_that_is_gone_before_its_order_is_sent_is_named() -> None:
     assert status_of(engine, "T").state is TransportOrderState.BEING_PROCESSED
 
 
-async def test_an_order_between_two_drive_orders_goes_on_after_a_restart() -> None:
+async def test_an_order_between_two_drive_orders_continues_after_a_restart() -> None:
     store = MemoryStore()
     engine, fleet = await make(store, V1="A", V2="C")
     fleet.out_of_order.add("V2")

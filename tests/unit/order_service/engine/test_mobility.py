@@ -24,13 +24,13 @@ async def make() -> tuple[Engine, ScriptedFleet, Mobility]:
     return engine, fleet, engine._driving.mobility
 
 
-async def test_a_vehicle_that_is_free_may_be_sent_away() -> None:
+async def test_a_free_vehicle_may_be_sent_away() -> None:
     _, _, mobility = await make()
     assert (mobility.movable("V1"), mobility.lost("V1")) == (True, False)
     assert (mobility.movable("nobody"), mobility.lost("nobody")) == (False, True)
 
 
-async def test_a_vehicle_whose_order_is_held_stays_and_nobody_waits_for_it() -> None:
+async def test_a_vehicle_with_a_held_order_stays_and_others_do_not_wait_for_it() -> None:
     engine, fleet, mobility = await make()
     order = engine.create(request("B"), "T")
     engine.hold(order.number, "Ann", "tea")
@@ -48,7 +48,7 @@ async def test_a_vehicle_that_did_not_make_room_is_left_alone_for_a_while() -> N
     assert mobility.movable("V1")
 
 
-async def test_it_is_said_why_a_vehicle_stays() -> None:
+async def test_the_reason_why_a_vehicle_stays_is_reported() -> None:
     engine, fleet, mobility = await make()
     vehicle = engine.registry.named("V1")
     assert vehicle

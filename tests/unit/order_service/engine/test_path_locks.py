@@ -9,7 +9,7 @@ from nena_order_service.service import OrderService
 from nena_order_service.store.changes import Changes
 
 
-async def test_lock_of_a_path_that_is_gone_is_passed_over(service: OrderService) -> None:
+async def test_lock_of_a_removed_path_is_ignored(service: OrderService) -> None:
     changes = Changes()
     known = service.engine.plant.paths[0].name
     changes.path_locks.update({"gone": True, known: True})
@@ -21,14 +21,14 @@ async def test_lock_of_a_path_that_is_gone_is_passed_over(service: OrderService)
         service.hosts.locks.get("gone")
 
 
-async def test_lock_holds_only_when_it_is_committed(service: OrderService) -> None:
+async def test_lock_takes_effect_only_after_the_commit(service: OrderService) -> None:
     name = service.engine.plant.paths[0].name
     locked = await service.hosts.locks.set(name, locked=True)
     assert locked.locked
     assert await service.store.path_locks() == {name: True}
 
 
-async def test_traffic_keeps_to_locks_also_after_a_restart(service: OrderService) -> None:
+async def test_traffic_respects_locks_also_after_a_restart(service: OrderService) -> None:
     name = service.engine.plant.paths[0].name
     crossings = service.engine.traffic.resources._crossings
     await service.hosts.locks.set(name, locked=True)
@@ -39,7 +39,7 @@ async def test_traffic_keeps_to_locks_also_after_a_restart(service: OrderService
     assert crossings._locks == {name: True}
 
 
-async def test_lock_that_is_under_way_when_the_kernel_closes_is_answered(service: OrderService) -> None:
+async def test_pending_lock_is_answered_when_the_engine_closes(service: OrderService) -> None:
     name = service.engine.plant.paths[0].name
 
     async def close() -> None:

@@ -59,7 +59,7 @@ def moved(name: str) -> dict[str, Any]:
     }
 
 
-async def test_what_nobody_uses_may_change() -> None:
+async def test_unused_objects_may_change() -> None:
     engine = await busy()
     assert found(engine) == ()
     assert found(engine, **without("D")) == ()
@@ -95,7 +95,7 @@ async def test_what_nobody_uses_may_change() -> None:
         ({"vehicles": PLANT.vehicles[:2]}, "transport order 'T-2' is for vehicle 'V3'"),
     ],
 )
-async def test_what_is_in_use_is_named(changes: dict[str, Any], said: str) -> None:
+async def test_objects_in_use_are_named(changes: dict[str, Any], said: str) -> None:
     problems = found(await busy(), **changes)
     assert any(said in each for each in problems), problems
 

@@ -22,7 +22,7 @@ class SilentStore(Store):
         pass
 
 
-async def test_nothing_is_promised_that_the_store_has_not_taken() -> None:
+async def test_nothing_is_acknowledged_before_the_commit() -> None:
     store = SilentStore()
     unit_of_work = UnitOfWork(make_state(), store, lambda _: None, lambda _: None, timeout=0.01)
     unit_of_work.require_store()

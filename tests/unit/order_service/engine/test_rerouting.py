@@ -103,7 +103,7 @@ def held(engine: Engine, name: str = "V1") -> str:
     return "".join(each.point for each in engine.traffic.held(name))
 
 
-async def test_vehicle_goes_around_a_path_that_is_locked_ahead_of_it() -> None:
+async def test_vehicle_avoids_a_path_locked_ahead_of_it() -> None:
     fleet = ScriptedFleet({})
     engine = await under_way(fleet)
     assert whole(fleet.sent[0][1]) == "ABCDE"
@@ -131,7 +131,7 @@ async def test_actions_behind_another_way_have_new_ids() -> None:
     assert old.action_id != new.action_id
 
 
-async def test_what_the_robot_was_told_to_drive_it_drives() -> None:
+async def test_the_robot_drives_its_order() -> None:
     fleet = ScriptedFleet({})
     engine = await under_way(fleet, ahead=0)
     lock(engine, "C D")
@@ -139,7 +139,7 @@ async def test_what_the_robot_was_told_to_drive_it_drives() -> None:
     assert reroute(engine) == (ReroutingOutcome.UNCHANGED, "")
 
 
-async def test_order_waits_before_a_locked_path_and_goes_on_when_it_is_unlocked() -> None:
+async def test_order_waits_before_a_locked_path_and_continues_after_the_unlock() -> None:
     fleet, store = ScriptedFleet({}), MemoryStore()
     engine = await under_way(fleet, goal="F", store=store)
 
@@ -156,7 +156,7 @@ async def test_order_waits_before_a_locked_path_and_goes_on_when_it_is_unlocked(
     assert fleet.sent[1][1].order_id == "T-1-0~1"
 
 
-async def test_order_that_waits_for_an_unlocking_waits_on_after_a_restart() -> None:
+async def test_order_waiting_for_an_unlock_still_waits_after_a_restart() -> None:
     fleet, store = ScriptedFleet({}), MemoryStore()
     engine = await under_way(fleet, goal="F", store=store)
     lock(engine, "D E")
@@ -171,7 +171,7 @@ async def test_order_that_waits_for_an_unlocking_waits_on_after_a_restart() -> N
     assert [vda_order.order_id for _, vda_order in again.sent] == ["T-1-0~1"]
 
 
-async def test_lock_that_was_stored_before_a_kill_is_kept_to_after_it() -> None:
+async def test_stored_lock_is_respected_after_a_kill() -> None:
     fleet, store = ScriptedFleet({}), MemoryStore()
     await under_way(fleet, store=store)
     again = ScriptedFleet({"V1": "A"})
@@ -192,7 +192,7 @@ async def test_order_whose_next_drive_order_is_locked_waits() -> None:
     assert order(engine).state is TransportOrderState.FINISHED
 
 
-async def test_wish_that_no_way_leads_to_any_more_waits_for_the_unlocking() -> None:
+async def test_a_request_without_a_route_waits_for_the_unlock() -> None:
     fleet = ScriptedFleet({})
     engine = await with_blocked_destination(fleet, "F")
     assert fleet.sent == []
@@ -202,7 +202,7 @@ async def test_wish_that_no_way_leads_to_any_more_waits_for_the_unlocking() -> N
     assert "V2, which stands on" in order(engine).status.reason
 
 
-async def test_host_asks_for_the_way_that_is_best_now() -> None:
+async def test_host_requests_the_currently_best_route() -> None:
     fleet = ScriptedFleet({})
     engine = await under_way(fleet)
     assert reroute(engine) == (ReroutingOutcome.UNCHANGED, "")
@@ -215,7 +215,7 @@ async def test_host_asks_for_the_way_that_is_best_now() -> None:
     assert whole(fleet.extended[1][1]) == "ABCDE"
 
 
-async def test_host_asks_for_a_way_around_a_vehicle_that_rests() -> None:
+async def test_host_requests_a_route_around_a_resting_vehicle() -> None:
     fleet = ScriptedFleet({})
     engine = await under_way(fleet)
     fleet.out_of_order.add("V2")
@@ -226,7 +226,7 @@ async def test_host_asks_for_a_way_around_a_vehicle_that_rests() -> None:
     assert fleet.extended == []
 
 
-async def test_forced_rerouting_goes_on_from_where_the_robot_stands() -> None:
+async def test_forced_rerouting_continues_from_the_robots_position() -> None:
     fleet = ScriptedFleet({})
     engine = await under_way(fleet, ahead=0)
     fleet.accept("V1")
@@ -256,7 +256,7 @@ async def test_forced_rerouting_survives_a_restart() -> None:
     assert [vda_order.order_id for _, vda_order in again.sent] == ["T-1-0~1"]
 
 
-async def test_withdrawal_counts_more_than_a_rerouting() -> None:
+async def test_withdrawal_overrides_rerouting() -> None:
     fleet = ScriptedFleet({})
     engine = await under_way(fleet)
     reroute(engine, FORCED)
@@ -267,7 +267,7 @@ async def test_withdrawal_counts_more_than_a_rerouting() -> None:
     assert order(engine).state is TransportOrderState.FAILED
 
 
-async def test_operation_that_has_begun_is_not_done_a_second_time() -> None:
+async def test_begun_operation_is_not_repeated() -> None:
     fleet = ScriptedFleet({})
     engine = await under_way(fleet, ahead=0, goal="Shelf:Load")
     reroute(engine, FORCED)
@@ -285,7 +285,7 @@ async def test_vehicle_at_work_is_not_stopped() -> None:
         reroute(engine, FORCED)
 
 
-async def test_who_has_no_order_or_is_away_is_not_rerouted() -> None:
+async def test_vehicles_without_an_order_or_unreachable_are_not_rerouted() -> None:
     fleet = ScriptedFleet({})
     engine = await under_way(fleet)
     idle = engine.registry.named("V2")
@@ -298,7 +298,7 @@ async def test_who_has_no_order_or_is_away_is_not_rerouted() -> None:
     assert fleet.cancelled == []
 
 
-async def test_way_of_an_order_that_nothing_was_sent_of_is_chosen_when_it_departs() -> None:
+async def test_rerouting_an_unsent_order_changes_nothing() -> None:
     fleet = ScriptedFleet({})
     engine = await with_blocked_destination(fleet, "E")
     assert reroute(engine, FORCED) == (ReroutingOutcome.UNCHANGED, "")
@@ -358,7 +358,7 @@ async def test_a_vehicle_goes_around_a_lock_only_where_its_robot_can_drive(
     assert whole(fleet.missions[key("V1")]) == driven
 
 
-async def test_a_host_hears_that_the_robot_cannot_drive_the_other_way() -> None:
+async def test_a_host_learns_that_the_robot_cannot_drive_the_other_route() -> None:
     fleet = ScriptedFleet({})
     limit_nodes(fleet, 5)
     engine = await under_way(fleet)
@@ -372,7 +372,7 @@ async def test_a_host_hears_that_the_robot_cannot_drive_the_other_way() -> None:
     assert whole(fleet.missions[key("V1")]) == "ABCDE"
 
 
-async def test_after_a_lock_vehicles_are_led_around_it_in_several_turns() -> None:
+async def test_after_a_lock_vehicles_are_rerouted_in_several_turns() -> None:
     lanes = range(OFF_LOCKS_AT_ONCE + 2)
     at = {(lane, name): f"{name}{lane}" for lane in lanes for name in "ABCXD"}
     plant = PlantModel(
@@ -407,7 +407,7 @@ async def test_after_a_lock_vehicles_are_led_around_it_in_several_turns() -> Non
     assert base(fleet.missions[key(last)]).endswith(f"X{lanes[-1]}")
 
 
-async def test_a_vehicle_that_cannot_be_led_around_a_lock_does_not_keep_others_from_it(
+async def test_a_vehicle_that_cannot_be_rerouted_does_not_block_rerouting_others(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     fleet = ScriptedFleet({})
@@ -443,7 +443,7 @@ async def behind_a_queue(fleet: ScriptedFleet) -> Engine:
     return engine
 
 
-async def test_a_vehicle_that_waits_in_a_queue_is_led_around_it() -> None:
+async def test_a_vehicle_waiting_in_a_queue_is_rerouted() -> None:
     fleet = ScriptedFleet({})
     engine = await behind_a_queue(fleet)
     assert whole(fleet.missions[key("V1")]) == "ABCDEF"
@@ -458,7 +458,7 @@ async def test_a_vehicle_that_waits_in_a_queue_is_led_around_it() -> None:
 
 
 @pytest.mark.parametrize(("other", "driven"), [("idle", "ABCDEF"), ("works", "ABXYDEF"), ("away", "ABCDEF")])
-async def test_a_vehicle_is_not_led_up_to_one_that_may_stay_for_long(other: str, driven: str) -> None:
+async def test_a_vehicle_is_not_rerouted_towards_one_that_may_stay_for_long(other: str, driven: str) -> None:
     fleet = ScriptedFleet({})
     engine = await behind_a_queue(fleet)
     fleet.appear("V4", "Y")
@@ -472,7 +472,7 @@ async def test_a_vehicle_is_not_led_up_to_one_that_may_stay_for_long(other: str,
 
 
 @pytest.mark.parametrize(("most_nodes", "driven"), [(7, "ABXYDEF"), (6, "ABCDEF")])
-async def test_a_vehicle_is_led_around_only_where_its_robot_can_drive(most_nodes: int, driven: str) -> None:
+async def test_a_vehicle_is_rerouted_only_where_its_robot_can_drive(most_nodes: int, driven: str) -> None:
     fleet = ScriptedFleet({})
     limit_nodes(fleet, most_nodes)
     engine = await behind_a_queue(fleet)
@@ -481,7 +481,7 @@ async def test_a_vehicle_is_led_around_only_where_its_robot_can_drive(most_nodes
     assert whole(fleet.missions[key("V1")]) == driven
 
 
-async def test_a_vehicle_is_led_around_once_until_it_has_driven_on(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_vehicle_is_rerouted_once_until_it_makes_progress(monkeypatch: pytest.MonkeyPatch) -> None:
     fleet = ScriptedFleet({})
     engine = await behind_a_queue(fleet)
     router, traffic = engine.context.finder.router, engine.context.traffic
@@ -494,7 +494,7 @@ async def test_a_vehicle_is_led_around_once_until_it_has_driven_on(monkeypatch: 
     assert len([each for each in order(engine).status.history if "less traffic" in str(each)]) == 1
 
 
-async def test_a_place_lost_by_the_plant_does_not_end_the_search(
+async def test_a_point_missing_in_the_plant_does_not_end_the_search(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     fleet = ScriptedFleet({})
@@ -509,7 +509,7 @@ async def test_a_place_lost_by_the_plant_does_not_end_the_search(
     assert whole(fleet.missions[key("V1")]) == "ABCDEF"
 
 
-async def test_a_vehicle_whose_queue_moves_keeps_its_way() -> None:
+async def test_a_vehicle_in_a_moving_queue_keeps_its_route() -> None:
     fleet = ScriptedFleet({})
     engine = await behind_a_queue(fleet)
     engine.look()

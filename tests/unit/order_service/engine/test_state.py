@@ -34,7 +34,7 @@ def take(state: FleetState) -> tuple[Changes, list[TransportOrder]]:
     return taken.stored, taken.orders
 
 
-def test_order_is_visible_only_when_it_is_committed() -> None:
+def test_order_is_visible_only_after_the_commit() -> None:
     state = make_state()
     book = state.orders
     order = dispatchable_order(idempotency_key="k")
@@ -56,7 +56,7 @@ def test_same_version_again_is_no_change() -> None:
     assert take(state)[1] == []
 
 
-def test_versions_in_a_row_of_the_same_state_are_told_by_the_last() -> None:
+def test_consecutive_versions_in_one_state_are_published_once() -> None:
     state = make_state()
     book = state.orders
     order = dispatchable_order()
@@ -67,7 +67,7 @@ def test_versions_in_a_row_of_the_same_state_are_told_by_the_last() -> None:
     assert take(state)[1] == [deferred, assigned]
 
 
-def test_old_ended_orders_are_forgotten_and_living_ones_never(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_old_ended_orders_are_dropped_from_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(state_module, "RECENT_LIMIT", 2)
     state = make_state()
     book = state.orders
@@ -80,9 +80,7 @@ def test_old_ended_orders_are_forgotten_and_living_ones_never(monkeypatch: pytes
 
 
 @given(st.permutations(range(1, 7)), st.lists(st.integers(-2, 2), min_size=6, max_size=6))
-def test_queue_is_in_the_order_of_urgency_and_holds_what_waits(
-    numbers: list[int], priorities: list[int]
-) -> None:
+def test_queue_has_waiting_orders_by_urgency(numbers: list[int], priorities: list[int]) -> None:
     state = make_state()
     book = state.orders
     orders = {
@@ -124,7 +122,7 @@ def test_a_robot_works_for_its_order_before_between_and_after_vda_orders() -> No
     assert book.release(order) is None
 
 
-def test_an_order_that_ends_takes_its_vda_order_with_it() -> None:
+def test_an_ended_order_drops_its_vda_order() -> None:
     state = make_state()
     book = state.sent_orders
     order = assigned_order("A")
@@ -138,7 +136,7 @@ def test_an_order_that_ends_takes_its_vda_order_with_it() -> None:
     assert take(state)[0].missions == {1: None}
 
 
-def test_making_room_is_no_vda_order_of_the_order() -> None:
+def test_an_evasion_is_not_a_vda_order_of_the_transport_order() -> None:
     state = make_state()
     vehicles, book = state.vehicles, state.sent_orders
     order = assigned_order("A")
@@ -174,7 +172,7 @@ def made(number: int, key: str | None = None) -> OrderSequence:
     return OrderSequence.created(asked, number=number, name=f"S-{number}", now=NOW)
 
 
-def test_nothing_is_shown_or_told_before_it_is_committed() -> None:
+def test_nothing_is_visible_or_published_before_the_commit() -> None:
     store, state, ear = MemoryStore(), make_state(), Ear()
     work = UnitOfWork(state, store, lambda _: None, lambda _: None, timeout=10.0)
     work.listeners.append(ear)
@@ -201,7 +199,7 @@ def test_nothing_is_shown_or_told_before_it_is_committed() -> None:
     assert (book.next_number(), store.found.sequences) == (2, ())
 
 
-def test_what_is_in_the_store_is_taken_in() -> None:
+def test_stored_sequences_are_loaded() -> None:
     book = make_state().sequences
     one = made(4).appended("T-1", NOW).bound("V-2", NOW)
     book.load([one], 7)
@@ -213,7 +211,7 @@ def test_what_is_in_the_store_is_taken_in() -> None:
 HELD = (ResourceSet("B", 1200, {"A --- B": None, "B": None, "aisle": "north"}),)
 
 
-def test_each_change_is_noted_once_and_read_again() -> None:
+def test_each_change_is_recorded_once_and_restored() -> None:
     state = make_state(Vehicle(name="called V1", properties={"vda5050:serialNumber": "V1"}))
     book = state.vehicles
     book.change(key("V1"), held=HELD, integration_level=IntegrationLevel.TO_BE_RESPECTED)
@@ -233,7 +231,7 @@ def test_each_change_is_noted_once_and_read_again() -> None:
     assert read.robot_before("V1") is None
 
 
-def test_a_document_that_cannot_be_read_is_passed_over() -> None:
+def test_an_unreadable_document_is_skipped() -> None:
     book = make_state().vehicles
 
     book.load({"NeNa/V1": "{}"})

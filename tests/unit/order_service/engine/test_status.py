@@ -51,7 +51,7 @@ async def looked_at() -> tuple[Engine, ScriptedFleet, Ear]:
     return engine, fleet, ear
 
 
-async def test_status_says_how_a_vehicle_stands() -> None:
+async def test_status_describes_a_vehicle() -> None:
     engine, _, _ = await looked_at()
     working, unheard = (engine.status(vehicle) for vehicle in engine.registry)
     assert (working.processing_state, working.transport_order) == (ProcessingState.PROCESSING_ORDER, "T")
@@ -69,7 +69,9 @@ async def test_status_says_how_a_vehicle_stands() -> None:
         ("B", {}, ["V1"]),
     ],
 )
-async def test_a_look_tells_of_what_matters_alone(at: str, fields: dict[str, Any], told: list[str]) -> None:
+async def test_a_check_publishes_only_significant_changes(
+    at: str, fields: dict[str, Any], told: list[str]
+) -> None:
     engine, fleet, ear = await looked_at()
     ear.vehicles.clear()
     fleet.at["V1"], fleet.fields["V1"] = at, fields
@@ -92,7 +94,7 @@ TRACK = PlantModel(
 )
 
 
-async def test_for_whom_a_vehicle_waits_is_published_until_it_goes_on() -> None:
+async def test_blocking_vehicles_are_published_until_a_vehicle_continues() -> None:
     engine, fleet = await engine_at(TRACK, {"V1": "A", "V2": "C"})
     ear = Ear()
     engine.unit_of_work.listeners.append(ear)

@@ -42,7 +42,7 @@ async def test_an_order_that_takes_too_long_is_cancelled_at_the_robot() -> None:
     )
 
 
-async def test_an_order_is_late_after_its_deadline_and_not_at_it() -> None:
+async def test_an_order_is_late_only_after_its_deadline() -> None:
     engine, _ = await make(MemoryStore())
     engine.create(request("B", deadline=engine.clock.now() + timedelta(seconds=60)), "T")
     later(engine, 60)
@@ -51,7 +51,7 @@ async def test_an_order_is_late_after_its_deadline_and_not_at_it() -> None:
     assert status_of(engine).late
 
 
-async def test_an_order_that_nobody_begins_fails_at_once() -> None:
+async def test_an_order_that_is_not_started_times_out_at_once() -> None:
     engine, fleet = await make(MemoryStore())
     fleet.out_of_order.add("V1")
     engine.create(request("B", timeout=60), "T")
@@ -59,7 +59,7 @@ async def test_an_order_that_nobody_begins_fails_at_once() -> None:
     assert status_of(engine).reason == "timeout: not done within 60 s of its creation"
 
 
-async def test_the_time_of_processing_begins_with_the_first_vehicle_and_outlives_a_restart() -> None:
+async def test_the_processing_time_starts_with_the_first_vehicle_and_survives_a_restart() -> None:
     store = MemoryStore()
     engine, fleet = await make(store)
     fleet.out_of_order.add("V1")
@@ -77,7 +77,7 @@ async def test_the_time_of_processing_begins_with_the_first_vehicle_and_outlives
     assert "within 60 s of its assignment" in status_of(again).reason
 
 
-async def test_what_is_done_in_time_is_left_alone() -> None:
+async def test_orders_done_in_time_do_not_time_out() -> None:
     engine, fleet = await make(MemoryStore())
     engine.create(request("B", timeout=60), "T")
     fleet.finish("V1")

@@ -33,7 +33,7 @@ def ahead(plan: VehiclePlan) -> list[tuple[str, bool, float | None]]:
     return [(each.point, each.held, each.seconds) for each in plan.ahead]
 
 
-async def test_what_a_vehicle_holds_and_when_it_comes_where() -> None:
+async def test_the_plan_has_held_resources_and_arrival_times() -> None:
     engine, fleet = await engine_at(TRACK, {"V1": "A"}, release_ahead=1)
     assert await plan_of(engine, "V1") == VehiclePlan(vehicle="V1", at="A", holds=("A",))
 
@@ -47,7 +47,7 @@ async def test_what_a_vehicle_holds_and_when_it_comes_where() -> None:
     assert [each.path for each in plan.ahead] == ["A --- B", "B --- C", "C --- D"]
 
 
-async def test_traits_of_a_vehicle_are_looked_up_once_for_its_whole_way(
+async def test_vehicle_rules_are_read_once_per_route(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     engine, _ = await engine_at(TRACK, {"V1": "A"}, release_ahead=1)
@@ -64,7 +64,7 @@ async def test_traits_of_a_vehicle_are_looked_up_once_for_its_whole_way(
     assert len(asked) == 1
 
 
-async def test_for_whom_a_vehicle_waits_where_and_until_when() -> None:
+async def test_traffic_plan_names_blocking_vehicles_place_and_time() -> None:
     engine, _ = await engine_at(TRACK, {"V1": "A", "V2": "C"})
     engine.create(request("D", intendedVehicle="V2"), "T-2")
     engine.create(request("C", intendedVehicle="V1"), "T-1")
@@ -90,7 +90,7 @@ PASSING = PlantModel(
 )
 
 
-async def test_who_goes_first_passes_before_the_other_one_enters() -> None:
+async def test_the_first_vehicle_passes_before_the_other_enters() -> None:
     engine, _ = await engine_at(PASSING, {"V1": "A", "V2": "D"}, release_ahead=1)
     engine.create(request("Y", intendedVehicle="V1"), "T-1")
     engine.create(request("X", intendedVehicle="V2"), "T-2")
@@ -106,7 +106,7 @@ async def test_who_goes_first_passes_before_the_other_one_enters() -> None:
     )
 
 
-async def test_a_vehicle_whose_way_is_not_granted_yet_says_who_stands_on_it() -> None:
+async def test_a_waiting_vehicle_names_the_vehicle_on_its_route() -> None:
     engine, fleet = await engine_at(TRACK, {"V1": "A", "V2": "C"})
     fleet.hinder("V2", "has an error")
     engine.create(request("D", intendedVehicle="V1"), "T-1")
@@ -119,7 +119,7 @@ async def test_a_vehicle_whose_way_is_not_granted_yet_says_who_stands_on_it() ->
     assert plan.wait.reason == "it waits for V2, which stands on 'C'"
 
 
-async def test_what_others_read_is_json() -> None:
+async def test_the_traffic_plan_is_json() -> None:
     engine, _ = await engine_at(TRACK, {"V1": "A"})
 
     body = json.loads((await engine.traffic_plan()).model_dump_json(by_alias=True))
@@ -128,7 +128,7 @@ async def test_what_others_read_is_json() -> None:
     assert body["vehicles"][0]["holds"] == ["A"]
 
 
-async def test_plan_of_many_vehicles_lets_others_do_something_in_between() -> None:
+async def test_plan_of_many_vehicles_yields_to_other_tasks() -> None:
     places = {f"V{index}": f"P{index}" for index in range(3 * AT_ONCE)}
     row = PlantModel(
         name="row",

@@ -35,7 +35,7 @@ def work(store: MemoryStore) -> Work:
     return make(store)
 
 
-def test_effects_wait_for_the_commit_and_keep_their_order(work: Work, store: MemoryStore) -> None:
+def test_effects_run_after_the_commit_in_order(work: Work, store: MemoryStore) -> None:
     done: list[str] = []
     store.held = True
     for name in ("first", "second"):
@@ -46,7 +46,7 @@ def test_effects_wait_for_the_commit_and_keep_their_order(work: Work, store: Mem
     assert done == ["first", "second"]
 
 
-def test_effect_that_fails_keeps_no_other_from_being_done(work: Work) -> None:
+def test_a_failing_effect_does_not_prevent_others(work: Work) -> None:
     done: list[str] = []
 
     def fail() -> None:
@@ -76,7 +76,7 @@ def test_changes_of_a_unit_that_fails_half_way_are_kept(work: Work, store: Memor
     assert [order.name for order in store.found.orders] == ["T-1"]
 
 
-def test_of_units_that_wait_together_the_last_publishes_a_vehicle(store: MemoryStore) -> None:
+def test_the_last_of_several_pending_units_publishes_a_vehicle(store: MemoryStore) -> None:
     asked: list[str] = []
     work = make(store, asked.append)
     store.held = True
@@ -94,7 +94,7 @@ def test_of_units_that_wait_together_the_last_publishes_a_vehicle(store: MemoryS
     assert asked == ["V2", "V1", "V1"]
 
 
-def test_what_waits_to_be_published_needs_no_look(work: Work, store: MemoryStore) -> None:
+def test_pending_publications_need_no_check(work: Work, store: MemoryStore) -> None:
     store.held = True
     now = Essentials(*(None,) * len(Essentials._fields))  # type: ignore[arg-type] # any will do
     assert not work.unit.is_published("V1", now)
@@ -105,7 +105,7 @@ def test_what_waits_to_be_published_needs_no_look(work: Work, store: MemoryStore
     assert not work.unit.is_published("V1", now)
 
 
-def test_a_vehicle_that_changes_without_end_is_published_now_and_then(store: MemoryStore) -> None:
+def test_a_constantly_changing_vehicle_is_published_occasionally(store: MemoryStore) -> None:
     asked: list[str] = []
     work = make(store, asked.append)
     store.held = True
@@ -119,7 +119,7 @@ def test_a_vehicle_that_changes_without_end_is_published_now_and_then(store: Mem
     assert asked == ["V1", "V1", "V1"]
 
 
-def test_a_unit_that_an_effect_begins_publishes_instead_of_the_one_before(store: MemoryStore) -> None:
+def test_a_unit_started_by_an_effect_publishes_instead_of_the_previous_one(store: MemoryStore) -> None:
     asked: list[str] = []
     work = make(store, asked.append)
 
@@ -137,7 +137,7 @@ def test_a_unit_that_an_effect_begins_publishes_instead_of_the_one_before(store:
     assert asked == ["V1"]
 
 
-async def test_committed_is_done_after_all_that_came_before(work: Work, store: MemoryStore) -> None:
+async def test_committed_completes_after_all_earlier_changes(work: Work, store: MemoryStore) -> None:
     store.held = True
     future = work.unit.committed()
     assert not future.done()

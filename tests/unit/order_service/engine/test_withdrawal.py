@@ -28,7 +28,7 @@ def reason(engine: Engine, number: int) -> str:
     return f"{order.state}: {order.status.reason}"
 
 
-async def test_an_immediate_withdrawal_counts_after_a_gentle_one() -> None:
+async def test_an_immediate_withdrawal_overrides_a_gentle_one() -> None:
     engine, fleet, number = await make()
     engine.withdraw(number, "not wanted", immediate=False)
     assert fleet.cancelled == []
@@ -40,7 +40,7 @@ async def test_an_immediate_withdrawal_counts_after_a_gentle_one() -> None:
     assert reason(engine, number) == "FAILED: withdrawn: not wanted; the vehicle has released it"
 
 
-async def test_a_failure_of_a_withdrawn_order_is_tried_no_more() -> None:
+async def test_a_failed_withdrawn_order_is_not_retried() -> None:
     engine, fleet, number = await make()
     engine.withdraw(number, "not wanted")
     fleet.fail("V1")
@@ -49,7 +49,7 @@ async def test_a_failure_of_a_withdrawn_order_is_tried_no_more() -> None:
     assert len(fleet.sent) == 1
 
 
-async def test_a_vda_order_that_was_done_all_the_same_ends_a_withdrawn_order() -> None:
+async def test_a_vda_order_that_finished_anyway_ends_a_withdrawn_order() -> None:
     engine, fleet, number = await make()
     engine.withdraw(number, "not wanted")
     fleet.finish("V1")

@@ -37,13 +37,13 @@ def at_robot(status: str) -> list[ZoneSetState]:
         ("", Wanted(zone_set=SET, deleted=True), []),
     ],
 )
-def test_what_a_robot_lacks_is_due(status: str, wanted: Wanted, steps: list[ZoneStep]) -> None:
+def test_steps_to_the_target_status_are_due(status: str, wanted: Wanted, steps: list[ZoneStep]) -> None:
     states = at_robot(status) if status else []
     due = ZoneDistribution().due(ROBOT, states, {"s1": wanted}, 0.0)
     assert [each.step for each in due] == steps
 
 
-def test_it_is_tried_again_with_growing_pauses_until_the_robot_has_it() -> None:
+def test_steps_are_retried_with_growing_delays_until_confirmed() -> None:
     distribution, wanted = ZoneDistribution(), {"s1": Wanted(zone_set=SET)}
     times = [now for now in range(5000) if list(distribution.due(ROBOT, [], wanted, float(now)))]
     pauses = [later - earlier for earlier, later in pairwise(times)]

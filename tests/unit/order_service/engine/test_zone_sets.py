@@ -12,7 +12,7 @@ from support.zones import zone, zone_set
 ZONE = zone("z", "BLOCKED", 0, 1)
 
 
-async def test_one_set_of_each_map_is_in_use_also_after_a_restart(service: OrderService) -> None:
+async def test_one_zone_set_per_map_is_enabled_also_after_a_restart(service: OrderService) -> None:
     for name, map_id in (("day", "hall"), ("night", "hall"), ("yard", "outside")):
         await service.hosts.zones.put(zone_set(ZONE, zone_set_id=name, map_id=map_id))
         await service.hosts.zones.enable(name)
@@ -22,7 +22,7 @@ async def test_one_set_of_each_map_is_in_use_also_after_a_restart(service: Order
         assert {each.zone_set_id for each in kept.all() if each.enabled} == {"night", "yard"}
 
 
-async def test_a_set_never_changes_but_may_come_back(service: OrderService) -> None:
+async def test_a_zone_set_never_changes_but_may_be_restored(service: OrderService) -> None:
     await service.hosts.zones.put(zone_set(ZONE, zone_set_id="day"))
     with pytest.raises(ZoneSetChangedError, match="day"):
         await service.hosts.zones.put(zone_set(zone("z", "BLOCKED", 0, 2), zone_set_id="day"))

@@ -28,7 +28,7 @@ def sendings(delivery: Delivery, begin: float = 100.0) -> list[float]:
 
 
 @given(SETTINGS)
-def test_it_is_sent_so_often_with_pauses_that_grow_up_to_a_bound(settings: FleetSettings) -> None:
+def test_sending_is_repeated_with_growing_bounded_delays(settings: FleetSettings) -> None:
     times = sendings(Delivery(settings))
 
     assert len(times) == settings.sendings
@@ -38,7 +38,7 @@ def test_it_is_sent_so_often_with_pauses_that_grow_up_to_a_bound(settings: Fleet
 
 
 @given(SETTINGS)
-def test_after_a_time_out_of_reach_all_begins_anew_and_at_once(settings: FleetSettings) -> None:
+def test_after_an_outage_delivery_restarts_at_once(settings: FleetSettings) -> None:
     delivery = Delivery(settings)
     sendings(delivery)
 
@@ -49,7 +49,7 @@ def test_after_a_time_out_of_reach_all_begins_anew_and_at_once(settings: FleetSe
     assert len(sendings(delivery)) == settings.sendings
 
 
-def test_a_refusal_that_names_nothing_has_it_sent_at_once_and_is_believed_after_the_robots_time() -> None:
+def test_an_unnamed_refusal_triggers_a_resend_and_counts_after_the_delay() -> None:
     delivery = Delivery(FleetSettings(sendings=3, resend_after=5.0))
     delivery.sent(100.0)
     assert not delivery.due(101.0)
@@ -62,14 +62,14 @@ def test_a_refusal_that_names_nothing_has_it_sent_at_once_and_is_believed_after_
     assert delivery.is_refused(106.0, named=False)
 
 
-def test_a_refusal_is_believed_where_it_names_the_message_or_nothing_is_left_to_send() -> None:
+def test_a_refusal_counts_if_it_names_the_message_or_no_attempts_are_left() -> None:
     delivery = Delivery(FleetSettings(sendings=1, resend_after=5.0))
     assert delivery.is_refused(100.0, named=True)
     delivery.sent(100.0)
     assert delivery.is_refused(101.0, named=False)
 
 
-def test_a_refusal_from_before_a_time_out_of_reach_counts_no_more() -> None:
+def test_a_refusal_from_before_an_outage_does_not_count() -> None:
     delivery = Delivery(FleetSettings(sendings=3, resend_after=5.0))
     delivery.sent(100.0)
     delivery.is_refused(101.0, named=False)

@@ -29,26 +29,26 @@ def under_way(robot: HonestRobot | None = None, *points: str) -> Bench:
     return bench
 
 
-def test_what_the_robot_cannot_reach_is_a_failure_of_the_drive() -> None:
+def test_an_unreachable_node_is_a_drive_failure() -> None:
     bench = under_way(HonestRobot(unreachable={"C"}))
     bench.run()
     assert kind(bench) is FailureKind.DRIVE
 
 
-def test_what_is_given_up_by_hand_is_a_failure_of_the_drive() -> None:
+def test_an_order_abandoned_manually_is_a_drive_failure() -> None:
     bench = under_way()
     bench.robot.set_mode(OperatingMode.MANUAL)
     bench.report()
     assert kind(bench) is FailureKind.DRIVE
 
 
-def test_what_the_robot_cannot_do_at_its_end_is_a_failure_of_the_action() -> None:
+def test_an_impossible_final_action_is_an_action_failure() -> None:
     bench = under_way(HonestRobot(actions_fail=True))
     bench.run()
     assert kind(bench) is FailureKind.ACTION
 
 
-def test_a_robot_that_forgets_has_lost_it() -> None:
+def test_a_robot_without_the_order_has_lost_it() -> None:
     bench = under_way()
     bench.robot.restart(journal=False)
     bench.now += 1
@@ -57,7 +57,7 @@ def test_a_robot_that_forgets_has_lost_it() -> None:
     assert kind(bench) is FailureKind.LOST
 
 
-def test_a_robot_that_never_takes_it_up() -> None:
+def test_a_robot_that_never_accepts_the_order() -> None:
     bench = Bench().online()
     bench.start(make_vda_order("m", "A", "B"))
     bench.wait(120, reporting=True)
@@ -70,7 +70,7 @@ def test_a_robot_that_refuses_it() -> None:
     assert kind(bench) is FailureKind.REFUSED
 
 
-def test_a_cancel_that_is_not_confirmed_leaves_all_open() -> None:
+def test_an_unconfirmed_cancel_ends_as_unclear() -> None:
     bench = under_way()
     bench.cancel()
     bench.wait(400, reporting=True)
@@ -78,7 +78,7 @@ def test_a_cancel_that_is_not_confirmed_leaves_all_open() -> None:
 
 
 @pytest.mark.clause("6.2.3/retryAsked")
-def test_an_action_that_may_be_tried_again_is_told_each_time_that_it_fails() -> None:
+def test_a_retriable_action_is_reported_at_each_failure() -> None:
     bench = under_way(HonestRobot(reports_instants_apart=True, version="3.0.0"), "A")
     robot = bench.robot
     robot.step()
@@ -125,7 +125,7 @@ def refusal(**references: str) -> ErrorEntry:
         ({"orderId": ORDER_ID, "orderUpdateId": "1"}, False),
     ],
 )
-def test_what_is_about_another_topic_order_or_update_refuses_no_update(
+def test_errors_about_another_topic_order_or_update_do_not_refuse_an_update(
     references: dict[str, str], *, meant: bool
 ) -> None:
     found = failures.refuses_update(refusal(**references), ORDER_ID, UPDATE_ID)
@@ -133,14 +133,14 @@ def test_what_is_about_another_topic_order_or_update_refuses_no_update(
     assert found is meant
 
 
-def test_what_is_about_another_topic_refuses_no_order() -> None:
+def test_errors_about_another_topic_do_not_refuse_an_order() -> None:
     vda_order = make_vda_order(ORDER_ID)
     meant, foreign = refusal(topic="order"), refusal(topic="instantActions")
 
     assert failures.refusals((meant, foreign), vda_order, frozenset()) == (meant,)
 
 
-def test_a_reason_and_what_the_robot_says_of_it_are_one_sentence() -> None:
+def test_a_reason_and_the_robots_details_form_one_sentence() -> None:
     assert failures.with_details("it has failed", ()) == "it has failed"
     assert (
         failures.with_details("it has failed", ("cancelled", "jammed")) == "it has failed: cancelled; jammed"

@@ -143,7 +143,7 @@ def test_parameters_are_those_that_the_robot_lists(key: str, value: object, prob
     assert order_problem(MISSION.model_copy(update={"nodes": nodes}), Abilities(sheet(PICK))) == problem
 
 
-def test_a_load_has_no_longer_name_than_the_robot_takes() -> None:
+def test_a_load_id_is_limited_to_the_robots_maximum_length() -> None:
     pick = Action(
         action_type="pick",
         action_id="i",
@@ -156,13 +156,13 @@ def test_a_load_has_no_longer_name_than_the_robot_takes() -> None:
     assert problem == "the loadId 'pallet' is longer than 5 characters"
 
 
-def test_what_the_robots_version_cannot_say_is_a_problem() -> None:
+def test_content_outside_the_robots_version_is_a_problem() -> None:
     broken = MISSION.model_copy(update={"edges": ()})
 
     assert "cannot be expressed in VDA 5050 2.1.0" in (order_problem(broken, Abilities(sheet())) or "")
 
 
-def test_an_instant_action_is_looked_at_as_well() -> None:
+def test_instant_actions_are_checked_too() -> None:
     pick = Action(
         action_type="pick",
         action_id="i" * 9,
@@ -179,7 +179,7 @@ def test_an_instant_action_is_looked_at_as_well() -> None:
     assert instant_action_problem(cancel, short) is None
 
 
-def test_an_order_that_the_robot_cannot_take_is_never_sent() -> None:
+def test_an_infeasible_order_is_never_sent() -> None:
     bench = Bench().online()
     bench.take(bench.fleet.on_factsheet(bench.robot.key, sheet(changed(action_type="drop")), bench.now))
 
@@ -196,7 +196,7 @@ def test_an_order_that_the_robot_cannot_take_is_never_sent() -> None:
 
 
 @pytest.mark.clause("6.2.1/fleet")
-def test_an_instant_action_that_the_robot_cannot_take_is_never_sent() -> None:
+def test_an_infeasible_instant_action_is_never_sent() -> None:
     bench = Bench().online()
     bench.take(bench.fleet.on_factsheet(bench.robot.key, sheet(PICK), bench.now))
 
@@ -210,7 +210,7 @@ def test_an_instant_action_that_the_robot_cannot_take_is_never_sent() -> None:
     )
 
 
-def test_no_message_holds_more_instant_actions_than_the_robot_takes() -> None:
+def test_instant_actions_per_message_respect_the_factsheet_limit() -> None:
     bench = Bench().online()
     bench.take(bench.fleet.on_factsheet(bench.robot.key, sheet(arrays={"instantActions": 2}), bench.now))
     bench.lose()
@@ -225,7 +225,7 @@ def test_no_message_holds_more_instant_actions_than_the_robot_takes() -> None:
 
 
 @pytest.mark.clause("7.10/interval")
-def test_orders_keep_the_least_interval_of_the_robot() -> None:
+def test_orders_respect_the_robots_minimum_interval() -> None:
     bench = Bench(FleetSettings(resend_after=1.0)).online()
     patient = sheet()
     timing = patient.protocol_limits.timing.model_copy(update={"minimum_order_interval": 5.0})

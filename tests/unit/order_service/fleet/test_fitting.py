@@ -69,7 +69,7 @@ def headed(node_id: str) -> VdaOrder:
     return MISSION.model_copy(update={"nodes": (MISSION.nodes[0], last)})
 
 
-def test_nothing_is_left_out_for_a_robot_that_lists_nothing() -> None:
+def test_nothing_is_removed_for_a_robot_without_lists() -> None:
     assert fitted(headed("B"), abilities()) == headed("B")
 
 
@@ -98,11 +98,11 @@ def test_fields_that_the_robot_lists_stay() -> None:
 @pytest.mark.parametrize(
     "listed", ["nodes.nodePosition.allowedDeviationXY.a", "nodes.nodePosition.allowedDeviationXY"]
 )
-def test_a_field_is_listed_by_itself_or_by_a_part_of_it(listed: str) -> None:
+def test_a_field_is_listed_directly_or_through_a_part(listed: str) -> None:
     assert positions(fitted(MISSION, abilities(takes=(listed,))))[0].allowed_deviation_xy is not None
 
 
-def test_a_heading_that_somebody_asked_for_is_not_left_out_but_refused() -> None:
+def test_a_requested_heading_is_refused_rather_than_dropped() -> None:
     robot = abilities(takes=("edges.length",))
     made = fitted(headed("goal:m1"), robot)
 
@@ -112,7 +112,7 @@ def test_a_heading_that_somebody_asked_for_is_not_left_out_but_refused() -> None
     )
 
 
-def test_demanded_headings_are_filled_so_that_they_bind_nobody() -> None:
+def test_required_headings_are_filled_without_constraining_the_robot() -> None:
     robot = abilities(
         demands=("nodes.nodePosition.theta", "nodes.nodePosition.allowedDeviationTheta"),
         takes=("nodes.nodePosition.allowedDeviationXY",),
@@ -123,7 +123,7 @@ def test_demanded_headings_are_filled_so_that_they_bind_nobody() -> None:
     assert order_problem(made, robot) is None
 
 
-def test_a_demanded_heading_without_a_deviation_cannot_be_filled() -> None:
+def test_a_required_heading_without_a_deviation_cannot_be_filled() -> None:
     robot = abilities(demands=("nodes.nodePosition.theta",))
 
     assert order_problem(fitted(MISSION, robot), robot) == (
@@ -131,7 +131,7 @@ def test_a_demanded_heading_without_a_deviation_cannot_be_filled() -> None:
     )
 
 
-def test_demanded_fields_of_edges_ask_for_nothing() -> None:
+def test_required_edge_fields_are_filled_neutrally() -> None:
     robot = abilities(
         demands=(
             "edges.length",
@@ -170,7 +170,7 @@ def limited(speed: float) -> VdaOrder:
     ],
     ids=["listed", "demanded", "no slower than the robot", "not listed", "silent", "no factsheet"],
 )
-def test_a_limit_of_the_speed_goes_to_robots_that_list_it(
+def test_a_speed_limit_is_sent_to_robots_that_list_it(
     robot: Abilities | None, speed: float, sent: float | None
 ) -> None:
     made = fitted(limited(speed), robot)
@@ -179,7 +179,7 @@ def test_a_limit_of_the_speed_goes_to_robots_that_list_it(
     assert fitted(made, robot) == made
 
 
-def test_a_demanded_speed_that_nobody_knows_is_a_problem() -> None:
+def test_an_unknown_required_speed_is_a_problem() -> None:
     robot = abilities(demands=("edges.maximumRotationSpeed",))
 
     assert "edges.maximumRotationSpeed" in (order_problem(fitted(MISSION, robot), robot) or "")
@@ -202,7 +202,7 @@ def test_a_demanded_speed_that_nobody_knows_is_a_problem() -> None:
         (ValueDataType.ARRAY, "1", "1"),
     ],
 )
-def test_a_text_becomes_what_the_robot_wants(kind: ValueDataType, text: str, value: object) -> None:
+def test_text_becomes_the_declared_type(kind: ValueDataType, text: str, value: object) -> None:
     action = Action(
         action_type="pick",
         action_id="a",
@@ -213,7 +213,7 @@ def test_a_text_becomes_what_the_robot_wants(kind: ValueDataType, text: str, val
     assert fitted_action(action, abilities(pick(height=kind))).parameter("height") == value
 
 
-def test_what_fleet_control_adds_of_its_own_is_only_for_robots_that_list_it() -> None:
+def test_added_parameters_are_sent_only_to_robots_that_list_them() -> None:
     action = Action(
         action_type="pick",
         action_id="a",
@@ -247,7 +247,9 @@ FIELDS = (
     supports=st.dictionaries(st.sampled_from(FIELDS), st.sampled_from(["takes", "demands"])),
     goal=st.sampled_from(["B", "goal:m1"]),
 )
-def test_to_fit_again_changes_nothing_and_what_is_asked_stays(supports: dict[str, str], goal: str) -> None:
+def test_fitting_twice_changes_nothing_and_requested_headings_stay(
+    supports: dict[str, str], goal: str
+) -> None:
     robot = abilities(
         takes=tuple(field for field, support in supports.items() if support == "takes"),
         demands=tuple(field for field, support in supports.items() if support == "demands"),
@@ -268,7 +270,7 @@ def test_to_fit_again_changes_nothing_and_what_is_asked_stays(supports: dict[str
 
 
 @pytest.mark.parametrize(("given", "text"), [(3, "3"), (1.5, "1.5"), (True, "true"), ("x", "x")])
-def test_a_number_is_a_text_where_the_robot_wants_one(given: float | str, text: str) -> None:
+def test_a_number_becomes_text_if_the_robot_declares_a_string(given: float | str, text: str) -> None:
     action = Action(
         action_type="pick",
         action_id="p",
@@ -292,7 +294,7 @@ def test_a_number_is_a_text_where_the_robot_wants_one(given: float | str, text: 
         (None, "3.0.1", "loadHandlingDevice"),
     ],
 )
-def test_the_load_handling_device_has_the_name_that_the_robot_lists_or_of_its_version(
+def test_the_load_handling_device_has_the_listed_key_or_that_of_the_version(
     given: str, listed: str | None, version: str, sent: str
 ) -> None:
     action = Action(

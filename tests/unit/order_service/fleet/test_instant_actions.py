@@ -28,7 +28,7 @@ def ended(bench: Bench) -> InstantActionEnded:
 
 
 @pytest.mark.clause("6.2.1/fleet")
-def test_a_pause_is_sent_and_its_end_is_told() -> None:
+def test_a_pause_is_sent_and_its_end_is_reported() -> None:
     bench = Bench().online()
     bench.instruct(action("startPause"))
     assert bench.instants_sent() == ["startPause"]
@@ -48,7 +48,7 @@ def test_the_states_of_3_0_are_found_in_their_own_place() -> None:
 
 
 @pytest.mark.clause("6.2.1/fleet")
-def test_what_the_robot_cannot_do_fails() -> None:
+def test_an_instant_action_that_the_robot_cannot_execute_fails() -> None:
     bench = Bench().online()
     bench.instruct(action("fly"))
     bench.deliver()
@@ -58,7 +58,7 @@ def test_what_the_robot_cannot_do_fails() -> None:
 
 
 @pytest.mark.clause("6.2.1/fleet")
-def test_a_lost_action_is_sent_again_and_in_the_end_given_up() -> None:
+def test_a_lost_action_is_resent_and_finally_fails() -> None:
     bench = Bench().online()
     bench.instruct(action("startPause"))
     bench.wait(60, reporting=True)
@@ -68,7 +68,7 @@ def test_a_lost_action_is_sent_again_and_in_the_end_given_up() -> None:
 
 
 @pytest.mark.clause("6.2.1/fleet")
-def test_a_seen_action_is_not_sent_again_and_has_its_limit() -> None:
+def test_a_reported_action_is_not_resent_and_times_out() -> None:
     bench = Bench(FleetSettings(instant_action_limit=20)).online()
     bench.instruct(action("downloadMap"))
     bench.lose()
@@ -81,7 +81,7 @@ def test_a_seen_action_is_not_sent_again_and_has_its_limit() -> None:
     assert len(bench.sent) == 1
 
 
-def test_no_time_passes_while_the_robot_is_away() -> None:
+def test_timeouts_are_suspended_while_the_robot_is_unreachable() -> None:
     bench = Bench(FleetSettings(instant_action_limit=20)).online()
     bench.instruct(action("downloadMap"))
     bench.robot.instants["i1"] = (action("downloadMap"), ActionStatus.RUNNING)
@@ -107,7 +107,7 @@ def test_an_action_that_vanishes_with_a_restart_has_ended() -> None:
 
 
 @pytest.mark.clause("6.2.1/fleet")
-def test_an_action_for_an_absent_robot_is_not_kept_for_later() -> None:
+def test_an_action_for_an_offline_robot_is_not_queued() -> None:
     bench = Bench().online()
     bench.connection(ConnectionState.OFFLINE)
     bench.instruct(action("startPause"))
@@ -118,7 +118,7 @@ def test_an_action_for_an_absent_robot_is_not_kept_for_later() -> None:
 
 
 @pytest.mark.clause("6.2.1/fleet")
-def test_an_action_that_was_perhaps_lost_is_not_sent_to_a_robot_that_comes_back() -> None:
+def test_a_possibly_lost_action_is_not_resent_after_a_reconnect() -> None:
     bench = Bench().online()
     bench.instruct(action("startPause"))
     bench.lose()
@@ -134,7 +134,7 @@ def test_an_action_that_was_perhaps_lost_is_not_sent_to_a_robot_that_comes_back(
 
 
 @pytest.mark.clause("6.6.6/fleet")
-def test_a_cancel_is_not_sent_again_in_manual_mode_but_afterwards() -> None:
+def test_a_cancel_is_resent_only_after_manual_mode() -> None:
     bench = Bench().online()
     bench.start_and_tell(make_vda_order("m", "A", "B"))
     bench.cancel()
@@ -150,7 +150,7 @@ def test_a_cancel_is_not_sent_again_in_manual_mode_but_afterwards() -> None:
 
 
 @pytest.mark.clause("6.6.6/fleet", "6.2.1/fleet")
-def test_a_robot_in_manual_mode_is_only_asked_for_what_harms_nobody() -> None:
+def test_a_robot_in_manual_mode_is_sent_only_harmless_actions() -> None:
     bench = Bench().online()
     bench.robot.set_mode(OperatingMode.MANUAL)
     bench.report()
@@ -161,7 +161,7 @@ def test_a_robot_in_manual_mode_is_only_asked_for_what_harms_nobody() -> None:
 
 
 @pytest.mark.clause("6.6.6/fleet", "6.2.1/fleet")
-def test_a_robot_in_which_somebody_intervenes_is_sent_cancel_order_and_nothing_else() -> None:
+def test_a_robot_in_mode_intervened_is_sent_only_cancel_order() -> None:
     bench = Bench().online()
     bench.start_and_tell(make_vda_order("m", "A", "B"))
     bench.robot.set_mode(OperatingMode.INTERVENED)
@@ -188,7 +188,7 @@ def test_an_id_is_never_used_twice() -> None:
     assert bench.instants_sent() == ["startPause"]
 
 
-def test_there_is_a_limit_to_what_is_under_way() -> None:
+def test_active_instant_actions_are_limited() -> None:
     bench = Bench().online()
     for number in range(INSTANT_ACTIONS_LIMIT + 1):
         bench.instruct(action("logReport", f"i{number}"))
@@ -196,7 +196,7 @@ def test_there_is_a_limit_to_what_is_under_way() -> None:
     assert ended(bench).reason == "not sent: 50 instant actions are active at the robot"
 
 
-def test_somebodys_own_cancel_ends_the_vda_order_and_is_told() -> None:
+def test_a_requested_cancel_ends_the_vda_order_and_is_reported() -> None:
     bench = Bench().online()
     bench.start_and_tell(make_vda_order("m", "A", "B"))
     bench.instruct(action("cancelOrder"))
@@ -206,7 +206,7 @@ def test_somebodys_own_cancel_ends_the_vda_order_and_is_told() -> None:
     assert bench.story()[-1] == "VdaOrderFailed"
 
 
-def test_own_cancels_are_not_told_to_anybody() -> None:
+def test_own_cancels_are_not_reported() -> None:
     bench = Bench().online()
     bench.start(make_vda_order("m", "A", "B"))
     bench.deliver()
@@ -256,7 +256,7 @@ def test_ended_instant_actions_are_cleared_before_they_pile_up() -> None:
 
 
 @pytest.mark.clause("6.2.3/clearInstantActions", "6.2.1/fleet")
-def test_a_clear_that_is_lost_is_sent_again_as_it_was() -> None:
+def test_a_lost_clear_is_resent_unchanged() -> None:
     bench = Bench(FleetSettings(clear_instant_actions_from=1), clearer()).online()
     end_some(bench, 1)
     bench.lose()
@@ -268,7 +268,7 @@ def test_a_clear_that_is_lost_is_sent_again_as_it_was() -> None:
 
 
 @pytest.mark.clause("6.2.3/clearInstantActions", "7.10")
-def test_a_robot_with_little_room_is_told_to_clear_earlier() -> None:
+def test_a_robot_with_little_room_is_sent_clear_earlier() -> None:
     bench = Bench(robot=clearer()).online()
     sheet = bench.robot.factsheet()
     arrays = MaximumArrayLengths.model_validate({"state.instantActionStates": 6})
@@ -289,7 +289,7 @@ def test_a_robot_with_little_room_is_told_to_clear_earlier() -> None:
         pytest.param(HonestRobot(version="3.0.0", reports_instants_apart=True), id="that does not list it"),
     ],
 )
-def test_a_robot_that_cannot_clear_is_not_told_to(robot: HonestRobot) -> None:
+def test_a_robot_without_clear_instant_actions_is_not_sent_it(robot: HonestRobot) -> None:
     bench = Bench(FleetSettings(clear_instant_actions_from=1), robot).online()
     end_some(bench, 1)
 
@@ -308,7 +308,7 @@ def without_factsheet() -> Bench:
 
 
 @pytest.mark.clause("7.10")
-def test_a_robot_whose_factsheet_lies_nowhere_is_asked_for_it() -> None:
+def test_a_missing_factsheet_is_requested() -> None:
     bench = without_factsheet()
 
     assert (bench.instants_sent(), bench.orders_sent()) == (["factsheetRequest"], [])
@@ -329,7 +329,7 @@ def test_an_order_does_not_wait_long_for_a_factsheet() -> None:
 
 
 @pytest.mark.clause("7.10")
-def test_a_robot_that_cannot_tell_a_factsheet_is_asked_once_for_each_connection() -> None:
+def test_a_robot_without_a_factsheet_is_asked_for_it_once_per_connection() -> None:
     bench = without_factsheet()
     bench.deliver()  # the robot cannot do what it is asked for
     bench.report()
@@ -345,7 +345,7 @@ def test_a_robot_that_cannot_tell_a_factsheet_is_asked_once_for_each_connection(
 
 @pytest.mark.clause("6.1.3/named")
 @pytest.mark.parametrize(("version", "named"), [("2.1.0", []), ("3.0.0", ["m1"])])
-def test_a_cancel_names_the_order_where_it_may(version: str, named: list[str]) -> None:
+def test_a_cancel_names_the_order_if_the_version_allows_it(version: str, named: list[str]) -> None:
     bench = Bench(robot=HonestRobot(version=version)).online()
     bench.start_and_tell(make_vda_order("m1", "A", "B", "C"))
 
@@ -373,7 +373,7 @@ def alone(robot: HonestRobot | None = None, **arrays: int) -> InstantActionManag
     return InstantActionManager(known, settings, lambda: f"id-{next(numbers)}", broker=True)
 
 
-def test_what_is_due_goes_out_in_messages_as_short_as_the_robot_wants_them() -> None:
+def test_due_actions_are_split_by_the_robots_limit() -> None:
     desk = alone(instant_actions=2)
     for number in range(5):
         assert list(desk.request(action("startPause", f"i{number}"), 0.0)) == []
@@ -382,7 +382,7 @@ def test_what_is_due_goes_out_in_messages_as_short_as_the_robot_wants_them() -> 
     assert list(desk.send(0.0)) == [], "it waits for what the robot says"
 
 
-def test_without_our_own_link_nothing_is_begun_and_what_was_begun_waits() -> None:
+def test_without_our_own_link_nothing_starts_and_started_actions_wait() -> None:
     desk = alone()
     cancel = desk.cancel("m")
     desk.broker = False
@@ -398,7 +398,7 @@ def test_without_our_own_link_nothing_is_begun_and_what_was_begun_waits() -> Non
 
 
 @pytest.mark.clause("6.2.3/clearInstantActions")
-def test_a_clear_for_which_there_is_no_room_begins_as_soon_as_there_is() -> None:
+def test_a_clear_without_room_starts_once_there_is_room() -> None:
     robot = clearer()
     desk = alone(robot)
     for number in range(INSTANT_ACTIONS_LIMIT):
@@ -414,7 +414,7 @@ def test_a_clear_for_which_there_is_no_room_begins_as_soon_as_there_is() -> None
 
 
 @pytest.mark.clause("6.2.3/clearInstantActions")
-def test_a_robot_that_does_not_clear_is_told_again_after_a_pause() -> None:
+def test_a_robot_that_does_not_clear_is_sent_it_again_after_a_delay() -> None:
     robot = clearer()
     desk = alone(robot)
     robot.instants["old"] = (action("startPause", "old"), ActionStatus.FINISHED)
@@ -433,7 +433,7 @@ def sent_types(desk: InstantActionManager, now: float) -> list[str]:
     return [each.action_type for message in sent for each in message.actions]
 
 
-def test_what_the_robot_can_do_is_not_asked_before_its_factsheet_is_there() -> None:
+def test_abilities_are_not_checked_before_the_factsheet() -> None:
     bench = without_factsheet()
     bench.instruct(action("sing"))
     assert bench.instants_sent() == ["factsheetRequest", "sing"]
@@ -473,7 +473,7 @@ def test_a_robot_that_is_about_to_leave_gets_no_order_until_its_connection_shows
 
 @pytest.mark.clause("6.2.3/hibernationAsked")
 @pytest.mark.parametrize("stays", ["it failed", "its connection does not change"])
-def test_a_robot_that_does_not_leave_gets_orders_again(stays: str) -> None:
+def test_a_robot_that_does_not_hibernate_takes_orders_again(stays: str) -> None:
     bench = Bench().online()
     bench.instruct(action("startHibernation"))
     failed = stays == "it failed"
@@ -487,7 +487,7 @@ def test_a_robot_that_does_not_leave_gets_orders_again(stays: str) -> None:
 
 
 @pytest.mark.clause("6.2.3/hibernationAsked")
-def test_a_hibernating_robot_is_sent_stop_hibernation_alone() -> None:
+def test_a_hibernating_robot_is_sent_only_stop_hibernation() -> None:
     bench = Bench().online()
     hibernate(bench)
     before = bench.instants_sent()
@@ -521,7 +521,7 @@ def test_a_robot_may_take_long_to_wake() -> None:
 
 
 @pytest.mark.clause("6.2.3/hibernationAsked")
-def test_an_order_service_that_has_taken_over_wakes_a_robot_that_reports_nothing_to_it() -> None:
+def test_a_new_leader_wakes_a_robot_that_does_not_report() -> None:
     bench = Bench().online()
     hibernate(bench)
     bench.take(bench.fleet.on_broker(connected=True, now=bench.now, unread=True))
@@ -594,7 +594,7 @@ def test_a_robot_that_hibernated_unseen_gets_orders_once_it_is_back() -> None:
 
 
 @pytest.mark.clause("6.2.3/hibernationAsked")
-def test_a_robot_that_goes_to_sleep_for_a_former_order_service_gets_no_order() -> None:
+def test_a_robot_hibernating_for_a_former_order_service_gets_no_order() -> None:
     bench = Bench(robot=HonestRobot(reports_instants_apart=True)).online()
     bench.robot.instants["s"] = (action("startHibernation", "s"), ActionStatus.RUNNING)
     bench.report()

@@ -12,7 +12,7 @@ from support.pausing import time_passes
 from support.waiting import PATIENCE
 
 
-async def test_the_time_for_an_answer_begins_once_the_broker_is_asked(
+async def test_the_decision_timeout_starts_once_the_broker_is_asked(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(leader, "DECIDED_WITHIN", 0.05)

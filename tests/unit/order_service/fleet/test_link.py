@@ -40,7 +40,7 @@ def addresses(**properties: str) -> RobotAddresses:
     return known
 
 
-def test_a_robot_that_nobody_knows_has_no_address() -> None:
+def test_an_unknown_robot_has_no_address() -> None:
     assert addresses().of(ROBOT) is None
     assert addresses().schemes == (V2, V3)
 
@@ -63,7 +63,7 @@ def test_the_plant_model_names_its_version(written: str, version: str, scheme: T
 
 
 @pytest.mark.parametrize("name", ["#", "a/+/b", "uagv/"])
-def test_an_interface_name_that_is_no_topic_is_an_error_of_the_plant_model(name: str) -> None:
+def test_an_invalid_interface_name_is_an_error_of_the_plant_model(name: str) -> None:
     with pytest.raises(ConfigurationError, match=r"vehicle 'Tug', property vda5050:interfaceName"):
         addresses(interfaceName=name)
 
@@ -77,7 +77,7 @@ def test_the_plant_model_names_its_topics() -> None:
     assert known.schemes == (V2, V3, TopicScheme("acme/hall", "v2"), TopicScheme("acme/hall", "v3"))
 
 
-def test_a_version_that_is_not_spoken_here_is_an_error_of_the_plant_model() -> None:
+def test_an_unsupported_version_is_an_error_of_the_plant_model() -> None:
     with pytest.raises(ConfigurationError, match=r"vehicle 'Tug', property vda5050:version.*'1\.1'"):
         addresses(version="1.1")
 
@@ -88,7 +88,7 @@ def test_a_robot_that_the_store_cannot_hold_is_an_error_of_the_plant_model() -> 
         RobotAddresses([V2, V3]).expect([(long, Vehicle(name="Tug"))])
 
 
-def test_what_a_robot_says_counts_more_than_what_was_expected() -> None:
+def test_the_robots_messages_override_the_plant_model() -> None:
     known = addresses(version="2.0.0")
 
     assert known.learn(ROBOT, codec_for("3.0.0"), V3, HELLO, retained=False)
@@ -98,7 +98,7 @@ def test_what_a_robot_says_counts_more_than_what_was_expected() -> None:
     assert address.scheme == V3
 
 
-def test_what_the_broker_kept_from_another_time_is_known() -> None:
+def test_outdated_retained_messages_are_ignored() -> None:
     known = addresses(version="3.0.0")
 
     assert not known.learn(ROBOT, codec_for("2.1.0"), V2, HELLO, retained=True)
@@ -107,7 +107,7 @@ def test_what_the_broker_kept_from_another_time_is_known() -> None:
     assert address.scheme == V3
 
 
-def test_an_order_that_a_busy_robot_does_not_get_is_not_counted_as_undelivered() -> None:
+def test_an_order_refused_to_a_busy_robot_is_not_counted_as_undelivered() -> None:
     link = FleetLink(
         MqttLink(MqttSettings(), client_id="c"),
         addresses=RobotAddresses([V2]),
@@ -129,7 +129,7 @@ def test_a_vehicle_without_such_properties_keeps_to_the_standard() -> None:
     assert addresses().dialect(ROBOT) == addresses().dialect(RobotKey("ACME", "r2")) == STANDARD
 
 
-def test_parameters_are_texts_for_a_robot_that_reads_nothing_else() -> None:
+def test_parameters_are_sent_as_text_if_configured() -> None:
     dialect = addresses(parametersAsText="true").dialect(ROBOT)
     values: dict[str, Any] = {"height": 1.5, "slowly": True, "slots": [1, 2], "station": "7"}
     action = Action(
@@ -157,7 +157,7 @@ def test_parameters_are_texts_for_a_robot_that_reads_nothing_else() -> None:
     assert STANDARD.fitted(order) is order
 
 
-def test_the_list_of_instant_actions_has_the_name_that_the_robot_reads() -> None:
+def test_the_list_of_instant_actions_has_the_configured_key() -> None:
     dialect = addresses(instantActionsKey="instantActions").dialect(ROBOT)
 
     assert dialect.renamed(Topic.INSTANT_ACTIONS, b'{"headerId":1,"actions":[]}') == (
@@ -177,9 +177,7 @@ def test_the_list_of_instant_actions_has_the_name_that_the_robot_reads() -> None
     ],
 )
 @pytest.mark.parametrize("recorded", [False, True])
-def test_nodes_that_a_robot_keeps_at_the_last_node_are_done(
-    more: dict[str, object], *, empty: bool, recorded: bool
-) -> None:
+def test_kept_last_node_states_count_as_done(more: dict[str, object], *, empty: bool, recorded: bool) -> None:
     dialect = addresses(keepsLastNodeStates="true").dialect(ROBOT)
     robot = HonestRobot(key=ROBOT)
     robot.nodes = list(make_vda_order("m", "A", "B").nodes[1:])
@@ -203,7 +201,7 @@ def test_nodes_that_a_robot_keeps_at_the_last_node_are_done(
         (0.0, None, None, True),
     ],
 )
-def test_a_robot_that_is_to_turn_at_its_last_node_is_done_when_it_has_turned(
+def test_a_robot_that_turns_at_its_last_node_finishes_after_the_turn(
     heading: float, wanted: float | None, allowed: float | None, *, done: bool
 ) -> None:
     """Its lastNodeSequenceId may be that of the order before, which ended there."""
@@ -235,7 +233,7 @@ def at_last_node(heading: float, wanted: float | None, allowed: float | None = N
         (("B", "B"), {"order_id": "earlier"}, True),
     ],
 )
-def test_a_last_node_may_be_outdated_where_an_order_ends_as_it_begins_until_another_one_was_shown(
+def test_a_last_node_may_be_outdated_in_a_round_trip_until_another_is_reported(
     places: tuple[str, ...], before: dict[str, object] | None, *, outdated: bool
 ) -> None:
     nodes, vda_order, state = LastNodes(), make_vda_order("m", *places), at_last_node(0.0, 1.57)
@@ -259,7 +257,7 @@ class Handlers(MqttLink):
 
 
 @pytest.mark.parametrize("start", ["A", "B"])
-def test_an_order_is_finished_where_its_robot_keeps_the_last_node_and_stands_a_bit_off_its_heading(
+def test_an_order_finishes_slightly_off_the_heading_with_kept_last_node(
     start: str,
 ) -> None:
     """An order from B to B is not: the robot may not have turned yet."""

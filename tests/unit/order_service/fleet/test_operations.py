@@ -38,7 +38,7 @@ def test_operations_become_actions(operation: str, action_type: str) -> None:
 
 
 @pytest.mark.parametrize("operation", ["MOVE", "PARK", "NOP"])
-def test_being_there_is_no_action(operation: str) -> None:
+def test_arriving_needs_no_action(operation: str) -> None:
     assert OperationMap().actions(operation, {}, STATION) == ()
 
 
@@ -60,11 +60,11 @@ def test_pick_names_its_station_and_load() -> None:
 
 
 @pytest.mark.clause("6.2.3/pick")
-def test_what_2_1_demands_is_there_even_where_nobody_says_it() -> None:
+def test_fields_required_by_2_1_are_always_present() -> None:
     assert parameters("Unload", {}, None) == {"stationType": "point", "loadType": "unspecified"}
 
 
-def test_properties_come_before_what_the_plant_says() -> None:
+def test_properties_override_the_plant() -> None:
     assert parameters("Load", {"stationName": "shelf 3"})["stationName"] == "shelf 3"
 
 

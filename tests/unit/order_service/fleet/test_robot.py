@@ -23,14 +23,14 @@ def robot() -> Robot:
     return Robot(ROBOT, FleetSettings())
 
 
-def test_a_robot_that_was_never_heard_of_is_unknown(robot: Robot) -> None:
+def test_a_robot_without_messages_is_unknown(robot: Robot) -> None:
     assert robot.link(1e9) is LinkStatus.UNKNOWN
     assert not robot.reachable
 
 
 @pytest.mark.clause("6.5/fleet")
 @pytest.mark.parametrize("told", ["OFFLINE", "HIBERNATING", "CONNECTION_BROKEN"])
-def test_a_robot_that_is_away_stays_so_and_is_not_called_silent(robot: Robot, told: str) -> None:
+def test_an_offline_robot_does_not_become_silent(robot: Robot, told: str) -> None:
     robot.take_state(state(), 0.0)
     robot.take_connection(connection(told), 1.0)
     assert robot.link(1e9) is LinkStatus(told)
@@ -38,7 +38,7 @@ def test_a_robot_that_is_away_stays_so_and_is_not_called_silent(robot: Robot, to
 
 
 @pytest.mark.clause("6.5/fleet")
-def test_a_robot_whose_last_state_is_too_old_is_silent_without_any_will(robot: Robot) -> None:
+def test_a_robot_with_an_old_state_is_silent_even_without_a_will(robot: Robot) -> None:
     robot.take_connection(connection(), 0.0)
     robot.take_state(state(), 10.0)
     assert robot.link(45.0) is LinkStatus.ONLINE
@@ -69,7 +69,7 @@ def test_the_usual_interval_of_the_robot_counts(
 
 
 @pytest.mark.clause("6.5/fleet")
-def test_a_state_after_a_will_shows_that_the_robot_is_there(robot: Robot) -> None:
+def test_a_state_after_a_will_means_online(robot: Robot) -> None:
     robot.take_state(state(1), 0.0)
     robot.take_connection(connection("CONNECTION_BROKEN"), 1.0)
     assert robot.take_state(state(2, at=2.0), 2.0)
@@ -85,7 +85,7 @@ def test_an_old_state_changes_nothing(robot: Robot) -> None:
 
 
 @pytest.mark.clause("7.2/headerId")
-def test_a_repeated_state_is_no_sign_of_life(robot: Robot) -> None:
+def test_a_repeated_state_does_not_prevent_silence(robot: Robot) -> None:
     robot.take_state(state(5), 0.0)
     assert not robot.take_state(state(5), 30.0)
     assert robot.link(40.0) is LinkStatus.SILENT
@@ -98,7 +98,7 @@ def test_a_will_with_an_old_header_counts(robot: Robot) -> None:
     assert robot.connection is ConnectionState.CONNECTION_BROKEN
 
 
-def test_a_robot_with_a_lost_clock_is_believed_once_it_has_connected(robot: Robot) -> None:
+def test_a_robot_with_a_wrong_clock_is_accepted_after_it_reconnects(robot: Robot) -> None:
     robot.take_state(state(500, at=500.0), 500.0)
     robot.take_connection(connection(), 501.0)
     fresh: dict[str, Any] = {"order_id": "x"}
@@ -106,7 +106,7 @@ def test_a_robot_with_a_lost_clock_is_believed_once_it_has_connected(robot: Robo
 
 
 @pytest.mark.clause("6.5/fleet")
-def test_online_that_is_published_periodically_is_no_new_connection(robot: Robot) -> None:
+def test_a_periodic_online_message_is_not_a_new_connection(robot: Robot) -> None:
     robot.take_connection(connection(number=4, at=0.0), 0.0)
     robot.take_state(state(9, at=1.0), 1.0)
     assert not robot.take_connection(connection(number=5, at=2.0), 2.0)
@@ -116,7 +116,7 @@ def test_online_that_is_published_periodically_is_no_new_connection(robot: Robot
 
 @pytest.mark.clause("6.5/fleet")
 @pytest.mark.parametrize(("gone", "number"), [(False, 0), (True, 6)], ids=["restart", "after a will"])
-def test_a_robot_that_has_connected_again_has_to_report(robot: Robot, *, gone: bool, number: int) -> None:
+def test_a_reconnected_robot_must_report_first(robot: Robot, *, gone: bool, number: int) -> None:
     robot.take_connection(connection(number=4, at=0.0), 0.0)
     robot.take_state(state(9, at=1.0), 1.0)
     if gone:
@@ -175,33 +175,33 @@ def test_a_restart_at_zero_is_new_at_once() -> None:
     assert order_at(5000, 5).is_new(0, at(6), 0.0)
 
 
-def test_a_clock_that_was_set_back_does_not_matter_while_headers_rise() -> None:
+def test_a_clock_set_back_is_ignored_while_header_ids_increase() -> None:
     assert order_at(5, 5000).is_new(6, at(0), 0.0)
 
 
 @pytest.mark.clause("7.2/headerId")
-def test_the_count_may_run_over() -> None:
+def test_the_counter_may_wrap_around() -> None:
     assert order_at(2**32 - 1, 5).is_new(0, at(6), 0.0)
 
 
 @pytest.mark.clause("7.2/headerId")
-def test_a_restart_with_a_lost_clock_is_believed_after_some_messages_and_seconds() -> None:
+def test_a_restart_with_a_wrong_clock_is_accepted_after_some_messages_and_seconds() -> None:
     order = order_at(5000, 5000)
     judged = [order.is_new(number, at(number), now=4.0 * number) for number in range(5)]
     assert judged == [False, False, False, True, True]
 
 
-def test_old_messages_that_come_in_a_heap_are_no_restart() -> None:
+def test_a_burst_of_old_messages_does_not_count_as_a_restart() -> None:
     order = order_at(5000, 5000)
     assert not any(order.is_new(number, at(number), now=9.0) for number in range(100))
 
 
-def test_old_messages_that_are_repeated_to_a_silent_robot_are_no_restart() -> None:
+def test_repeated_old_messages_do_not_count_as_a_restart() -> None:
     order = order_at(50, 50)
     assert not any(order.is_new(number, at(number), now=20.0 + number) for number in (3, 7, 9, 2, 4, 6))
 
 
-def test_a_few_overtaken_messages_are_no_restart() -> None:
+def test_a_few_overtaken_messages_do_not_count_as_a_restart() -> None:
     order = order_at(50, 50)
     assert not order.is_new(48, at(48), 0.0)
     assert not order.is_new(47, at(47), 0.0)
@@ -220,7 +220,7 @@ def test_after_a_new_connection_any_message_is_new() -> None:
 ONE, OTHER = RobotKey("NeNa", "one"), RobotKey("NeNa", "other")
 
 
-def test_a_robot_is_given_once_and_only_after_its_moment() -> None:
+def test_a_robot_is_yielded_once_after_its_time() -> None:
     silences = Silences()
     silences.expect(ONE, 10.0)
     assert list(silences.passed(10.0)) == []
@@ -228,7 +228,7 @@ def test_a_robot_is_given_once_and_only_after_its_moment() -> None:
     assert list(silences.passed(20.0)) == []
 
 
-def test_what_is_heard_meanwhile_moves_nothing_until_the_robot_was_given() -> None:
+def test_later_reports_do_not_move_the_scheduled_time() -> None:
     silences = Silences()
     silences.expect(ONE, 10.0)
     silences.expect(ONE, 15.0)
@@ -238,7 +238,7 @@ def test_what_is_heard_meanwhile_moves_nothing_until_the_robot_was_given() -> No
     assert list(silences.passed(16.0)) == [ONE]
 
 
-def test_a_sooner_moment_counts() -> None:
+def test_the_earlier_time_counts() -> None:
     silences = Silences()
     silences.expect(ONE, 10.0)
     silences.expect(ONE, 5.0)
@@ -246,7 +246,7 @@ def test_a_sooner_moment_counts() -> None:
     assert list(silences.passed(11.0)) == []
 
 
-def test_a_moment_that_was_looked_at_is_not_given_again() -> None:
+def test_a_checked_time_is_not_returned_again() -> None:
     silences = Silences()
     silences.expect(ONE, 5.0)
     for robot in silences.passed(10.0):
@@ -256,7 +256,7 @@ def test_a_moment_that_was_looked_at_is_not_given_again() -> None:
 
 
 @given(st.lists(st.tuples(st.sampled_from((ONE, OTHER)), st.floats(0, 100)), max_size=20), st.floats(0, 100))
-def test_all_whose_soonest_moment_has_passed_are_given(
+def test_all_robots_whose_earliest_time_has_passed_are_yielded(
     expected: list[tuple[RobotKey, float]], now: float
 ) -> None:
     silences = Silences()
@@ -271,7 +271,7 @@ MISSION = make_vda_order("m", "A", "B")
 
 
 @pytest.mark.clause("6.6.2/first")
-def test_a_robot_that_lists_its_first_node_has_passed_nothing_yet() -> None:
+def test_a_robot_that_lists_its_first_node_has_not_passed_it() -> None:
     listed = [{"node_id": "A", "sequence_id": 0, "released": True}, *_to_b()]
 
     progress = read(state(order_id="m", last_node_id="A", node_states=listed), MISSION)
@@ -280,12 +280,12 @@ def test_a_robot_that_lists_its_first_node_has_passed_nothing_yet() -> None:
 
 
 @pytest.mark.clause("6.6.2/first", "6.6.2/fleet")
-def test_a_robot_that_does_not_list_it_stands_there() -> None:
+def test_a_robot_that_does_not_list_it_stays_there() -> None:
     assert read(state(order_id="m", last_node_id="A", node_states=_to_b()), MISSION).passed == 0
 
 
 @pytest.mark.clause("6.6.2/fleet")
-def test_a_number_that_is_left_from_the_order_before_does_not_count() -> None:
+def test_a_sequence_id_of_the_previous_order_does_not_count() -> None:
     late = state(order_id="m", last_node_id="A", last_node_sequence_id=8, node_states=_to_b())
 
     assert read(late, MISSION).passed < MISSION.last_sequence_id
@@ -295,7 +295,7 @@ def _to_b() -> list[dict[str, object]]:
     return [{"node_id": "B", "sequence_id": 2, "released": True}]
 
 
-def test_an_order_is_not_done_before_its_last_node_is_reached_whatever_is_left_out() -> None:
+def test_an_order_is_not_finished_before_its_last_node_is_reached() -> None:
     vda_order = make_vda_order("m", "A", "B")
     empty: dict[str, Any] = {
         "node_states": (),

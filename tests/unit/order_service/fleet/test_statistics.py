@@ -26,7 +26,7 @@ def actions(*ids: str) -> PublishInstantActions:
     return PublishInstantActions(ROBOT, tuple(made))
 
 
-def test_the_steps_of_a_vda_order_are_timed() -> None:
+def test_durations_of_a_vda_orders_steps_are_measured() -> None:
     statistics = FleetStatistics()
     statistics.begun("o", 10.0)
     assert statistics.undelivered == 1
@@ -45,7 +45,7 @@ def test_the_steps_of_a_vda_order_are_timed() -> None:
     assert statistics.ended == {"finished": 1, "cancelled": 0, "failed": 0}
 
 
-def test_each_end_is_counted_and_nothing_is_kept_of_it() -> None:
+def test_each_end_is_counted_and_its_data_dropped() -> None:
     statistics = FleetStatistics()
     for name in ("a", "b"):
         statistics.begun(name, 0.0)
@@ -57,7 +57,7 @@ def test_each_end_is_counted_and_nothing_is_kept_of_it() -> None:
     assert statistics.undelivered == 0
 
 
-def test_an_order_from_before_the_restart_that_the_robot_has_is_no_acknowledgement() -> None:
+def test_an_order_from_before_the_restart_is_not_counted_as_acknowledged() -> None:
     statistics = FleetStatistics()
     statistics.begun("o", 0.0)
     statistics.happened(VdaOrderAccepted(ROBOT, "o"), 1.0)
@@ -66,7 +66,7 @@ def test_an_order_from_before_the_restart_that_the_robot_has_is_no_acknowledgeme
     assert sum(statistics.acknowledgement.counts) == sum(statistics.sending.counts) == 0
 
 
-def test_instant_actions_that_are_sent_again_are_known_within_a_bound() -> None:
+def test_resent_instant_actions_are_recognised_within_a_limit() -> None:
     statistics = FleetStatistics()
     statistics.published(Topic.INSTANT_ACTIONS, actions("a"), 0.0)
     statistics.published(Topic.INSTANT_ACTIONS, actions("a", "b"), 1.0)

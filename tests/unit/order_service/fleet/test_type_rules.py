@@ -169,7 +169,7 @@ def of_series_1(**properties: str) -> Vehicle:
     return vehicle(nena_vehicleType="Manufacturer_A.Series_1", **properties)
 
 
-def test_a_corridor_is_asked_for_and_omitted_as_in_example_28_1() -> None:
+def test_a_corridor_is_requested_or_omitted_as_in_example_28_1() -> None:
     name = "28.1-corridor-sent-in-one-order-omitted-in-another.order"
     narrow = sent(example("28"), "N1 N2", by=of_series_1(vda5050_corridorWidth="0.4"))
     assert differences(f"{name}-a", narrow) == []
@@ -188,14 +188,14 @@ def test_an_edge_is_driven_as_the_robot_stands_as_in_example_28_2() -> None:
     assert forward.edges[0].reach_orientation_before_entering is True
 
 
-def test_a_feasible_action_is_sent_where_it_is_ordered_as_in_example_28_3() -> None:
+def test_a_feasible_action_is_sent_if_ordered_as_in_example_28_3() -> None:
     name = "28.3-feasible-action-sent-in-one-order-omitted-in-another.order"
     charging = sent(example("28"), "N1 N2", operation="Charge", by=of_series_1())
     assert differences(f"{name}-a", charging) == []
     assert differences(f"{name}-b", sent(example("28"), "N1 N2", by=of_series_1())) == []
 
 
-def test_a_heading_that_the_layout_lacks_comes_with_a_coordinate_as_in_example_28_4() -> None:
+def test_a_missing_heading_comes_from_a_coordinate_as_in_example_28_4() -> None:
     """A coordinate is no node of the layout, so its node has an ID of its own."""
     name = "28.4-theta-not-encoded-on-a-node-calculated-at-runtime.order"
     there = sent(example("28"), "N1 N2", coordinate=Coordinate(x=11.0, y=0.0, theta=1.5), by=of_series_1())
@@ -239,13 +239,13 @@ def test_required_actions_are_sent_and_feasible_ones_are_not() -> None:
     assert made.final_action_ids == frozenset()
 
 
-def test_required_actions_are_not_repeated_where_the_robot_is_already() -> None:
+def test_required_actions_are_not_repeated_at_the_start_node() -> None:
     model = row(at={"requiredActions": [robot_action("beep")]})
     assert sent(model, "B C").actions == ()
     assert [each.action_type for each in sent(model, "A B").nodes[-1].actions] == ["beep"]
 
 
-def test_an_ordered_action_that_is_required_too_is_sent_once_as_the_layout_has_it() -> None:
+def test_an_ordered_and_required_action_is_sent_once_as_in_the_layout() -> None:
     fixed = [{"key": "loadType", "value": "EUR"}, {"key": "side", "value": ["left"]}]
     pick = robot_action("pick", blockingType="SINGLE", actionParameters=fixed)
     made = sent(row(at={"requiredActions": [robot_action("beep"), pick]}), "A B", operation="pick")
@@ -262,7 +262,7 @@ def test_an_ordered_action_that_is_required_too_is_sent_once_as_the_layout_has_i
     }
 
 
-def test_a_required_action_on_the_way_does_not_begin_the_operation() -> None:
+def test_a_required_action_en_route_does_not_start_the_operation() -> None:
     made = sent(row(at={"requiredActions": [robot_action("beep")]}), "A C", operation="pick")
     beep, pick = made.actions
     ahead = tuple(
@@ -278,7 +278,7 @@ def test_a_required_action_on_the_way_does_not_begin_the_operation() -> None:
     assert operating(pick.action_id)
 
 
-def test_a_place_where_the_action_is_forbidden_is_no_destination() -> None:
+def test_a_point_that_forbids_the_action_is_not_a_destination() -> None:
     stations = {"stationId": "S", "interactionNodeIds": ["B", "C"]}
     near = robot_node("B", 3, 0, "M.u", feasibleActions=[robot_action("drop")])
     near["mobileRobotTypeNodeProperties"] += robot_node("B", forbiddenActionTypes=["drop"])[
@@ -316,7 +316,7 @@ def test_a_place_where_the_action_is_forbidden_is_no_destination() -> None:
         ({"aMaximum": 0.3, "bMaximum": 0.3, "theta": 1.0}, (0.3, 0.3, 0.0)),
     ],
 )
-def test_the_deviation_keeps_to_its_bounds(bounds: dict[str, float], ellipse: tuple[float, ...]) -> None:
+def test_the_deviation_respects_its_bounds(bounds: dict[str, float], ellipse: tuple[float, ...]) -> None:
     made = sent(row(at={"allowedDeviationXY": bounds}), "A C")
     position = node_of(made, "B").node_position
     assert position
@@ -337,14 +337,12 @@ def test_the_start_keeps_a_deviation_that_the_robot_is_within() -> None:
 @pytest.mark.parametrize(
     ("heading", "orientation"), [(0.1, 0.0), (3.0, pi), (-3.0, pi), (pi / 2, 0.0), (pi / 2 + 0.1, pi)]
 )
-def test_of_several_orientations_that_with_the_least_turning_is_taken(
-    heading: float, orientation: float
-) -> None:
+def test_the_orientation_with_the_least_turning_is_chosen(heading: float, orientation: float) -> None:
     both = row(along={"mobileRobotOrientations": [0.0, pi]})
     assert first_edge(both, heading=heading).orientation == pytest.approx(orientation)
 
 
-def test_the_heading_at_the_end_counts_too() -> None:
+def test_the_final_heading_counts_too() -> None:
     both = row(along={"mobileRobotOrientations": [0.0, pi]}, at={"theta": 3.0})
     assert first_edge(both, heading=1.5).orientation == pytest.approx(pi)
     last = sent(both, "A B").nodes[-1].node_position
@@ -360,7 +358,7 @@ def test_a_vehicle_that_cannot_reverse_drives_forwards_and_not_where_only_backwa
         first_edge(row(along={"mobileRobotOrientations": [pi, 3.0]}), by=forwards_only)
 
 
-def test_orientations_of_the_plant_are_turned_to_the_map() -> None:
+def test_orientations_of_the_plant_are_rotated_to_the_map() -> None:
     turned = {"m": MapTransform(rotation_rad=pi / 2, scale=2.0)}
     rules = {
         "mobileRobotOrientations": [1.0],
@@ -403,7 +401,7 @@ def test_a_trajectory_that_misses_its_nodes_is_not_sent(off: float, *, is_sent: 
 
 
 @pytest.mark.parametrize("knots", [(), (1.0, 0.0, 0.0, 1.0), (0.0, 0.0, 2.0, 2.0)])
-def test_a_trajectory_of_own_json_that_is_no_curve_is_not_sent(knots: tuple[float, ...]) -> None:
+def test_an_invalid_trajectory_in_own_json_is_not_sent(knots: tuple[float, ...]) -> None:
     """NeNa's JSON is read as it is; LIF is repaired when it is read."""
     curve = {"knotVector": [0, 0, 1, 1], "controlPoints": [{"x": 0, "y": 0}, {"x": 3, "y": 0}]}
     content = json.loads(row(along={"trajectory": curve, "mobileRobotOrientations": [0.0]}).to_json())
@@ -413,7 +411,7 @@ def test_a_trajectory_of_own_json_that_is_no_curve_is_not_sent(knots: tuple[floa
     assert (sent_curve.knot_vector if sent_curve else None) == ((0.0, 0.0, 1.0, 1.0) if usable else None)
 
 
-def test_what_else_an_edge_says_is_sent() -> None:
+def test_other_edge_fields_of_the_layout_are_sent() -> None:
     rules = {
         "reachOrientationBeforeEntering": False,
         "maximumRotationSpeed": 0.5,
@@ -439,19 +437,19 @@ FULL = row(
 
 
 @pytest.mark.parametrize("field", [each for each in RULED if each != "trajectory"])
-def test_only_what_a_robot_lists_is_sent_to_it(field: str) -> None:
+def test_only_listed_fields_are_sent(field: str) -> None:
     content = fitted(sent(FULL, "A B"), listing(f"edges.{field}")).edges[0]
     given = content.model_dump(mode="json", by_alias=True, exclude_none=True)
     assert given.keys() & set(RULED) == {field}
 
 
-def test_robots_without_a_factsheet_are_sent_none_of_it() -> None:
+def test_robots_without_a_factsheet_are_not_sent_layout_fields() -> None:
     for abilities in (None, listing()):
         given = fitted(sent(FULL, "A B"), abilities).edges[0].model_dump(by_alias=True, exclude_none=True)
         assert given.keys() & set(RULED) == set()
 
 
-def test_a_demanded_length_is_that_of_the_layout() -> None:
+def test_a_required_length_is_taken_from_the_layout() -> None:
     made = factsheet()
     demands = (OptionalParameter(parameter="order.edges.length", support=Support.REQUIRED),)
     features = made.protocol_features.model_copy(update={"optional_parameters": demands})
@@ -459,7 +457,7 @@ def test_a_demanded_length_is_that_of_the_layout() -> None:
     assert [each.length for each in fitted(sent(FULL, "A C"), robot).edges] == [3.5, 3.0]
 
 
-def test_a_vehicle_without_a_type_gets_what_is_the_same_for_all_types() -> None:
+def test_a_vehicle_without_a_type_uses_rules_common_to_all_types() -> None:
     two = robot_edge("A B", "M.t", maximumRotationSpeed=0.5)
     two["mobileRobotTypeEdgeProperties"] += robot_edge("A B", "M.u", maximumRotationSpeed=0.5)[
         "mobileRobotTypeEdgeProperties"

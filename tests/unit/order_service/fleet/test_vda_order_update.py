@@ -61,7 +61,7 @@ def extend(bench: Bench, vda_order: VdaOrder) -> None:
 
 
 class TestTheCut:
-    def test_an_update_begins_at_the_decision_point_with_all_that_stands_there(self) -> None:
+    def test_an_update_starts_with_the_unchanged_decision_point(self) -> None:
         update = update_of(base(2), base(4))
 
         assert [(node.node_id, node.sequence_id, node.released) for node in update.nodes] == [
@@ -92,7 +92,7 @@ class TestTheCut:
             update_of(base(2), plan)
 
 
-def test_the_robot_gets_the_rest_piece_by_piece() -> None:
+def test_the_robot_is_sent_the_rest_stepwise() -> None:
     bench = started()
     for count in (3, 5):
         extend(bench, base(count))
@@ -110,7 +110,7 @@ def test_the_robot_gets_the_rest_piece_by_piece() -> None:
 
 
 @pytest.mark.clause("6.6.3/fleet", "6.6.2/fleet")
-def test_a_robot_at_the_end_of_its_base_waits_and_is_not_done() -> None:
+def test_a_robot_at_the_end_of_its_base_waits_and_has_not_finished() -> None:
     bench = started()
     bench.run(10)
 
@@ -123,7 +123,7 @@ def test_a_robot_at_the_end_of_its_base_waits_and_is_not_done() -> None:
 
 
 @pytest.mark.clause("6.6.3/fleet")
-def test_the_wish_for_more_base_is_told_once_each_time() -> None:
+def test_a_new_base_request_is_reported_once() -> None:
     bench = started()
     for _ in range(3):
         bench.report()
@@ -139,7 +139,7 @@ def test_the_wish_for_more_base_is_told_once_each_time() -> None:
     assert len(bench.told(BaseWanted)) == 2
 
 
-def test_of_plans_that_come_while_one_is_under_way_the_newest_is_sent() -> None:
+def test_only_the_newest_plan_is_sent_after_a_pending_update() -> None:
     bench = started()
     for count in (3, 4, 5):
         extend(bench, base(count))
@@ -150,7 +150,7 @@ def test_of_plans_that_come_while_one_is_under_way_the_newest_is_sent() -> None:
     assert updates(bench)[-1] == (2, ["C", "D", "E"], [])
 
 
-def test_a_plan_that_comes_before_the_first_sending_is_the_first() -> None:
+def test_a_plan_before_the_first_sending_replaces_the_order() -> None:
     bench = Bench()
     bench.start(base(2))
     extend(bench, base(4))
@@ -161,7 +161,7 @@ def test_a_plan_that_comes_before_the_first_sending_is_the_first() -> None:
 
 
 @pytest.mark.clause("6.1.2/confirm")
-def test_a_lost_update_is_sent_again_as_it_was() -> None:
+def test_a_lost_update_is_resent_unchanged() -> None:
     bench = started()
     extend(bench, base(3))
     bench.lose()
@@ -176,7 +176,7 @@ def test_a_lost_update_is_sent_again_as_it_was() -> None:
 
 
 @pytest.mark.clause("6.1.2/confirm")
-def test_an_update_that_is_never_taken_up_ends_the_vda_order() -> None:
+def test_an_update_that_is_never_accepted_ends_the_vda_order() -> None:
     bench = started()
     extend(bench, base(3))
     for _ in range(60):
@@ -214,7 +214,7 @@ def test_an_update_that_the_robot_refuses_ends_the_vda_order(*, named: bool) -> 
 
 
 @pytest.mark.clause("6.1.4/fleet")
-def test_a_refusal_of_somebody_elses_message_is_none_of_the_update_that_is_taken_behind_it() -> None:
+def test_a_refusal_of_a_foreign_message_does_not_refuse_the_accepted_update() -> None:
     bench = started()
     extend(bench, WHOLE)
     bench.robot.errors.append(ErrorEntry(error_type="validationError", error_level=ErrorLevel.WARNING))
@@ -233,7 +233,7 @@ def test_a_vda_order_that_has_ended_is_not_extended() -> None:
     assert len(updates(bench)) == 1
 
 
-def test_a_cancel_while_an_update_is_under_way_ends_it_all() -> None:
+def test_a_cancel_during_a_pending_update_ends_the_vda_order() -> None:
     bench = started()
     extend(bench, base(3))
     bench.cancel()
@@ -316,7 +316,7 @@ def test_after_a_restart_an_update_has_no_speeds_for_a_robot_without_a_factsheet
 
 
 @pytest.mark.clause("7.10")
-def test_a_factsheet_that_comes_late_leaves_the_base_as_it_was_sent() -> None:
+def test_a_late_factsheet_keeps_the_base_as_sent() -> None:
     bench = started()
     lists_little(bench)
 
@@ -329,7 +329,7 @@ def test_a_factsheet_that_comes_late_leaves_the_base_as_it_was_sent() -> None:
 
 @settings(max_examples=100)
 @given(st.data())
-def test_over_a_bad_wire_every_node_is_driven_once_and_the_vda_order_ends(data: st.DataObject) -> None:
+def test_over_an_unreliable_link_every_node_is_driven_once_and_the_order_ends(data: st.DataObject) -> None:
     bench = Bench().online()
     count = data.draw(st.integers(1, 5), label="first base")
     bench.start(base(count))

@@ -73,7 +73,7 @@ def corridor(request_id: str) -> EdgeRequest:
     )
 
 
-def test_one_robot_is_let_in_and_the_next_one_waits_until_it_is_out() -> None:
+def test_one_robot_is_admitted_and_the_next_waits_until_it_has_left() -> None:
     desk = Desk()
     desk.ask(ONE, gate("a"))
     desk.ask(TWO, gate("b"))
@@ -102,7 +102,7 @@ def test_a_robot_that_lost_its_release_inside_still_holds_the_zone() -> None:
     assert desk.answers() == {"a": "GRANTED", "b": "QUEUED"}
 
 
-def test_a_grant_that_the_robot_does_not_show_is_said_again() -> None:
+def test_a_grant_that_the_robot_does_not_show_is_resent() -> None:
     desk = Desk(resend_after=2)
     desk.ask(ONE, gate("a"))
     assert desk.answers() == {"a": "GRANTED"}
@@ -115,7 +115,7 @@ def test_a_grant_that_the_robot_does_not_show_is_said_again() -> None:
     assert desk.answers() == {}
 
 
-def test_what_is_said_again_is_said_ever_more_seldom() -> None:
+def test_answers_are_resent_with_growing_delays() -> None:
     desk = Desk(resend_after=1, resend_at_most_after=4)
     desk.ask(ONE, gate("a"))
     times = []
@@ -127,7 +127,7 @@ def test_what_is_said_again_is_said_ever_more_seldom() -> None:
     assert times == [0.0, 1.0, 3.0, 7.0, 11.0, 15.0, 19.0]
 
 
-def test_nothing_is_said_to_a_robot_that_is_away() -> None:
+def test_nothing_is_sent_to_an_unreachable_robot() -> None:
     desk = Desk()
     desk.ask(ONE, gate("a"))
     desk.away.add(ONE)
@@ -136,7 +136,7 @@ def test_nothing_is_said_to_a_robot_that_is_away() -> None:
     assert desk.answers() == {"a": "GRANTED"}
 
 
-def test_a_robot_may_ask_for_several_paths_through_a_zone() -> None:
+def test_a_robot_may_request_several_paths_through_a_zone() -> None:
     desk = Desk()
     desk.ask(ONE, gate("left"), gate("right"))
     desk.ask(TWO, gate("b"))
@@ -148,7 +148,7 @@ def test_a_robot_may_ask_for_several_paths_through_a_zone() -> None:
     assert desk.answers() == {"b": "GRANTED"}
 
 
-def test_of_two_that_hold_a_zone_after_a_restart_the_second_gives_it_back() -> None:
+def test_the_second_holder_of_a_zone_is_revoked_after_a_restart() -> None:
     desk = Desk(resend_after=2)
     desk.ask(ONE, gate("a", "GRANTED"))
     desk.ask(TWO, gate("b", "GRANTED"))
@@ -163,14 +163,14 @@ def test_of_two_that_hold_a_zone_after_a_restart_the_second_gives_it_back() -> N
     assert desk.answers() == {"b": "GRANTED"}, "it is still inside, and now alone"
 
 
-def test_what_was_granted_is_taken_back_where_nobody_may_be_let_in() -> None:
+def test_grants_are_revoked_under_policy_none() -> None:
     desk = Desk(release_policy=ReleasePolicy.NONE)
     desk.ask(ONE, gate("a", "GRANTED"))
 
     assert desk.answers() == {"a": "REVOKED"}
 
 
-def test_a_new_request_of_the_same_robot_is_a_new_question() -> None:
+def test_a_new_request_of_the_same_robot_is_answered_separately() -> None:
     desk = Desk()
     desk.ask(ONE, gate("a"))
     desk.answers()
@@ -181,7 +181,7 @@ def test_a_new_request_of_the_same_robot_is_a_new_question() -> None:
 
 
 @pytest.mark.clause("6.9/restart")
-def test_nothing_is_granted_before_everybody_was_heard() -> None:
+def test_nothing_is_granted_before_all_robots_have_reported() -> None:
     desk = Desk()
     desk.ask(ONE, gate("a"))
     assert desk.answers(all_known=False) == {"a": "QUEUED"}
@@ -206,7 +206,7 @@ def test_a_lease_is_renewed_before_it_ends() -> None:
     assert desk.answers() == {"a": "GRANTED"}
 
 
-def test_a_lease_of_another_time_is_renewed_after_a_restart() -> None:
+def test_an_earlier_lease_is_renewed_after_a_restart() -> None:
     desk = Desk(release_lease=10.0)
     desk.ask(ONE, gate("a", "GRANTED"))
 
@@ -217,7 +217,7 @@ def test_a_lease_of_another_time_is_renewed_after_a_restart() -> None:
 @pytest.mark.parametrize(
     ("policy", "grant"), [(ReleasePolicy.ALL, "GRANTED"), (ReleasePolicy.NONE, "REJECTED")]
 )
-def test_a_policy_may_let_in_all_or_nobody(policy: ReleasePolicy, grant: str) -> None:
+def test_a_policy_may_admit_all_robots_or_none(policy: ReleasePolicy, grant: str) -> None:
     desk = Desk(release_policy=policy)
     desk.ask(ONE, gate("a"))
     desk.ask(TWO, gate("b"))
@@ -226,7 +226,7 @@ def test_a_policy_may_let_in_all_or_nobody(policy: ReleasePolicy, grant: str) ->
 
 
 @pytest.mark.clause("6.6.10")
-def test_a_corridor_is_given_to_one_robot_as_well() -> None:
+def test_a_corridor_is_granted_to_one_robot_at_a_time() -> None:
     desk = Desk()
     for robot, request_id in ((ONE, "a"), (TWO, "b")):
         desk.ask(robot, corridor(request_id))
@@ -236,7 +236,7 @@ def test_a_corridor_is_given_to_one_robot_as_well() -> None:
 
 @pytest.mark.clause("6.6.10")
 @pytest.mark.parametrize("policy", ReleasePolicy)
-def test_a_corridor_of_the_horizon_is_not_given_before_its_edge_is_released(policy: ReleasePolicy) -> None:
+def test_a_corridor_in_the_horizon_is_not_granted_before_its_edge_is_released(policy: ReleasePolicy) -> None:
     desk = Desk(release_policy=policy)
 
     desk.ask(ONE, corridor("a"), edges=(EdgeState(edge_id="A-B", sequence_id=1, released=False),))
@@ -247,7 +247,7 @@ def test_a_corridor_of_the_horizon_is_not_given_before_its_edge_is_released(poli
 
 
 @pytest.mark.clause("6.9/restart")
-def test_the_controller_answers_when_all_robots_have_told_their_state() -> None:
+def test_the_controller_answers_once_all_robots_have_reported() -> None:
     numbers = count()
     fleet = FleetController(FleetSettings(), new_id=lambda: str(next(numbers)), utc_now=lambda: NOON)
     one, two = (HonestRobot(key=key, version="3.0.0") for key in (ONE, TWO))

@@ -18,7 +18,7 @@ def made(request: TransportOrderRequest) -> TransportOrder:
     return TransportOrder.created(request, number=1, name=automatic_name(request), now=NOW, automatic=True)
 
 
-def test_orders_are_named_by_what_they_are_for() -> None:
+def test_automatic_orders_are_named_by_purpose() -> None:
     park, recharge = made(PARK), made(RECHARGE)
     assert park.name.startswith("Park-")
     assert recharge.name.startswith("Recharge-")
@@ -26,13 +26,13 @@ def test_orders_are_named_by_what_they_are_for() -> None:
     assert automatic_name(PARK) != automatic_name(PARK)
 
 
-def test_parking_is_dispensable_and_recharging_is_as_the_energy_has_it() -> None:
+def test_parking_is_always_dispensable_and_recharging_depends_on_energy() -> None:
     assert PARK.dispensable
     assert not RECHARGE.dispensable
     assert recharge_request("V1", "Dock", "Charge", dispensable=True).dispensable
 
 
-def test_orders_of_hosts_are_their_own_whatever_their_names() -> None:
+def test_host_orders_are_never_taken_for_automatic_ones() -> None:
     name = automatic_name(RECHARGE)
     order = dispatchable_order("Dock:Charge", type="Charge", intended_vehicle="V1", name=name)
     assert not order.status.automatic

@@ -9,7 +9,7 @@ from nena_order_service.orders.deadlines import FIRST_SWEEP, DueTimes, deadline_
 from support.order_service import NOW, dispatchable_order
 
 
-def test_what_is_watched_of_orders_that_are_over_is_dropped_long_before_its_time() -> None:
+def test_watched_times_of_ended_orders_are_dropped_early() -> None:
     living: set[int] = set(range(100, 200))
     times = DueTimes(lambda number: number not in living)
     for number in range(20_000):
@@ -19,7 +19,7 @@ def test_what_is_watched_of_orders_that_are_over_is_dropped_long_before_its_time
 
 
 @given(st.lists(st.tuples(st.integers(0, 5), st.integers(0, 9)), max_size=200))
-def test_the_last_time_of_each_order_counts_and_once(watched: list[tuple[int, int]]) -> None:
+def test_the_latest_time_of_each_order_counts_once(watched: list[tuple[int, int]]) -> None:
     times = DueTimes(lambda _: False)
     for number, seconds in watched:
         times.watch(number, NOW + timedelta(seconds=seconds))

@@ -21,7 +21,7 @@ def sequence(*orders: str, **fields: Any) -> OrderSequence:
     return made
 
 
-def test_goes_from_its_first_order_to_its_end() -> None:
+def test_runs_from_its_first_order_to_its_end() -> None:
     made = sequence("A", "B")
     assert (made.next_order, made.status.finished_index) == ("A", -1)
     assert made.status.reason == "waiting for a vehicle to start 'A', 1 of 2"
@@ -48,14 +48,14 @@ def test_an_empty_one_that_is_complete_is_finished() -> None:
     assert sequence().completed("by a host", NOW).status.finished
 
 
-def test_what_changes_nothing_makes_no_version() -> None:
+def test_a_change_without_effect_creates_no_version() -> None:
     made = sequence("A").bound("V-1", NOW).completed("by a host", NOW)
     assert made.bound("V-1", NOW) is made
     assert made.completed("again", NOW) is made
     assert made.advanced({"B"}.__contains__, NOW) is made
 
 
-def test_the_rules_are_kept_against_the_program_itself() -> None:
+def test_the_sequence_rules_raise_errors_in_the_code() -> None:
     made = sequence("A").bound("V-1", NOW)
     with pytest.raises(SequenceRuleError):
         made.bound("V-2", NOW)
@@ -86,7 +86,7 @@ def test_orders_that_do_not_fit_are_refused_with_a_reason(
     assert (reasons == []) if said is None else (len(reasons) == 1 and said in reasons[0])
 
 
-def test_one_that_is_complete_or_full_takes_no_orders(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_complete_or_full_sequence_takes_no_orders(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "complete" in next(sequence().completed("by a host", NOW).refusals(request("A")))
     monkeypatch.setattr(order_sequence, "ORDERS_LIMIT", 1)
     assert "already has 1 orders" in next(sequence("A").refusals(request("A")))

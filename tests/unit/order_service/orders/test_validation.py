@@ -32,11 +32,11 @@ def findings(wanted: TransportOrderRequest) -> tuple[list[str], bool]:
         request("Storage:NOP", properties=[{"key": "tcs:resourcesToAvoid", "value": "Middle gate,Packing"}]),
     ],
 )
-def test_sensible_requests_pass(wanted: TransportOrderRequest) -> None:
+def test_valid_requests_pass(wanted: TransportOrderRequest) -> None:
     check_request(wanted, PLANT, VEHICLES)
 
 
-def test_everything_wrong_is_told_at_once() -> None:
+def test_all_errors_are_reported_together() -> None:
     wanted = request(
         "Goods out:Load cargo",
         "Storage:Unload cargo",
@@ -55,7 +55,7 @@ def test_everything_wrong_is_told_at_once() -> None:
     assert not only_unknown
 
 
-def test_only_unknown_names_are_told_apart() -> None:
+def test_only_unknown_names_are_distinguished() -> None:
     texts, only_unknown = findings(request("Goods inn:Load cargo"))
     assert "Did you mean 'Goods in'" in texts[0]
     assert only_unknown

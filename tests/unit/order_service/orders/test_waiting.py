@@ -4,7 +4,7 @@ from nena_order_service.orders.waiting import WaitingOrders
 from support.order_service import assigned_order, dispatchable_order
 
 
-def test_the_oldest_order_is_the_first_created_whenever_it_came_into_the_queue() -> None:
+def test_the_oldest_order_is_the_first_created() -> None:
     assert WaitingOrders().oldest is None
     waiting = WaitingOrders()
     for number in (2, 1, 3):

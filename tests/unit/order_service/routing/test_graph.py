@@ -51,7 +51,7 @@ def test_a_path_is_open_to_the_types_that_it_names(who: Vehicle | None, *, short
     assert by_the_short_way(detour(use("t"), types=("t", "u")), who) is short
 
 
-def test_where_there_is_one_type_a_vehicle_without_a_name_for_its_own_is_of_it() -> None:
+def test_a_vehicle_without_a_type_is_of_the_only_one() -> None:
     assert by_the_short_way(detour(use("t")), vehicle())
     with pytest.raises(NoRouteError, match="type"):
         by_the_short_way(detour(use("t")), vehicle("other"))
@@ -66,18 +66,18 @@ def test_a_point_is_open_to_the_types_that_it_names() -> None:
 
 
 @pytest.mark.parametrize(("height_mm", "short"), [(1800, True), (1801, False)])
-def test_high_vehicles_do_not_go_below_low_ceilings(height_mm: int, *, short: bool) -> None:
+def test_tall_vehicles_avoid_low_ceilings(height_mm: int, *, short: bool) -> None:
     who = vehicle("t", bounding_box=BoundingBox(height_mm=height_mm))
     assert by_the_short_way(detour(use("t", maxHeight=1.8)), who) is short
 
 
 @pytest.mark.parametrize(("reverse", "short"), [(300, True), (0, False)])
-def test_who_must_drive_backward_needs_a_reverse_speed(reverse: int, *, short: bool) -> None:
+def test_driving_backward_needs_a_reverse_speed(reverse: int, *, short: bool) -> None:
     model = detour(use("t", vehicleOrientation=pi))
     assert by_the_short_way(model, vehicle("t", max_reverse_velocity_mm_s=reverse)) is short
 
 
-def test_each_type_takes_its_own_time() -> None:
+def test_travel_times_depend_on_the_vehicle_type() -> None:
     model = detour(use("t", maxSpeed=0.5), use("u", maxSpeed=0.25), types=("t", "u"))
     router = Router(model, evaluators([CostKey.TRAVELTIME], model))
     assert router.route("A", "B", vehicle=vehicle("t")).cost == 2
@@ -92,7 +92,7 @@ def on(map_id: str) -> dict[str, str]:
 @pytest.mark.parametrize(
     ("maps", "points"), [("", "A B C"), ("hall, yard", "A B C"), ("hall", "A C"), ("x", "A C")]
 )
-def test_only_points_on_allowed_maps_are_driven_to(maps: str, points: str) -> None:
+def test_only_points_on_allowed_maps_are_reachable(maps: str, points: str) -> None:
     model = PlantModel(
         name="m",
         points=(point("A", properties=on("hall")), point("B", properties=on("yard")), point("C")),
@@ -146,7 +146,7 @@ def test_costs_for_any_vehicle(key: CostKey, forward: float, backward: float) ->
 @pytest.mark.parametrize(
     ("own", "own_reverse", "forward", "backward"), [(500, 600, 12, 20), (2000, 100, 6, 60), (0, 0, inf, inf)]
 )
-def test_travel_time_goes_by_the_slower_of_path_and_vehicle(
+def test_travel_time_uses_the_lower_speed_of_path_and_vehicle(
     own: int, own_reverse: int, forward: float, backward: float
 ) -> None:
     vehicle = Vehicle(name="V", max_velocity_mm_s=own, max_reverse_velocity_mm_s=own_reverse)
@@ -196,7 +196,7 @@ def test_evaluators_are_added_up() -> None:
     assert Router(model).route("A", "D").cost == 20
 
 
-def test_vehicles_that_are_alike_for_routes_are_of_one_kind() -> None:
+def test_vehicles_with_equal_routing_profiles_are_of_one_kind() -> None:
     kinds = VehicleKinds(frozenset())
     one, twin = Vehicle(name="V1"), Vehicle(name="V2")
     slow = Vehicle(name="V3", max_velocity_mm_s=1)
@@ -206,7 +206,7 @@ def test_vehicles_that_are_alike_for_routes_are_of_one_kind() -> None:
     assert kinds.of(None).profile == RoutingProfile()
 
 
-def test_a_vehicle_that_has_changed_is_looked_at_anew() -> None:
+def test_a_changed_vehicle_is_checked_again() -> None:
     kinds = VehicleKinds(frozenset())
     before = kinds.of(Vehicle(name="V1"))
     assert kinds.of(Vehicle(name="V1", max_velocity_mm_s=1)) is not before
@@ -247,7 +247,7 @@ def test_a_step_is_its_edge() -> None:
     assert (step.path.name, step.edge_id) == ("0 --- 1", step.edge.id)
 
 
-def test_burden_decides_between_paths_of_the_same_ends() -> None:
+def test_traffic_decides_between_parallel_paths() -> None:
     model = plant(path("A B", max_reverse_velocity_mm_s=1000), path("B A"))
     (free,) = Router(model).route("B", "A").steps
 

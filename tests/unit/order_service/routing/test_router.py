@@ -29,7 +29,7 @@ def test_the_cheapest_of_several_paths_between_two_points() -> None:
     assert [step.path.name for step in Router(model).route("A", "B").steps] == ["short"]
 
 
-def test_a_vehicle_that_is_there_already_needs_no_step() -> None:
+def test_a_vehicle_already_there_needs_no_step() -> None:
     route = Router(plant(path("A B"))).route("A", "A")
     assert (route.steps, route.cost, route.points) == ((), 0.0, ("A",))
 
@@ -79,12 +79,12 @@ def test_what_is_to_be_avoided(avoid: set[str], points: tuple[str, ...]) -> None
     assert Router(model).route("A", "D", avoid=avoid).points == points
 
 
-def test_of_two_paths_the_one_to_be_avoided_is_left_out() -> None:
+def test_the_path_to_be_avoided_is_not_used() -> None:
     model = plant(path("A B", 10, name="short"), path("A B", 20, name="long"))
     assert Router(model).route("A", "B", avoid={"short"}).steps[0].path.name == "long"
 
 
-def test_no_route_tells_everything() -> None:
+def test_no_route_error_has_all_details() -> None:
     with pytest.raises(NoRouteError) as caught:
         Router(plant(path("A B"))).route("A", "B", vehicle=SLOW, avoid={"B", "A --- B"})
     error = caught.value
@@ -118,7 +118,7 @@ def test_an_infinite_cost_excludes(cost: float) -> None:
         Router(plant(path("A B")), (lambda *_: cost,)).route("A", "B")
 
 
-def test_through_several_destinations_the_whole_way_counts() -> None:
+def test_the_whole_route_through_several_destinations_counts() -> None:
     # L1 is nearer to S, but the way from there to the goal is long.
     model = plant(path("S L1", 1), path("L1 G", 100), path("S L2", 10), path("L2 G", 10))
     first, second = Router(model).route_through("S", [["L1", "L2"], ["G"]])
@@ -131,7 +131,7 @@ def test_through_a_destination_where_the_vehicle_is_already() -> None:
     assert [route.cost for route in routes] == [0.0, 1000.0, 0.0]
 
 
-def test_through_nothing_there_is_nothing_to_drive() -> None:
+def test_no_destinations_need_no_route() -> None:
     assert Router(plant(path("A B"))).route_through("A", []) == ()
 
 
@@ -193,7 +193,7 @@ def test_a_plant_of_10_000_points_is_routed_in_time() -> None:
     assert max(routed, avoiding) <= max(TARGET_SECONDS, TIMES_A_BARE_SEARCH * search)
 
 
-def test_a_route_in_traffic_is_searched_near_the_way_only() -> None:
+def test_a_route_in_traffic_is_searched_only_near_the_direct_way() -> None:
     counted = []
     for rows in (3, 30):
         router = Router(grid_plant(20, rows))

@@ -90,7 +90,7 @@ OF_TYPE_T = Vehicle(name="V", properties={"nena:vehicleType": "t"})
 
 
 @given(plants(), AVOID, st.sampled_from([None, OF_TYPE_T]))
-def test_costs_are_those_of_the_slow_search(
+def test_costs_equal_those_of_the_reference_search(
     plant: PlantModel, avoid: frozenset[str], vehicle: Vehicle | None
 ) -> None:
     avoid &= {*NAMES, *plant.paths_by_name}
@@ -149,7 +149,7 @@ def partly_free(edge: DirectedEdge, _profile: RoutingProfile) -> float:
     st.lists(st.dictionaries(st.sampled_from([f"path {n}" for n in range(14)]), st.booleans())),
     st.sampled_from([distance, partly_free]),
 )
-def test_locks_that_change_leave_the_ways_that_a_new_router_finds(
+def test_changed_locks_give_the_routes_of_a_new_router(
     plant: PlantModel, changes: list[dict[str, bool]], cost: CostEvaluator
 ) -> None:
     router = Router(plant, (cost,))
@@ -182,7 +182,7 @@ BURDEN = st.dictionaries(
 
 
 @given(plants(), AVOID, BURDEN)
-def test_routes_in_traffic_cost_no_more_than_those_of_the_slow_search(
+def test_routes_in_traffic_cost_no_more_than_the_reference_search(
     plant: PlantModel, avoid: frozenset[str], burden: dict[str, float]
 ) -> None:
     avoid &= {*NAMES, *plant.paths_by_name}

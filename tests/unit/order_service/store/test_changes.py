@@ -26,7 +26,7 @@ def test_each_change_has_the_next_number_and_all_versions_of_a_step_have_one() -
     assert numbers.published == 10
 
 
-def test_what_was_not_changed_has_no_number() -> None:
+def test_unchanged_objects_have_no_change_number() -> None:
     numbers = ChangeNumbers()
     assert numbers.of("T-1", 3) == (0, False)
     numbers.give(changes((dispatchable_order(), None)))
@@ -45,7 +45,7 @@ def test_nothing_is_nothing_and_anything_is_something() -> None:
         assert change
 
 
-def test_of_an_order_the_last_version_counts_and_it_stays_new() -> None:
+def test_the_last_version_of_an_order_counts_and_it_stays_new() -> None:
     changes = Changes()
     first = dispatchable_order()
     second = first.deferred("no vehicle", NOW)
@@ -70,7 +70,7 @@ def test_history_that_is_stored_is_not_written_again() -> None:
     assert change.unchanged_history >= len(stored.status.history) - 1
 
 
-def test_later_changes_take_the_place_of_earlier_ones() -> None:
+def test_later_changes_replace_earlier_ones() -> None:
     stored = dispatchable_order()
     one = stored.deferred("no vehicle", NOW)
     two = one.deferred("no way", NOW)

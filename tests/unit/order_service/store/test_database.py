@@ -88,7 +88,7 @@ def test_the_newest_version_of_each_sequence_counts(url: str) -> None:
     assert read_sequences(engine, SequenceFilter(intended_vehicle="V-1\0")) == ()
 
 
-def test_sequences_are_listed_newest_first_as_they_are_asked_for(url: str) -> None:
+def test_sequences_are_listed_newest_first_with_filters(url: str) -> None:
     engine = open_database(url)
     changes = Changes()
     for number in range(1, 5):
@@ -106,7 +106,7 @@ def test_sequences_are_listed_newest_first_as_they_are_asked_for(url: str) -> No
     assert numbers(SequenceFilter(before=3)) == [2, 1]
 
 
-def test_order_comes_back_as_it_was(url: str) -> None:
+def test_order_round_trip_is_unchanged(url: str) -> None:
     engine = open_database(url)
     order = assigned_order("A", "B", idempotency_key="k", deadline=NOW, priority=3)
     write(engine, changes((order, None)))
@@ -122,7 +122,7 @@ def test_key_goes_before_name(url: str) -> None:
     assert read_order(engine, name=two.name, idempotency_key="k") == one
 
 
-def test_versions_of_one_commit_leave_the_last_with_its_whole_history(url: str) -> None:
+def test_the_last_version_of_a_commit_has_the_whole_history(url: str) -> None:
     engine = open_database(url)
     first = dispatchable_order()
     second = first.deferred("nobody is free", NOW)
@@ -161,7 +161,7 @@ def test_unfinished_are_orders_and_missions_that_a_restart_takes_up(url: str) ->
     assert found.last_number == 7
 
 
-def test_mission_is_replaced_and_forgotten(url: str) -> None:
+def test_stored_vda_order_is_replaced_and_deleted(url: str) -> None:
     engine = open_database(url)
     made = changes((assigned_order(number=2), None))
     made.put_mission(2, lambda: "first")
@@ -173,7 +173,7 @@ def test_mission_is_replaced_and_forgotten(url: str) -> None:
         assert read_unfinished(engine).missions == expected
 
 
-def test_pages_are_newest_first_and_go_on_behind_the_cursor(url: str) -> None:
+def test_pages_are_newest_first_and_continue_after_the_cursor(url: str) -> None:
     engine = open_database(url)
     write(engine, changes(*((dispatchable_order(number=n), None) for n in range(1, 6))))
     page = read_orders(engine, OrderFilter(limit=2))
@@ -213,7 +213,7 @@ def test_names_with_quotes_are_only_names(url: str) -> None:
     assert read_orders(engine, OrderFilter(intended_vehicle="' OR '1'='1")) == (order,)
 
 
-def test_nothing_has_a_name_with_nul(url: str) -> None:
+def test_names_with_nul_are_not_found(url: str) -> None:
     engine = open_database(url)
     write(engine, changes((dispatchable_order(number=1), None)))
     assert read_order(engine, name="T-1\0", idempotency_key="k\0") is None
@@ -227,7 +227,7 @@ def test_file_that_is_no_database_is_refused(tmp_path: Path) -> None:
         open_database(f"sqlite:///{file}")
 
 
-def test_a_store_with_what_nobody_can_read_is_named_at_the_start(url: str) -> None:
+def test_an_unreadable_store_is_reported_at_startup(url: str) -> None:
     engine = open_database(url)
     write(engine, changes((dispatchable_order(), None)))
     with engine.begin() as connection:
@@ -236,14 +236,14 @@ def test_a_store_with_what_nobody_can_read_is_named_at_the_start(url: str) -> No
         read_unfinished(engine)
 
 
-def test_tables_of_another_program_are_named_at_the_start(url: str) -> None:
+def test_foreign_tables_are_reported_at_startup(url: str) -> None:
     with make_engine(url).begin() as connection:
         connection.execute(text("CREATE TABLE transport_orders (x INTEGER)"))
     with pytest.raises(StoreError, match=r"store\.url cannot be used.*already exists"):
         open_database(url)
 
 
-def test_changes_after_a_number_come_in_their_order_and_each_order_once(url: str) -> None:
+def test_changes_after_a_number_are_in_sequence_with_each_order_once(url: str) -> None:
     engine = open_database(url)
     one, two, three = (dispatchable_order(number=number) for number in (1, 2, 3))
     made = changes((one, None), (two, None), (three, None))

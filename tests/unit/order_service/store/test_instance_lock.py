@@ -8,7 +8,7 @@ from nena_order_service.store.instance_lock import InstanceLock
 from nena_order_service.store.schema import StoreError
 
 
-def test_second_owner_is_refused_until_the_first_lets_go(sqlite_url: str) -> None:
+def test_second_owner_is_refused_until_the_first_releases_the_lock(sqlite_url: str) -> None:
     first = InstanceLock.take(sqlite_url)
     assert first is not None
     with pytest.raises(StoreError, match="another order service"):
@@ -26,7 +26,7 @@ def test_only_files_are_locked() -> None:
 @pytest.mark.parametrize(
     "bad", ["nonsense", "sqlite:////no/such/folder/x.db", "sqlite://", "sqlite:///:memory:"]
 )
-def test_what_cannot_be_locked_is_said(bad: str, tmp_path: Path) -> None:
+def test_a_store_that_cannot_be_locked_is_reported(bad: str, tmp_path: Path) -> None:
     with pytest.raises(StoreError, match=r"store\.url"):
         InstanceLock.take(bad)
     assert list(tmp_path.iterdir()) == []

@@ -30,7 +30,7 @@ async def leads(postgres: Postgres, monkeypatch: pytest.MonkeyPatch) -> AsyncIte
         await lead.close()
 
 
-async def test_the_next_one_has_it_when_the_first_ends(leads: tuple[Lead, Lead], postgres: Postgres) -> None:
+async def test_the_lock_is_free_after_the_first_owner(leads: tuple[Lead, Lead], postgres: Postgres) -> None:
     first, second = leads
     stop = asyncio.Event()
     assert await first.take(stop)
@@ -52,9 +52,7 @@ async def test_waiting_ends_when_the_program_is_to_stop(leads: tuple[Lead, Lead]
         assert not await waiting
 
 
-async def test_waiting_ends_also_while_the_database_hangs(
-    leads: tuple[Lead, Lead], postgres: Postgres
-) -> None:
+async def test_waiting_ends_even_if_the_database_hangs(leads: tuple[Lead, Lead], postgres: Postgres) -> None:
     stop = asyncio.Event()
     assert await leads[0].take(stop)
     waiting = asyncio.create_task(leads[1].take(stop))
@@ -90,7 +88,7 @@ async def test_the_lead_is_kept_over_a_restart_of_the_database(
     store.close()
 
 
-async def test_a_database_that_hangs_is_told_and_lets_everything_end(
+async def test_a_hanging_database_is_reported_and_does_not_block_shutdown(
     postgres: Postgres, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(lead_module, "POLL", 0.02)
@@ -115,7 +113,9 @@ async def test_a_database_that_hangs_is_told_and_lets_everything_end(
             await first.close()
 
 
-async def test_who_finds_another_one_in_the_lead_ends(leads: tuple[Lead, Lead], postgres: Postgres) -> None:
+async def test_a_service_that_finds_another_leader_exits(
+    leads: tuple[Lead, Lead], postgres: Postgres
+) -> None:
     first, second = leads
     stop = asyncio.Event()
     assert await first.take(stop)
@@ -156,7 +156,7 @@ async def test_the_lead_is_held_while_the_store_is_made_ready(
     assert held[:3] == [True] * 3
 
 
-async def test_a_store_that_goes_away_during_a_takeover_is_one_line(
+async def test_a_store_lost_during_a_takeover_is_reported_in_one_line(
     leads: tuple[Lead, Lead], postgres: Postgres
 ) -> None:
     first, _ = leads
@@ -169,7 +169,7 @@ async def test_a_store_that_goes_away_during_a_takeover_is_one_line(
         postgres.start()
 
 
-async def test_a_database_that_cannot_be_reached_at_the_start_is_one_line() -> None:
+async def test_an_unreachable_database_at_startup_is_reported_in_one_line() -> None:
     lead = Lead("postgresql://user:secret@127.0.0.1:1/orders")
     with pytest.raises(StoreError, match=r"store\.url cannot be used: ") as caught:
         await lead.take(asyncio.Event())

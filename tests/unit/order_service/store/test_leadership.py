@@ -26,7 +26,7 @@ def locks(postgres: Postgres) -> Iterator[tuple[LeaderLock, LeaderLock]]:
         lock.release()
 
 
-async def test_one_has_the_lock_until_it_lets_go(locks: tuple[LeaderLock, LeaderLock]) -> None:
+async def test_the_lock_is_held_until_released(locks: tuple[LeaderLock, LeaderLock]) -> None:
     one, other = locks
     assert one.connect()
     assert not one.connect()
@@ -50,7 +50,7 @@ def test_a_connection_that_is_ended_holds_no_lock(
     assert not one.take()
 
 
-def test_the_address_of_the_active_one_is_known_once_it_has_taken_over(
+def test_the_active_services_url_is_known_after_its_takeover(
     locks: tuple[LeaderLock, LeaderLock], postgres: Postgres
 ) -> None:
     assert locks[1].active_url() == ""
@@ -60,7 +60,7 @@ def test_the_address_of_the_active_one_is_known_once_it_has_taken_over(
     assert locks[1].active_url() == "http://one.example"
 
 
-def test_who_was_replaced_commits_nothing_any_more(postgres: Postgres) -> None:
+def test_a_replaced_service_commits_nothing(postgres: Postgres) -> None:
     engine = open_database(postgres.url)
     old = Fence.raise_for(engine, "http://old.example")
     write(engine, changes((dispatchable_order(number=1), None)), old)
@@ -74,7 +74,7 @@ def test_who_was_replaced_commits_nothing_any_more(postgres: Postgres) -> None:
     assert read_order(engine, name="T-2") is None
 
 
-def test_an_epoch_is_greater_than_the_last_one_whatever_the_clock_says(
+def test_an_epoch_increases_regardless_of_the_clock(
     postgres: Postgres, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     engine = open_database(postgres.url)
@@ -99,7 +99,7 @@ def test_an_epoch_rises_over_a_restore_from_a_backup(tmp_path: Path, monkeypatch
     assert begin_epoch(open_database(url)) > last
 
 
-def test_a_store_that_takes_nothing_does_not_keep_a_service_from_its_epoch(tmp_path: Path) -> None:
+def test_a_read_only_store_does_not_prevent_a_new_epoch(tmp_path: Path) -> None:
     engine = open_database(f"sqlite:///{tmp_path}/orders.db")
     with engine.begin() as connection:
         connection.execute(text("DROP TABLE leadership"))
@@ -107,7 +107,7 @@ def test_a_store_that_takes_nothing_does_not_keep_a_service_from_its_epoch(tmp_p
     assert begin_epoch(engine) > 0
 
 
-def test_a_takeover_waits_for_the_commit_that_is_under_way(postgres: Postgres) -> None:
+def test_a_takeover_waits_for_the_pending_commit(postgres: Postgres) -> None:
     engine = open_database(postgres.url)
     old = Fence.raise_for(engine, "")
     with engine.begin() as connection:
@@ -119,7 +119,7 @@ def test_a_takeover_waits_for_the_commit_that_is_under_way(postgres: Postgres) -
             other.rollback()
 
 
-def test_a_commit_whose_answer_was_lost_is_not_made_again(postgres: Postgres) -> None:
+def test_a_commit_with_a_lost_answer_is_not_repeated(postgres: Postgres) -> None:
     engine = open_database(postgres.url)
     fence = Fence.raise_for(engine, "")
     made = changes((dispatchable_order(number=1), None))

@@ -27,14 +27,14 @@ def test_the_lease_ends_before_the_database_frees_the_lock() -> None:
     assert LEASE_SECONDS < HANG_SECONDS
 
 
-def test_it_begins_with_the_first_confirmation(clock: Clock) -> None:
+def test_a_term_begins_with_the_first_renewal(clock: Clock) -> None:
     lease = Lease()
     assert lease.term() is None
     lease.renew(clock.now)
     assert lease.term() == 1
 
 
-def test_it_counts_from_the_question_not_from_the_answer(clock: Clock) -> None:
+def test_a_term_counts_from_the_request_not_from_the_answer(clock: Clock) -> None:
     lease = Lease()
     asked_at = clock.now
     clock.now += LEASE_SECONDS
@@ -42,7 +42,7 @@ def test_it_counts_from_the_question_not_from_the_answer(clock: Clock) -> None:
     assert lease.term() is None
 
 
-def test_renewed_in_time_the_term_goes_on(clock: Clock) -> None:
+def test_a_term_renewed_in_time_continues(clock: Clock) -> None:
     lease = Lease()
     for _ in range(10):
         lease.renew(clock.now)
@@ -63,7 +63,7 @@ def test_after_any_interruption_a_new_term_begins(clock: Clock) -> None:
     assert lease.term() == 3
 
 
-def test_it_waits_for_the_lease_of_the_one_before(clock: Clock) -> None:
+def test_it_waits_for_the_previous_leaders_lease(clock: Clock) -> None:
     lease = Lease()
     lease.not_before = clock.now + 1.0
     lease.renew(clock.now)

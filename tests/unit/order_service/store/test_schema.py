@@ -43,7 +43,7 @@ def test_sqlite_is_durable(sqlite_url: str) -> None:
         assert connection.execute(text("PRAGMA synchronous")).scalar() == 2
 
 
-def test_changes_of_tables_are_taken_back_too(url: str) -> None:
+def test_schema_changes_are_rolled_back_too(url: str) -> None:
     engine = make_engine(url)
     with engine.connect() as connection:
         connection.execute(text("CREATE TABLE half_done (x INTEGER)"))
@@ -65,7 +65,7 @@ def test_changes_of_tables_are_taken_back_too(url: str) -> None:
         "postgresql://user@127.0.0.1:secret/orders",
     ],
 )
-def test_store_that_cannot_be_opened_is_one_line_without_secrets(bad: str) -> None:
+def test_unusable_store_is_reported_in_one_line_without_secrets(bad: str) -> None:
     with pytest.raises(StoreError, match=r"store\.url cannot be used: .*sqlite:///orders\.db") as caught:
         open_database(bad)
     assert "secret" not in str(caught.value)
@@ -80,7 +80,7 @@ def test_store_that_cannot_be_opened_is_one_line_without_secrets(bad: str) -> No
         'could not extend file "base/1": No space left on device',
     ],
 )
-def test_a_disk_that_takes_nothing_is_looked_at(reason: str) -> None:
+def test_a_store_error_asks_to_check_the_disk(reason: str) -> None:
     assert str(unusable(reason)) == (f"store.url cannot be used: {reason}. Check the disk and its free space")
 
 
@@ -91,7 +91,7 @@ def test_any_name_of_postgresql_means_the_one_driver() -> None:
     assert not is_shared("sqlite:///orders.db")
 
 
-def test_reason_is_what_the_database_says_in_one_line(url: str) -> None:
+def test_reason_is_the_databases_message_in_one_line(url: str) -> None:
     with pytest.raises(DBAPIError) as caught, make_engine(url).connect() as connection:
         connection.execute(text("SELECT * FROM nothing"))
     assert "nothing" in reason_of(caught.value)
@@ -106,7 +106,7 @@ def test_new_tables_are_those_that_the_program_knows(url: str) -> None:
         assert compare_metadata(context, schema.metadata) == []
 
 
-def test_store_of_the_first_release_keeps_all_that_is_in_it(sqlite_url: str) -> None:
+def test_upgrading_the_first_releases_store_keeps_its_content(sqlite_url: str) -> None:
     first_store(sqlite_url)
     engine = open_database(sqlite_url)
     assert {order.name: order.state.value for order in read_orders(engine, OrderFilter())} == {
@@ -127,7 +127,7 @@ def test_store_of_the_first_release_keeps_all_that_is_in_it(sqlite_url: str) -> 
     assert [number for number, _ in read_changes(engine, 3, 10)] == [4, 5]
 
 
-def test_the_first_release_refuses_its_store_once_it_is_brought_up_to_date(sqlite_url: str) -> None:
+def test_the_first_release_refuses_an_upgraded_store(sqlite_url: str) -> None:
     file = first_store(sqlite_url)
     for _ in range(2):
         open_database(sqlite_url).dispose()
@@ -144,7 +144,7 @@ def test_migrating_again_changes_nothing(url: str) -> None:
     assert read_order(engine, name=order.name) == order
 
 
-def test_migration_that_fails_half_way_leaves_the_store_as_it_was(sqlite_url: str) -> None:
+def test_a_failed_migration_leaves_the_store_unchanged(sqlite_url: str) -> None:
     file = first_store(sqlite_url)
     with sqlite3.connect(file) as store:
         store.execute("CREATE TABLE leadership (other INTEGER)")
@@ -171,14 +171,14 @@ def test_first_tables_of_an_unknown_version_are_refused(sqlite_url: str) -> None
         open_database(sqlite_url)
 
 
-def test_database_that_takes_no_change_is_an_error_of_the_database(tmp_path: Path) -> None:
+def test_a_database_that_rejects_writes_is_a_database_error(tmp_path: Path) -> None:
     file = tmp_path / "orders.db"
     file.touch()
     with pytest.raises(SQLAlchemyError, match="readonly"):
         migrate(make_engine(f"sqlite:///file:{file}?mode=ro&uri=true"))
 
 
-def test_tables_of_another_program_in_the_same_database_are_left_alone(url: str) -> None:
+def test_foreign_tables_in_the_same_database_are_untouched(url: str) -> None:
     with make_engine(url).begin() as connection:
         connection.execute(text("CREATE TABLE schema_version (version INTEGER)"))
         connection.execute(text("INSERT INTO schema_version VALUES (7)"))
@@ -200,7 +200,7 @@ def test_tables_of_another_program_in_the_same_database_are_left_alone(url: str)
         ("Park-0123456789abcdef012345", {"idempotency_key": "of a host"}, False),
     ],
 )
-def test_orders_that_an_older_release_has_made_by_itself_are_known(
+def test_automatic_orders_of_an_older_release_are_recognised(
     url: str, name: str, fields: dict[str, Any], *, automatic: bool
 ) -> None:
     asked = park_request("V1", "P").model_copy(update=fields)

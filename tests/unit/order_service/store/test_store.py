@@ -40,7 +40,7 @@ def fail() -> None:
     raise RuntimeError
 
 
-async def test_told_only_when_it_is_in_the_store(make_store: Callable[[], Store]) -> None:
+async def test_published_only_after_the_commit(make_store: Callable[[], Store]) -> None:
     other = make_store()
     async with running(make_store()) as store:
         told = asyncio.Event()
@@ -50,7 +50,9 @@ async def test_told_only_when_it_is_in_the_store(make_store: Callable[[], Store]
         assert await other.order(name="T-1") == dispatchable_order()
 
 
-async def test_what_waits_is_committed_together_and_told_in_order(make_store: Callable[[], Store]) -> None:
+async def test_pending_changes_are_committed_together_and_published_in_order(
+    make_store: Callable[[], Store],
+) -> None:
     told: list[int] = []
     async with running(make_store()) as store:
         for number in range(1, 101):
@@ -61,7 +63,7 @@ async def test_what_waits_is_committed_together_and_told_in_order(make_store: Ca
         assert store.commits <= 2
 
 
-async def test_nothing_to_write_is_told_at_once(make_store: Callable[[], Store]) -> None:
+async def test_an_empty_commit_completes_at_once(make_store: Callable[[], Store]) -> None:
     told: list[str] = []
     make_store().commit(Changes(), lambda: told.append("now"))
     assert told == ["now"]
@@ -80,7 +82,7 @@ async def test_changes_of_one_order_while_it_is_written_are_all_kept(make_store:
         assert await store.order(name="T-1") == order
 
 
-async def test_listener_that_fails_keeps_no_other_from_being_told(make_store: Callable[[], Store]) -> None:
+async def test_a_failing_listener_does_not_prevent_others(make_store: Callable[[], Store]) -> None:
     async with running(make_store()) as store:
         told = asyncio.Event()
         store.commit(change(dispatchable_order()), fail)
@@ -110,7 +112,7 @@ async def test_locked_database_is_waited_for(sqlite_url: str, monkeypatch: pytes
     store.close()
 
 
-async def test_a_change_that_waits_for_too_long_is_told_with_the_databases_reason(
+async def test_a_change_that_times_out_reports_the_databases_reason(
     make_store: Callable[[], Store],
 ) -> None:
     store = make_store()
@@ -120,13 +122,13 @@ async def test_a_change_that_waits_for_too_long_is_told_with_the_databases_reaso
     assert store.why_not_answered == "disk full"
 
 
-async def test_drain_tells_when_the_store_takes_nothing(make_store: Callable[[], Store]) -> None:
+async def test_drain_reports_when_the_store_rejects_writes(make_store: Callable[[], Store]) -> None:
     store = make_store()
     store.commit(change(dispatchable_order()), lambda: None)
     assert not await store.drain(0.01)
 
 
-async def test_too_many_waiting_steps_make_it_unready(
+async def test_too_many_pending_commits_make_the_store_unready(
     make_store: Callable[[], Store], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(store_module, "WAITING_LIMIT", 3)
@@ -141,7 +143,7 @@ def delete(url: str) -> None:
     Path(url.removeprefix("sqlite:///")).unlink()
 
 
-async def test_what_is_committed_to_a_deleted_file_is_told_to_nobody(
+async def test_commits_to_a_deleted_file_are_not_published(
     sqlite_url: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(store_module, "LOSS_SHOWN", 0.0)

@@ -12,7 +12,7 @@ def sets(*names: str) -> tuple[ResourceSet, ...]:
     return tuple(ResourceSet(name, 1000, {name: None}) for name in names)
 
 
-def test_each_vehicle_enters_what_is_free_in_the_order_in_which_they_wait() -> None:
+def test_vehicles_enter_a_free_resource_in_waiting_order() -> None:
     drives = {
         "first": Drive(sets("A"), sets("X", "B"), 0, (1.0, 1.0)),
         "second": Drive(sets("C"), sets("X", "D"), 0, (1.0, 1.0)),
@@ -26,7 +26,7 @@ def test_each_vehicle_enters_what_is_free_in_the_order_in_which_they_wait() -> N
     assert found.arrivals("third") == (5.0, 6.0)
 
 
-def test_two_that_block_each_other_are_expected_nowhere() -> None:
+def test_two_vehicles_that_block_each_other_have_no_arrivals() -> None:
     found = Forecast(
         {"v": Drive(sets("A"), sets("B"), 0, (1.0,)), "w": Drive(sets("B"), sets("A"), 0, (1.0,))}
     )
@@ -35,7 +35,7 @@ def test_two_that_block_each_other_are_expected_nowhere() -> None:
 
 
 @pytest.mark.parametrize(("horizon", "known"), [(2.5, 2), (60.0, 4)])
-def test_nothing_is_told_behind_the_horizon(horizon: float, known: int) -> None:
+def test_nothing_is_forecast_beyond_the_horizon(horizon: float, known: int) -> None:
     found = Forecast({"v": Drive(sets("A"), sets("B", "C", "D", "E"), 1, (1.0,) * 4)}, horizon)
 
     assert len(found.arrivals("v")) == known

@@ -47,7 +47,7 @@ class Bench:
         return {name for each in self.desk.held(vehicle) for name in each.uses}
 
 
-def test_as_many_sets_as_asked_for_are_allocated_ahead_and_freed_behind() -> None:
+def test_requested_sets_are_allocated_ahead_and_freed_behind() -> None:
     bench = Bench(v="A")
     assert bench.go("v", "D", ahead=2) == ""
     assert bench.held("v") == {"A", "A --- B", "B", "B --- C", "C"}
@@ -62,7 +62,7 @@ def test_as_many_sets_as_asked_for_are_allocated_ahead_and_freed_behind() -> Non
     assert bench.desk.journey("v") is None
 
 
-def test_a_long_vehicle_keeps_what_its_tail_is_on() -> None:
+def test_a_long_vehicle_keeps_resources_under_its_tail() -> None:
     bench = Bench(v="A", box=BoundingBox(length_mm=2500))
     bench.go("v", "D")
 
@@ -72,7 +72,7 @@ def test_a_long_vehicle_keeps_what_its_tail_is_on() -> None:
     assert "A --- B" not in bench.held("v")
 
 
-def test_who_has_driven_too_far_holds_where_it_is() -> None:
+def test_a_vehicle_that_drove_too_far_holds_its_position() -> None:
     bench = Bench(v="A", w="C")
     bench.go("w", "X")
     bench.go("v", "D", ahead=1)
@@ -83,7 +83,7 @@ def test_who_has_driven_too_far_holds_where_it_is() -> None:
     assert "C" in bench.desk.sharing("w")
 
 
-def test_after_a_way_was_broken_off_all_is_kept_until_the_vehicle_is_seen_standing() -> None:
+def test_after_a_route_is_broken_off_everything_is_held_until_the_vehicle_stands() -> None:
     bench = Bench(v="A")
     bench.go("v", "D")
     bench.desk.arrived("v", 1)
@@ -99,7 +99,7 @@ def test_after_a_way_was_broken_off_all_is_kept_until_the_vehicle_is_seen_standi
     assert not bench.desk.broke_off("v")
 
 
-def test_who_stands_beside_a_point_keeps_what_it_may_be_on_at_each_look() -> None:
+def test_a_vehicle_beside_a_point_keeps_its_possible_positions() -> None:
     """Far off the straight line, as on a path that is not straight: its pose alone would free it."""
     bench, beside = Bench(v="A"), Found("C", on_point=False, place_mm=(3000.0, 6000.0))
     bench.go("v", "D")
@@ -116,7 +116,7 @@ def test_who_stands_beside_a_point_keeps_what_it_may_be_on_at_each_look() -> Non
     assert bench.held("v") == {"C --- D", "D"}
 
 
-def test_who_breaks_off_on_a_point_keeps_that_and_its_tail() -> None:
+def test_breaking_off_on_a_point_keeps_the_point_and_the_tail() -> None:
     bench = Bench(v="A", box=BoundingBox(length_mm=2500))
     bench.go("v", "D")
     bench.desk.arrived("v", 2)
@@ -127,7 +127,7 @@ def test_who_breaks_off_on_a_point_keeps_that_and_its_tail() -> None:
     assert bench.held("v") == {"A --- B", "B", "B --- C", "C"}
 
 
-def test_who_was_carried_elsewhere_holds_only_that() -> None:
+def test_a_vehicle_moved_elsewhere_holds_only_its_new_position() -> None:
     bench = Bench(v="A")
 
     assert bench.desk.seen("v", Found("D", on_point=True), BOX)
@@ -136,7 +136,7 @@ def test_who_was_carried_elsewhere_holds_only_that() -> None:
     assert bench.held("v") == {"D"}
 
 
-def test_who_stands_beside_its_point_claims_that_first() -> None:
+def test_a_vehicle_beside_its_point_claims_it_first() -> None:
     bench = Bench(w="B")
     bench.desk.seen("v", Found("B", on_point=False, place_mm=(2000.0, 900.0)), BOX)
 
@@ -144,7 +144,7 @@ def test_who_stands_beside_its_point_claims_that_first() -> None:
     assert bench.held("v") == set()
 
 
-def test_two_on_one_place_both_hold_it_and_are_named() -> None:
+def test_two_vehicles_on_one_point_both_hold_it_and_are_named() -> None:
     bench = Bench(v="B", w="B")
 
     assert bench.desk.sharing("v") == "stands on 'B' together with w"
@@ -153,7 +153,7 @@ def test_two_on_one_place_both_hold_it_and_are_named() -> None:
     assert bench.desk.sharing("v") == ""
 
 
-def test_a_way_is_revoked_before_anything_of_it_was_allocated() -> None:
+def test_a_route_is_revoked_before_any_allocation() -> None:
     bench = Bench(v="A", w="C")
     bench.go("w", "A")  # claimed, and nothing of it can be had
 
@@ -167,7 +167,7 @@ def test_a_way_is_revoked_before_anything_of_it_was_allocated() -> None:
     assert bench.desk.waiting == frozenset()
 
 
-def test_a_shortened_way_ends_where_it_is_allocated() -> None:
+def test_a_shortened_route_ends_at_the_last_allocated_set() -> None:
     bench = Bench(v="A")
     bench.go("v", "E", ahead=2)
 
@@ -178,7 +178,7 @@ def test_a_shortened_way_ends_where_it_is_allocated() -> None:
     assert Bench(v="A").go("v", "E") == ""
 
 
-def test_who_comes_to_rest_on_the_way_of_others_is_sent_away_or_makes_them_stuck() -> None:
+def test_a_vehicle_stopping_on_a_route_is_sent_away_or_makes_others_stuck() -> None:
     bench = Bench(v="A", w="C")
     bench.go("w", "D")
     bench.go("v", "C", ahead=1)  # behind w
@@ -196,7 +196,7 @@ def test_who_comes_to_rest_on_the_way_of_others_is_sent_away_or_makes_them_stuck
     assert bench.desk.journey("w")
 
 
-def test_after_a_restart_all_that_was_given_is_held() -> None:
+def test_after_a_restart_all_grants_are_held() -> None:
     before = Bench(v="A")
     before.go("v", "D", ahead=2)
     journey = before.desk.journey("v")
@@ -211,7 +211,7 @@ def test_after_a_restart_all_that_was_given_is_held() -> None:
     assert after.desk.allocate("v")
 
 
-def test_who_is_taken_out_frees_everything() -> None:
+def test_removing_a_vehicle_frees_everything() -> None:
     bench = Bench(v="A", w="D")
     bench.go("v", "C")
     bench.desk.request_route(RouteRequest("w", "E"))
@@ -224,7 +224,7 @@ def test_who_is_taken_out_frees_everything() -> None:
     assert bench.desk.waiting == frozenset()
 
 
-def test_without_traffic_nobody_waits_for_anybody() -> None:
+def test_without_traffic_control_no_vehicle_waits() -> None:
     bench = Bench(v="A", w="B", exclusive=False)
 
     assert bench.go("v", "D") == ""
@@ -234,7 +234,7 @@ def test_without_traffic_nobody_waits_for_anybody() -> None:
     assert bench.desk.sharing("w") == ""
 
 
-def test_a_wish_without_a_way_is_told_and_forgotten() -> None:
+def test_a_request_without_a_route_is_rejected_and_dropped() -> None:
     bench = Bench(v="A")
     bench.desk.request_route(RouteRequest("v", "D", avoid=frozenset("C")))
 
@@ -245,11 +245,11 @@ def test_a_wish_without_a_way_is_told_and_forgotten() -> None:
 
 
 @pytest.mark.parametrize(("on_point", "stands"), [(True, True), (False, False)])
-def test_where_a_vehicle_is_known_to_stand(on_point: bool, stands: bool) -> None:  # noqa: FBT001 - an example
+def test_known_position_of_a_vehicle(on_point: bool, stands: bool) -> None:  # noqa: FBT001 - an example
     assert Bench(v="A").desk.stands("v", "A", on_point=on_point) is stands
 
 
-def test_another_way_keeps_what_is_allocated_and_a_refused_one_changes_nothing() -> None:
+def test_replanning_keeps_allocated_sets_and_a_refusal_changes_nothing() -> None:
     bench = Bench(v="A", w="D")
     bench.desk.request_route(RouteRequest("v", "X"))
     (_,) = bench.desk.decide(lambda _: True)
@@ -270,7 +270,7 @@ def test_another_way_keeps_what_is_allocated_and_a_refused_one_changes_nothing()
     assert before.all_allocated
 
 
-def test_another_way_is_compared_by_the_costs_that_routes_have_not_by_length() -> None:
+def test_routes_are_compared_by_cost_not_length() -> None:
     slow_short = path("B C"), path("C D", max_velocity_mm_s=100)
     fast_long = (path(ends, 4500, max_velocity_mm_s=3000) for ends in ("B X", "X D"))
     model = plant(path("A B"), *slow_short, *fast_long)

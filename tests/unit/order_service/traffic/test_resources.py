@@ -46,7 +46,7 @@ def test_the_location_belongs_to_the_last_step() -> None:
     assert last.uses["Shelf"] is None
 
 
-def test_a_block_is_needed_as_a_whole_by_each_step_into_it_and_by_a_vehicle_that_stands_in_it() -> None:
+def test_a_block_is_needed_by_each_step_into_it_and_by_a_vehicle_inside() -> None:
     block = Block(name="Crossing", members=("B",))
     model = plant(path("A B"), path("B C"), blocks=(block,))
 
@@ -57,7 +57,7 @@ def test_a_block_is_needed_as_a_whole_by_each_step_into_it_and_by_a_vehicle_that
     assert Resources(model).at("B").uses == {"B": None, "Crossing": None}
 
 
-def test_in_a_same_direction_block_a_vehicle_keeps_the_direction_in_which_it_came_in() -> None:
+def test_a_vehicle_keeps_its_entry_direction_in_a_same_direction_block() -> None:
     block = Block(name="Aisle", type=BlockType.SAME_DIRECTION_ONLY, members=("A --- B", "B --- C", "D"))
     model = plant(
         path("A B", properties={"tcs:blockEntryDirection": "north"}),
@@ -73,7 +73,7 @@ def test_in_a_same_direction_block_a_vehicle_keeps_the_direction_in_which_it_cam
     assert third.uses["Aisle"] == "north"
 
 
-def test_without_the_property_the_path_is_the_direction() -> None:
+def test_without_the_property_the_edge_defines_the_direction() -> None:
     block = Block(name="Aisle", type=BlockType.SAME_DIRECTION_ONLY, members=("A --- B",))
     model = plant(path("A B", max_reverse_velocity_mm_s=1000), blocks=(block,))
 
@@ -81,7 +81,7 @@ def test_without_the_property_the_path_is_the_direction() -> None:
     assert sets(model, "B", "A")[0].uses["Aisle"] == "A --- B:backward"
 
 
-def test_others_are_those_who_cannot_share() -> None:
+def test_others_are_vehicles_that_cannot_share() -> None:
     index = UseIndex()
     index.add("a", {"x": None, "aisle": "north"})
     index.add("b", {"aisle": "north"})
@@ -98,7 +98,7 @@ USES = st.dictionaries(st.sampled_from("xyz"), st.sampled_from([None, "n", "s"])
 
 
 @given(st.lists(st.tuples(st.sampled_from("ab"), USES), max_size=12))
-def test_a_resource_is_used_until_each_use_was_taken_back(
+def test_a_resource_is_used_until_every_use_is_removed(
     uses: list[tuple[str, dict[str, str | None]]],
 ) -> None:
     index, left = UseIndex(), Counter[tuple[str, str]]()
@@ -130,7 +130,7 @@ def state(occupant: Occupant) -> tuple[str, int, bool]:
     return occupant.point, occupant.ahead, occupant.resting
 
 
-def test_what_is_behind_the_tail_is_free_and_what_is_ahead_is_kept() -> None:
+def test_resources_behind_the_tail_are_freed_and_those_ahead_kept() -> None:
     occupant = Occupant("v", 500, deque(WAY))
 
     assert occupant.arrive(1) == [WAY[0]]
@@ -184,11 +184,11 @@ def under(found: Found, length_mm: int = 1000) -> set[str]:
     ],
     ids=["as it says", "on a point", "long", "on a path", "near a corner", "off the plant"],
 )
-def test_what_is_under_a_vehicle(found: Found, length_mm: int, expected: set[str]) -> None:
+def test_resources_under_a_vehicle(found: Found, length_mm: int, expected: set[str]) -> None:
     assert under(found, length_mm) == expected
 
 
-def test_a_vehicle_beside_its_point_needs_that_to_come_to_it() -> None:
+def test_a_vehicle_beside_its_point_needs_the_point_as_entry() -> None:
     footings = OccupancyFinder(PLANT, Resources(PLANT))
 
     beside = footings.of(Found("B", on_point=False, place_mm=(4000.0, 700.0)), BoundingBox())

@@ -70,7 +70,7 @@ class Bench(Scene):
         return "".join(each.point for each in journey.way[journey.reached : journey.allocated + claimed])
 
 
-def test_section_of_a_one_way_lane_is_claimed_and_extended_on_the_way() -> None:
+def test_section_of_a_one_way_lane_is_claimed_and_extended_en_route() -> None:
     bench = Bench(plant(*lane("A B C D E F G H I J")), v="A")
     bench.want("v", "J")
     bench.decided()
@@ -81,7 +81,7 @@ def test_section_of_a_one_way_lane_is_claimed_and_extended_on_the_way() -> None:
     assert bench.claims("v") == "BCDEFGHIJ"[: 2 * SECTION]
 
 
-def test_section_goes_on_to_the_end_of_a_two_way_track() -> None:
+def test_section_extends_to_the_end_of_a_two_way_track() -> None:
     model = plant(*lane("A B C"), *lane("C D E F G H", two_way=True), *lane("H I J"))
     bench = Bench(model, v="A")
     bench.want("v", "J")
@@ -114,7 +114,7 @@ def test_section_does_not_end_in_a_block() -> None:
     assert bench.claims("v") == "BCDEFG"
 
 
-def test_vehicle_drives_up_to_one_that_works_at_its_station_on_the_lane() -> None:
+def test_vehicle_drives_up_to_one_operating_on_the_lane() -> None:
     bench = Bench(plant(*lane("A B C D E F")), v="A", w="D")
     bench.want("v", "F")
 
@@ -124,7 +124,7 @@ def test_vehicle_drives_up_to_one_that_works_at_its_station_on_the_lane() -> Non
     assert bench.claims("v") == "BC"
 
 
-def test_nobody_drives_up_to_a_vehicle_of_which_nobody_knows_when_it_goes_on() -> None:
+def test_no_vehicle_drives_up_to_a_lost_vehicle() -> None:
     bench = Bench(plant(*lane("A B C D E F")), v="A", w="D")
     bench.want("v", "F")
 
@@ -132,7 +132,7 @@ def test_nobody_drives_up_to_a_vehicle_of_which_nobody_knows_when_it_goes_on() -
     assert bench.manager.why_waiting("v").startswith("waits for w, which stands on")
 
 
-def test_vehicle_under_way_that_encloses_those_in_its_way_goes_aside() -> None:
+def test_vehicle_under_way_that_encloses_blockers_is_displaced() -> None:
     model = plant(*lane("A C"), *lane("S C S"), *lane("T C T"), *lane("U C U"), *lane("C D K C"))
     bench = Bench(model, v="A", x="D", z="K")
     bench.want("v", "D")
@@ -163,7 +163,7 @@ def test_vehicle_that_let_another_out_does_not_enclose_it_again() -> None:
 
 
 @pytest.mark.parametrize("ended", ["", "request dropped", "other goal", "lost"])
-def test_vehicle_that_let_another_out_drives_by_sections_once_nobody_waits_for_that(ended: str) -> None:
+def test_vehicle_that_let_another_out_claims_sections_once_that_is_over(ended: str) -> None:
     model = plant(*lane("S C S"), *lane("T C T"), *lane("U C U"), *lane("C D K C"))
     bench = Bench(model, v="C", x="D", z="K")
     bench.want("v", "D")
@@ -177,7 +177,7 @@ def test_vehicle_that_let_another_out_drives_by_sections_once_nobody_waits_for_t
     assert bench.manager._control._has_let_out("v", lambda _: ended == "lost") == (not ended)
 
 
-def test_vehicle_that_pauses_on_its_way_is_not_displaced_for_one_it_encloses() -> None:
+def test_vehicle_that_only_pauses_is_not_displaced_for_one_it_encloses() -> None:
     model = plant(*lane("A C E G"), *lane("C S"), *lane("F D C"))
     bench = Bench(model, v="A", w="E", e="F", x="D")
     bench.want("v", "G")
@@ -192,7 +192,7 @@ def test_vehicle_that_pauses_on_its_way_is_not_displaced_for_one_it_encloses() -
 
 
 @pytest.mark.parametrize("closed", ["A --- B", "B --- C"])
-def test_crossing_is_closed_while_the_way_round_it_is_locked(closed: str) -> None:
+def test_crossing_is_closed_while_the_detour_is_locked(closed: str) -> None:
     ring = [*lane("A B C D E A", two_way=True), *lane("A X E", two_way=True), *lane("X C", two_way=True)]
     around = Crossings(plant(*ring))
     assert around.is_open("X")
@@ -205,7 +205,7 @@ def test_crossing_is_closed_while_the_way_round_it_is_locked(closed: str) -> Non
 
 
 @pytest.mark.parametrize("field", [{"locked": True}, {"max_velocity_mm_s": 0}])
-def test_crossing_is_closed_where_the_plant_closes_the_way_round_it(field: dict[str, Any]) -> None:
+def test_crossing_is_closed_if_the_plant_locks_the_detour(field: dict[str, Any]) -> None:
     row = [*lane("A B", two_way=True), *lane("A X B", two_way=True), *lane("X C", two_way=True)]
 
     assert Crossings(plant(*row, path("B C"), path("C B"))).is_open("X")
@@ -215,12 +215,12 @@ def test_crossing_is_closed_where_the_plant_closes_the_way_round_it(field: dict[
 @pytest.mark.parametrize(
     ("ring", "passed"), [("A X B Y A", True), ("A X B C Y A", True), ("A X B C D Y A", False)]
 )
-def test_passing_place_is_one_only_beside_a_short_way(ring: str, passed: bool) -> None:  # noqa: FBT001 - an example
+def test_a_passing_place_needs_a_short_detour(ring: str, passed: bool) -> None:  # noqa: FBT001 - an example
     ends = lane("S A", two_way=True), lane("B T", two_way=True)
     assert Crossings(plant(*lane(ring, two_way=True), *ends[0], *ends[1])).is_open("X") == passed
 
 
-def test_reason_keeps_the_metres_that_it_began_with() -> None:
+def test_reason_keeps_its_initial_distance() -> None:
     bench = Bench(plant(*lane("Z A B C D E F G H", two_way=True)), v="A", w="H")
     bench.want("v", "G")
     bench.want("w", "Z")
@@ -235,7 +235,7 @@ def test_reason_keeps_the_metres_that_it_began_with() -> None:
 
 
 @pytest.mark.parametrize(("others", "way"), [(0, "BC"), (2, "XYC")])
-def test_way_leads_around_where_many_others_are_to_drive(others: int, way: str) -> None:
+def test_routes_avoid_points_with_much_traffic(others: int, way: str) -> None:
     around = [path("A X", 700), path("X Y", 700), path("Y C", 700)]
     fed = [one for number in range(others) for one in lane(f"P{number} B")]
     model = plant(path("A B", 1000), path("B C", 1000), path("B Q", 1000), *around, *fed)

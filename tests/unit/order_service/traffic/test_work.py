@@ -51,23 +51,23 @@ async def calls(event: Callable[[Engine, ScriptedFleet, int], object]) -> list[i
     return counted
 
 
-async def test_a_node_that_is_passed_costs_the_same_however_many_drive() -> None:
+async def test_a_passed_node_costs_the_same_in_a_large_fleet() -> None:
     few, many = await calls(lambda _, fleet, __: fleet.pass_node("V0", 1))
     assert many < few * ALIKE, (few, many)
 
 
-async def test_a_state_of_a_vehicle_that_stands_costs_the_same_however_many_drive() -> None:
+async def test_a_state_of_a_standing_vehicle_costs_the_same_in_a_large_fleet() -> None:
     few, many = await calls(lambda _, fleet, number: fleet.appear(f"V{number}", f"{number}-0"))
     assert many < few * ALIKE, (few, many)
 
 
-async def test_work_for_one_more_vehicle_costs_the_same_however_many_drive() -> None:
+async def test_dispatching_one_vehicle_costs_the_same_in_a_large_fleet() -> None:
     few, many = await calls(
         lambda engine, _, number: engine.create(request(f"{number}-2", intendedVehicle=f"V{number}"), "more")
     )
     assert many < few * ALIKE, (few, many)
 
 
-async def test_the_end_of_an_order_costs_the_same_however_many_drive() -> None:
+async def test_the_end_of_an_order_costs_the_same_in_a_large_fleet() -> None:
     few, many = await calls(lambda _, fleet, __: fleet.finish("V0"))
     assert many < few * ALIKE, (few, many)

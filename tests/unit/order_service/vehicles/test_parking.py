@@ -68,12 +68,12 @@ def test_nearest_free_position_is_taken() -> None:
     assert choose(here=None).point == "near"
 
 
-def test_priorities_count_more_than_the_way_where_they_are_respected() -> None:
+def test_respected_priorities_take_precedence_over_route_cost() -> None:
     assert choose(priorities=True).point == "good"
     assert choose(priorities=True, taken=["good", "fair"]).point == "near"
 
 
-def test_who_is_parked_stays_unless_a_better_position_becomes_free() -> None:
+def test_a_parked_vehicle_stays_unless_a_better_position_is_free() -> None:
     assert choose(here="fair") == PARKED
     assert choose(here="fair", priorities=True) == PARKED
     assert choose(here="fair", priorities=True, repark=True).point == "good"
@@ -91,14 +91,14 @@ def test_assigned_position_is_the_only_one() -> None:
     assert gone.reason == "its assigned parking position 'gone' is not a point of the plant model"
 
 
-def test_preferred_position_is_taken_while_it_is_free() -> None:
+def test_preferred_position_is_chosen_while_free() -> None:
     preferred = properties_of(PREFERRED_PARKING_POSITION, "good")
     assert choose(requests=preferred).point == "good"
     assert choose(taken=["good"], requests=preferred).point == "near"
     assert choose(here="near", requests=preferred) == PARKED
 
 
-def test_a_position_for_which_others_have_to_make_room_is_the_last_choice() -> None:
+def test_a_position_that_displaces_others_is_the_last_choice() -> None:
     assert choose(displacing=["near"]).point == "fair"
     assert choose(displacing=["near", "fair", "good"]).point == "near"
     assert choose(displacing=["good"], priorities=True).point == "fair"
@@ -106,7 +106,7 @@ def test_a_position_for_which_others_have_to_make_room_is_the_last_choice() -> N
     assert choose(displacing=["good"], requests=preferred).point == "good"
 
 
-def test_others_who_are_not_to_make_room_bar_positions() -> None:
+def test_positions_of_vehicles_that_must_not_move_are_excluded() -> None:
     assert choose(displacing=["near", "fair"], may_displace=False).point == "good"
     barred = choose(displacing=["near", "fair", "good"], may_displace=False)
     assert barred == Parking(reason=f"each free parking position near it {BARRED}")
@@ -118,7 +118,7 @@ def test_others_who_are_not_to_make_room_bar_positions() -> None:
     assert choose(displacing=["good"], may_displace=False, requests=preferred).point == "near"
 
 
-def test_the_ways_to_some_positions_are_looked_at_and_not_to_all() -> None:
+def test_only_some_positions_are_evaluated() -> None:
     names = [f"P{index:02}" for index in range(2 * WAYS_TRIED)]
     positions = ParkingPositions(
         PlantModel(name="yard", points=tuple(point(name, type=PARK) for name in names)),
@@ -136,7 +136,7 @@ def test_the_ways_to_some_positions_are_looked_at_and_not_to_all() -> None:
     assert asked == names[:WAYS_TRIED]
 
 
-def test_why_nobody_can_park_is_said() -> None:
+def test_the_reason_why_no_vehicle_can_park_is_reported() -> None:
     full = choose(taken=["near", "fair", "good"])
     assert full == Parking(reason="no reachable parking position is free")
     nowhere = choose(plant=PlantModel(name="no yard", points=(point("aisle"),)))
@@ -152,7 +152,7 @@ def test_why_nobody_can_park_is_said() -> None:
     ),
     modes=st.tuples(st.booleans(), st.booleans()),
 )
-def test_nobody_is_sent_to_a_place_that_is_taken_or_where_it_is(
+def test_no_vehicle_is_sent_to_a_taken_point_or_its_own(
     taken: set[str], here: str | None, requests: dict[str, str], modes: tuple[bool, bool]
 ) -> None:
     found = choose(here, taken - {here or ""}, priorities=modes[0], repark=modes[1], requests=requests)

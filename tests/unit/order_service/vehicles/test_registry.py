@@ -48,7 +48,7 @@ def test_vehicles_of_the_plant_are_known_by_name_and_robot() -> None:
     assert found.names() == {"Tug", "Plain"}
 
 
-def test_robot_that_is_not_in_the_plant_is_listed_but_gets_no_orders() -> None:
+def test_robot_outside_the_plant_is_listed_but_gets_no_orders() -> None:
     found = registry()
     assert found.discover(RobotKey("X", "9")).name == "9"
     assert [vehicle.name for vehicle in found] == ["Tug", "Plain", "9"]
@@ -62,13 +62,13 @@ def registry_with_stranger() -> VehicleRegistry:
     return found
 
 
-def test_robots_of_one_serial_number_have_names_of_their_own() -> None:
+def test_robots_with_the_same_serial_number_have_different_names() -> None:
     found = registry()
     names = {found.discover(RobotKey(maker, "9")).name for maker in ("X", "Y")}
     assert names == {"9", "Y-9"}
 
 
-def test_map_that_nobody_has_named_is_learned_from_the_robot() -> None:
+def test_an_unnamed_map_is_learned_from_the_robot() -> None:
     found = registry()
     for name in ("Tug", "Plain"):
         vehicle = found.named(name)
@@ -78,7 +78,7 @@ def test_map_that_nobody_has_named_is_learned_from_the_robot() -> None:
     assert maps == {"Tug": "hall", "Plain": "robot map"}
 
 
-def test_a_robot_says_by_its_factsheet_whether_it_transforms_itself() -> None:
+def test_the_factsheet_shows_whether_a_robot_transforms_itself() -> None:
     turned = PLANT.model_copy(update={"properties": {"nena:mapTransform.hall": "rotation=90 x=5"}})
     found = VehicleRegistry(turned, default_map_id="", adopt_unknown=True)
 
@@ -139,28 +139,28 @@ def pose(x: float, *, localized: bool = True) -> dict[str, Any]:
     return {"x": x, "y": 0.0, "theta": 0.5, "map_id": "hall", "localized": localized}
 
 
-def test_position_is_told_in_the_frame_of_the_plant() -> None:
+def test_position_is_published_in_the_plants_frame() -> None:
     told = status(view(mobile_robot_position=pose(11.0)))
     assert told.precise_position is not None
     assert told.precise_position.x == pytest.approx(5.0)
     assert told.current_position == "B"
 
 
-def test_position_in_a_frame_that_nobody_knows_is_not_told() -> None:
+def test_position_in_an_unknown_frame_is_not_published() -> None:
     told = status(view(mobile_robot_position=pose(11.0)), profile=replace(TURNED, transforms_itself=None))
     assert (told.precise_position, told.current_position) == (None, None)
 
 
-def test_position_that_is_not_trusted_is_not_told() -> None:
+def test_untrusted_position_is_not_published() -> None:
     told = status(view(mobile_robot_position=pose(11.0, localized=False)))
     assert (told.precise_position, told.current_position) == (None, None)
 
 
-def test_last_point_is_told_between_points() -> None:
+def test_last_point_is_reported_between_points() -> None:
     told = status(view(last_node_id="A", mobile_robot_position=pose(5.0)), order="T")
     assert (told.current_position, told.processing_state) == ("A", ProcessingState.PROCESSING_ORDER)
 
 
-def test_errors_are_told_in_words() -> None:
+def test_errors_are_described_in_text() -> None:
     error = {"error_type": "WHEEL", "error_level": "FATAL", "error_description": "lost"}
     assert status(view(errors=(error,))).errors == ("FATAL WHEEL: lost",)

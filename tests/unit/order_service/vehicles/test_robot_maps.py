@@ -17,7 +17,7 @@ OLD_AND_NEW = with_maps(("hall", "1", "DISABLED"), ("hall", "2", "ENABLED"), ("y
 
 
 @pytest.mark.clause("6.3.1")
-def test_maps_are_told_as_the_state_has_them() -> None:
+def test_maps_are_reported_as_in_the_state() -> None:
     assert robot_maps(OLD_AND_NEW) == (
         RobotMap(map_id="hall", map_version="1", enabled=False),
         RobotMap(map_id="hall", map_version="2", enabled=True),
@@ -28,7 +28,7 @@ def test_maps_are_told_as_the_state_has_them() -> None:
 
 
 @pytest.mark.clause("6.3.1")
-def test_a_map_has_to_be_there_and_enabled_where_maps_are_told_at_all() -> None:
+def test_a_map_must_be_enabled_if_the_robot_reports_maps() -> None:
     assert why_not_on("hall", OLD_AND_NEW) == ""
     assert why_not_on("yard", OLD_AND_NEW) == "has no version of map 'yard' enabled (enableMap)"
     assert why_not_on("roof", OLD_AND_NEW) == "does not have map 'roof' (downloadMap, enableMap)"

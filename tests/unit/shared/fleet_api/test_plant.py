@@ -16,7 +16,7 @@ from nena_shared.fleet_api.plant import (
 from support import robot_maps
 
 
-def test_a_map_comes_back_as_it_was_sent() -> None:
+def test_map_image_round_trip() -> None:
     sent = robot_maps.robot_map(theta=0.5)
     payload = sent.model_dump_json(by_alias=True)
     assert MapImage.model_validate_json(payload) == sent

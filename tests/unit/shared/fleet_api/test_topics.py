@@ -28,7 +28,7 @@ def test_each_topic_is_under_the_filter_of_its_kind_and_no_other(
 
 
 @given(TOPICS, LEVELS, LEVELS)
-def test_the_robot_is_known_from_the_topic_of_its_map(
+def test_robot_is_parsed_from_its_map_topic(
     topics: FleetTopics, manufacturer: str, serial_number: str
 ) -> None:
     robot = RobotKey(manufacturer, serial_number)
@@ -46,6 +46,6 @@ def test_answers_are_no_requests(topics: FleetTopics, host: str, name: str) -> N
 
 
 @given(TOPICS, LEVELS, LEVELS)
-def test_the_host_is_known_from_what_it_asks_on(topics: FleetTopics, host: str, name: str) -> None:
+def test_host_is_parsed_from_its_request_topic(topics: FleetTopics, host: str, name: str) -> None:
     assert topics.host_of(topics.creation_request(host)) == host
     assert topics.host_of(topics.command(host, name)) == host

@@ -18,7 +18,7 @@ def with_password(password: str) -> MqttSettings:
     return MqttSettings.model_validate({"username": "robot", "password": password})
 
 
-def test_who_has_no_secret_has_the_plain_name() -> None:
+def test_client_id_without_a_secret_is_the_plain_name() -> None:
     assert private_client_id("robot-1", MqttSettings()) == "robot-1"
 
 

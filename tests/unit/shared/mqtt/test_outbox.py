@@ -17,7 +17,7 @@ def drained(outbox: Outbox) -> list[Outbound]:
     return [outbox.pop() for _ in range(len(outbox))]
 
 
-def test_messages_leave_in_the_order_in_which_they_came() -> None:
+def test_messages_leave_in_order() -> None:
     outbox = Outbox(limit=10)
     sent = [status("a", b"1"), Outbound("b", b"2"), status("c", b"3"), Outbound("b", b"4")]
     for message in sent:
@@ -25,7 +25,7 @@ def test_messages_leave_in_the_order_in_which_they_came() -> None:
     assert list(outbox) == drained(outbox) == sent
 
 
-def test_a_newer_status_takes_the_place_of_the_older_one() -> None:
+def test_newer_status_replaces_the_older_one_in_place() -> None:
     outbox = Outbox(limit=10)
     for message in (status("a", b"old"), status("b", b"1"), status("a", b"new")):
         outbox.add(message)

@@ -53,7 +53,7 @@ def read_all(packets: PacketReader) -> bytes:
         found += byte
 
 
-def test_messages_are_taken_out_and_all_else_is_offered() -> None:
+def test_messages_are_extracted_and_other_packets_offered() -> None:
     packets = wire(publish(b"a/b", b"one") + PINGRESP + publish(b"c", b"two", qos=1, retained=True, mid=300))
     assert packets.fill()
     assert packets.next_message() == Published("a/b", b"one", 0, retained=False, packet_id=0)
@@ -65,7 +65,7 @@ def test_messages_are_taken_out_and_all_else_is_offered() -> None:
     assert not packets.offer()
 
 
-def test_nothing_of_a_packet_is_given_before_all_of_it_is_here() -> None:
+def test_incomplete_packets_are_not_offered() -> None:
     whole = publish(b"a", bytes(300))
     packets = wire(whole[:1], whole[1:2], whole[2:200], whole[200:] + PINGRESP[:1], PINGRESP[1:])
     for _ in range(3):
@@ -106,7 +106,7 @@ def test_nothing_of_a_packet_is_given_before_all_of_it_is_here() -> None:
         "endless length",
     ],
 )
-def test_what_is_unusual_or_wrong_is_left_as_it_came(packet: bytes) -> None:
+def test_unusual_or_malformed_packets_are_unchanged(packet: bytes) -> None:
     packets = wire(packet)
     packets.fill()
     assert packets.next_message() is None
@@ -121,7 +121,7 @@ def test_what_is_unusual_or_wrong_is_left_as_it_came(packet: bytes) -> None:
         (ConnectionResetError("reset"), "the connection broke: reset"),
     ],
 )
-def test_the_end_is_known_behind_what_came_before(end: bytes | OSError, why: str) -> None:
+def test_end_of_connection_follows_the_remaining_packets(end: bytes | OSError, why: str) -> None:
     packets = wire(PINGRESP, end)
     packets.fill()
     packets.fill()
@@ -145,7 +145,7 @@ def test_a_message_is_written_as_the_standard_has_it(size: int) -> None:
 
 
 @pytest.mark.parametrize("topic", ["", "a/+", "#", "ä" * 32_768, "\ud800"])
-def test_what_is_no_topic_is_not_written(topic: str) -> None:
+def test_invalid_topic_is_refused(topic: str) -> None:
     with pytest.raises(ValueError, match=r"topic|surrogates"):
         publication(Outbound(topic, b"x"), 1)
 
@@ -162,7 +162,7 @@ def test_a_message_that_is_too_long_is_not_written() -> None:
         publication(Outbound("a", Endless()), 1)
 
 
-def test_acknowledgements_that_are_awaited_are_taken_out() -> None:
+def test_awaited_acknowledgements_are_extracted() -> None:
     packets = wire(acknowledgements([1, 300, 2]))
     packets.fill()
     assert packets.next_message() is None
@@ -178,7 +178,7 @@ def test_acknowledgements_that_are_awaited_are_taken_out() -> None:
     [PINGRESP, b"\x40\x00", b"\x40\x03\x00\x01\x00", b"\x42\x02\x00\x01", b"\x40\x02\x00", b""],
     ids=["another", "no number", "too long", "flags", "cut", "nothing"],
 )
-def test_what_is_no_plain_acknowledgement_is_not_taken_out(packet: bytes) -> None:
+def test_other_acknowledgements_are_not_extracted(packet: bytes) -> None:
     packets = wire(packet or PINGRESP)
     if packet:
         packets.fill()
@@ -197,7 +197,7 @@ def test_what_is_no_plain_acknowledgement_is_not_taken_out(packet: bytes) -> Non
     ),
     st.lists(st.integers(1, 300), min_size=1, max_size=10),
 )
-def test_messages_come_whole_however_they_are_cut(
+def test_messages_are_reassembled_from_any_chunks(
     messages: list[tuple[str, bytes, int, bool]], cuts: list[int]
 ) -> None:
     stream = b"".join(

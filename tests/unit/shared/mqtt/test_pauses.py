@@ -10,7 +10,7 @@ def test_pauses_double_up_to_the_longest() -> None:
     assert not pauses.suspicious
 
 
-def test_a_connection_that_stood_begins_anew() -> None:
+def test_lasting_connection_resets_the_delay() -> None:
     pauses = Pauses(1.0, 5.0)
     for _ in range(4):
         pauses.after(None)
@@ -18,7 +18,7 @@ def test_a_connection_that_stood_begins_anew() -> None:
     assert [pauses.after(10.0), pauses.after(None)] == [1.0, 2.0]
 
 
-def test_connections_that_end_at_once_are_tried_ever_more_seldom_and_told_once() -> None:
+def test_short_connections_increase_the_delay_and_are_reported_once() -> None:
     pauses = Pauses(1.0, 5.0)
     found = []
     for _ in range(5):

@@ -31,14 +31,14 @@ def test_each_setting_encrypts_and_checks_the_broker(wish: str, tmp_path: Path) 
     assert context.minimum_version >= ssl.TLSVersion.TLSv1_2
 
 
-def test_only_the_named_authority_is_believed(tmp_path: Path) -> None:
+def test_only_the_configured_ca_is_trusted(tmp_path: Path) -> None:
     context = tls_context(MqttTlsSettings(ca=Authority(tmp_path, "mine").ca))
 
     assert context is not None
     assert [each["subject"] for each in context.get_ca_certs()] == [((("commonName", "mine"),),)]
 
 
-def test_files_that_do_not_do_are_named(tmp_path: Path) -> None:
+def test_unusable_files_are_named(tmp_path: Path) -> None:
     authority = Authority(tmp_path)
     one, other = authority.sign("one"), authority.sign("other")
     empty = tmp_path / "empty.pem"

@@ -70,7 +70,7 @@ def test_every_dangling_reference_is_named() -> None:
 
 
 @pytest.mark.parametrize("name", ["Enschede ", " Enschede", "En\tschede", "Zero\u200bwidth"])
-def test_suspicious_names_are_reported_and_kept(name: str) -> None:
+def test_suspicious_names_are_reported_unchanged(name: str) -> None:
     model = good(blocks=(Block(name=name),))
     assert codes(model) == [("SUSPICIOUS_NAME", name)]
 
@@ -99,7 +99,7 @@ def test_what_was_probably_not_intended(more: dict[str, Any], finding: tuple[str
     assert finding in codes(good(**more))
 
 
-def test_tracks_that_nobody_drives() -> None:
+def test_unusable_tracks_are_reported() -> None:
     found = codes(plant(path("A B", locked=True), path("B A", max_velocity_mm_s=0)))
     assert ("PATH_LOCKED", "A --- B") in found
     assert ("PATH_NOT_DRIVABLE", "B --- A") in found
@@ -185,7 +185,7 @@ def test_a_charging_place_is_missed_where_there_are_vehicles() -> None:
     ("known", "own", "found"),
     [((), "t", []), (("t",), "t", []), (("u",), "t", ["PROPERTY_NAMES_NOTHING"])],
 )
-def test_a_vehicle_type_is_one_that_the_plant_knows_where_it_knows_any(
+def test_unknown_vehicle_type_is_reported_if_the_plant_defines_any(
     known: tuple[str, ...], own: str, found: list[str]
 ) -> None:
     uses = tuple(VehicleTypeAtPoint(vehicle_type_id=each) for each in known)

@@ -3,7 +3,7 @@ from __future__ import annotations
 from nena_shared.plant.errors import ObjectKind, PlantModelError, PlantProblem, UnknownObjectError
 
 
-def test_an_error_tells_all_findings_with_their_objects() -> None:
+def test_error_lists_all_problems_with_their_objects() -> None:
     problems = [
         PlantProblem("A", ObjectKind.POINT, "P1", "no"),
         PlantProblem("B", ObjectKind.PATH, "P2", "not"),

@@ -49,7 +49,7 @@ def test_what_would_cost_too_much_is_refused(text: bytes, limits: JsonLimits) ->
     assert code_of(error) == "LIMIT_EXCEEDED"
 
 
-def test_what_is_just_within_the_limits_is_taken() -> None:
+def test_text_just_within_the_limits_is_accepted() -> None:
     check_size(b'"' + b"x" * 98 + b'"', JsonLimits(size_bytes=100))
     check_size(b"[1,2,3,4]", JsonLimits(values=4))
 
@@ -59,14 +59,14 @@ def _fail_while_it_rests() -> None:
     raise LookupError
 
 
-def test_the_collector_rests_inside_and_goes_on_after_an_error_too() -> None:
+def test_collector_is_paused_inside_and_resumed_after_errors() -> None:
     assert gc.isenabled()
     with pytest.raises(LookupError), paused_collector():
         _fail_while_it_rests()
     assert gc.isenabled()
 
 
-def test_one_that_was_off_stays_off() -> None:
+def test_disabled_collector_stays_disabled() -> None:
     gc.disable()
     try:
         with paused_collector():

@@ -17,7 +17,7 @@ FILES = {
 
 @pytest.mark.parametrize("kind", FILES)
 @pytest.mark.parametrize("before", [b"", b"\xef\xbb\xbf"])
-def test_content_tells_the_format(kind: PlantFormat, before: bytes) -> None:
+def test_format_is_detected_by_content(kind: PlantFormat, before: bytes) -> None:
     assert format_of(before + FILES[kind]) is kind
     assert read(before + FILES[kind]).model.name in {"test", "plant"}
 
@@ -49,7 +49,7 @@ def test_what_is_no_plant_model_is_refused(data: bytes, code: str) -> None:
     assert caught.value.problems[0].code == code
 
 
-def test_strict_goes_for_lif() -> None:
+def test_strict_applies_to_lif() -> None:
     odd = lif_of(node("A", colour="red"))
     assert read(odd).model.points
     with pytest.raises(PlantModelError):

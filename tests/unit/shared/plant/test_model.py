@@ -68,7 +68,7 @@ FULL = PlantModel(
 )
 
 
-def test_json_gives_the_same_model_back() -> None:
+def test_json_round_trip() -> None:
     assert PlantModel.from_json(FULL.to_json()) == FULL
     assert PlantModel.from_json(FULL.to_json().encode()) == FULL
 
@@ -85,7 +85,7 @@ def test_json_gives_the_same_model_back() -> None:
         )
     )
 )
-def test_json_keeps_every_number_and_name_exactly(points: list[Point]) -> None:
+def test_json_preserves_numbers_and_names(points: list[Point]) -> None:
     model = PlantModel(name="m", points=tuple(points))
     assert PlantModel.from_json(model.to_json()) == model
 
@@ -115,7 +115,7 @@ def test_objects_are_found_by_name() -> None:
     assert FULL.blocks_by_name["X"].members == ("A", "A --- B")
 
 
-def test_an_unknown_name_is_told_with_those_most_like_it() -> None:
+def test_unknown_name_error_suggests_similar_names() -> None:
     with pytest.raises(UnknownObjectError) as caught:
         plant(points="Dock-1 Dock-2 Park").point("Dock-3")
     assert caught.value.kind is ObjectKind.POINT
@@ -172,7 +172,7 @@ def test_properties_say_how_the_robot_is_reached() -> None:
     assert vehicle.max_velocity_m_s == 1.2
 
 
-def test_a_vehicle_without_properties_says_nothing() -> None:
+def test_vehicle_without_properties_has_no_parameters() -> None:
     vehicle = Vehicle(name="V")
     assert vehicle.manufacturer is vehicle.serial_number is vehicle.interface_name is None
     assert vehicle.protocol_version is vehicle.map_id is None
@@ -197,11 +197,11 @@ def test_thresholds_are_percent_and_not_crossed(levels: dict[str, int]) -> None:
     ("operation", "action"),
     [("Load cargo", "pick"), ("Unload", "drop"), ("Charge", "startCharging"), ("beep", "beep")],
 )
-def test_what_has_a_name_in_the_standard_gets_it(operation: str, action: str) -> None:
+def test_operations_with_standard_actions_are_mapped(operation: str, action: str) -> None:
     assert action_of(operation) == action
 
 
-def test_only_charging_is_known_by_a_name_of_its_own() -> None:
+def test_only_charging_maps_back_to_an_operation() -> None:
     assert operation_of("startCharging") == "Charge"
     others = set(ACTION_TYPES.values()) - {"startCharging"}
     assert {operation_of(each) for each in others} == others

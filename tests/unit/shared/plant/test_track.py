@@ -58,7 +58,7 @@ def test_a_box_holds_itself(box: BoundingBox) -> None:
         (0, 0, []),
     ],
 )
-def test_each_speed_gives_an_edge(forward: int, reverse: int, orientations: list[Orientation]) -> None:
+def test_each_speed_yields_an_edge(forward: int, reverse: int, orientations: list[Orientation]) -> None:
     edges = path("A B", max_velocity_mm_s=forward, max_reverse_velocity_mm_s=reverse).edges()
     assert [edge.orientation for edge in edges] == orientations
 
@@ -72,7 +72,7 @@ def test_the_edges_of_a_path_lead_both_ways() -> None:
     assert forward.path is backward.path
 
 
-def test_a_locked_path_keeps_its_edges() -> None:
+def test_locked_path_has_edges() -> None:
     assert len(list(path("A B", locked=True).edges())) == 1
 
 
@@ -90,7 +90,7 @@ def test_the_heading_is_within_half_a_turn(degrees: float | None, radians: float
     assert heading == (None if radians is None else pytest.approx(radians))
 
 
-def test_places_are_told_in_metres() -> None:
+def test_positions_are_in_metres() -> None:
     point = Point(name="P", x_mm=1500, y_mm=-250)
     assert (point.x_m, point.y_m) == (1.5, -0.25)
 
@@ -119,7 +119,7 @@ def test_the_map_is_a_property() -> None:
         (pi, PathOrientationType.GLOBAL, False),
     ],
 )
-def test_who_looks_against_the_direction_of_the_path_drives_backward(
+def test_orientation_against_the_path_means_driving_backward(
     orientation: float | None, kind: PathOrientationType, *, backward: bool
 ) -> None:
     use = VehicleTypeOnPath(

@@ -137,7 +137,7 @@ def test_names_of_the_code_are_no_names_on_the_wire(order: JsonObject) -> None:
 
 @pytest.mark.clause("7.3.1")
 @pytest.mark.parametrize("value", [True, 7, -2.5, "text", [1, "a", None], {"a": {"b": [1.5]}}, "", [], {}])
-def test_action_parameter_takes_any_json_but_null(instant_action: JsonObject, value: object) -> None:
+def test_action_parameter_accepts_any_json_except_null(instant_action: JsonObject, value: object) -> None:
     instant_action["actions"][0]["actionParameters"][0]["value"] = value
 
     message = read(InstantActions, instant_action)

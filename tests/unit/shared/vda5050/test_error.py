@@ -26,7 +26,7 @@ def test_level_is_that_of_the_standards_table(kind: ErrorType, level: ErrorLevel
 
 
 @pytest.mark.clause("6.6.5.2")
-def test_references_are_camel_case_text_and_only_what_is_known() -> None:
+def test_references_are_camel_case_texts_without_none() -> None:
     entry = error(ErrorType.VALIDATION_FAILURE, "why", order_update_id=3, order_id=None, topic="order")
 
     assert entry.error_references == (
@@ -36,7 +36,7 @@ def test_references_are_camel_case_text_and_only_what_is_known() -> None:
 
 
 @pytest.mark.clause("6.6.5.4")
-def test_the_list_of_3_0_1_is_known_whole() -> None:
+def test_all_error_types_of_3_0_1_are_known() -> None:
     text = reference_dir("vda5050-3.0.1.md").read_text(encoding="utf-8")
     section = text.split("errorType, complete list of the draft")[1].split("It stays extensible")[0]
     listed = set(re.findall(r"[A-Z]+(?:_[A-Z]+)+", section))

@@ -128,7 +128,7 @@ def test_nothing_is_released_behind_the_base() -> None:
 
 @pytest.mark.clause("6.1.1/ids")
 @pytest.mark.parametrize("where", ["node and node", "node and edge", "one node"])
-def test_an_action_id_stands_once(where: str) -> None:
+def test_action_ids_are_unique(where: str) -> None:
     order = change_node(graph("+++"), 0, actions=(BEEP, BEEP) if where == "one node" else (BEEP,))
     if where == "node and node":
         order = change_node(order, 1, actions=(BEEP,))

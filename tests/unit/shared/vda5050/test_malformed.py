@@ -44,7 +44,7 @@ def test_what_cannot_be_read_or_names_nothing_is_left_out(payload: bytes) -> Non
     assert MalformedMessageError("order", [], payload).references == {}
 
 
-def test_only_the_first_problems_are_told() -> None:
+def test_only_the_first_problems_are_listed() -> None:
     error = MalformedMessageError("order", [str(number) for number in range(PROBLEMS_SHOWN + 3)])
     assert error.problems == tuple(map(str, range(PROBLEMS_SHOWN)))
 
@@ -56,7 +56,7 @@ def test_findings_name_the_path_of_the_field() -> None:
     assert problem.startswith("nodes.1.sequence: ")
 
 
-def test_a_finding_about_the_whole_says_so() -> None:
+def test_error_about_the_whole_message_has_no_path() -> None:
     with pytest.raises(ValidationError) as caught:
         Way.model_validate(3)
     (problem,) = problems_of(caught.value)

@@ -80,7 +80,7 @@ def check(codec: Codec, kind: type[Any], payload: bytes) -> None:
 @EACH_KIND
 @settings(max_examples=MESSAGES)
 @given(st.data())
-def test_it_says_what_the_codec_reads(codec: Codec, kind: type[Any], data: st.DataObject) -> None:
+def test_record_equals_the_message_of_the_codec(codec: Codec, kind: type[Any], data: st.DataObject) -> None:
     check(codec, kind, codec.encode(data.draw(strategy(kind))))
 
 
@@ -111,7 +111,7 @@ def test_what_is_put_into_a_message_is_judged_as_by_the_codec(
 
 
 @pytest.mark.parametrize("codec", [CODEC_2_0, CODEC_2_1, CODEC_3_0], ids=lambda codec: codec.version)
-def test_an_ordinary_state_goes_the_short_way(codec: Codec, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ordinary_state_is_read_as_a_record(codec: Codec, monkeypatch: pytest.MonkeyPatch) -> None:
     error = {
         "error_type": "noRouteError",
         "error_level": "WARNING",
@@ -207,9 +207,7 @@ def test_what_watchers_do_not_need_is_checked_too() -> None:
 @EACH_KIND
 @settings(max_examples=20)
 @given(st.data())
-def test_a_message_that_is_parsed_already_gives_the_same_record(
-    codec: Codec, kind: type[Any], data: st.DataObject
-) -> None:
+def test_parsed_message_yields_the_same_record(codec: Codec, kind: type[Any], data: st.DataObject) -> None:
     payload = codec.encode(data.draw(strategy(kind)))
     record = record_of(kind, codec, json.loads(payload))
     assert record is None or same(record, codec.decode(kind, payload))

@@ -168,7 +168,7 @@ def test_what_the_meaning_survives_is_repaired_and_reported(
 
 
 @pytest.mark.parametrize("value", [1_700_000_000, "", None, "yesterday", MISSING, "2026-01-01"])
-def test_the_time_of_arrival_stands_for_a_timestamp_that_cannot_be_read(value: Any) -> None:
+def test_time_of_arrival_replaces_an_unreadable_timestamp(value: Any) -> None:
     before = datetime.now(UTC)
     message, repairs = read(deviating("timestamp", value))
 
@@ -243,9 +243,7 @@ def test_a_factsheet_with_null_lists_and_an_unknown_scope_is_read(factsheet: dic
 )
 @settings(max_examples=25)
 @given(st.data())
-def test_nothing_is_repaired_in_a_message_that_keeps_to_the_standard(
-    codec: Codec, kind: type[Header], data: st.DataObject
-) -> None:
+def test_valid_message_is_not_repaired(codec: Codec, kind: type[Header], data: st.DataObject) -> None:
     payload = codec.encode(data.draw(messages(kind)))
     found: Repairs = {}
     content = from_json(without_mark(payload, found))

@@ -41,7 +41,7 @@ class Ear:
         return self.sources.accepts(robot, scheme, message, retained=retained)
 
 
-def test_what_was_kept_under_other_topics_is_passed_over_once_the_robot_has_spoken() -> None:
+def test_retained_messages_on_other_topics_are_ignored_after_a_live_one() -> None:
     ear = Ear()
 
     assert ear.hears(NEW, retained=False)
@@ -49,7 +49,7 @@ def test_what_was_kept_under_other_topics_is_passed_over_once_the_robot_has_spok
     assert ear.hears(NEW, retained=True)
 
 
-def test_of_two_that_were_kept_the_newer_one_decides() -> None:
+def test_newer_of_two_retained_messages_decides() -> None:
     ear = Ear()
 
     assert ear.hears(OLD, retained=True, at=1)
@@ -68,7 +68,7 @@ def test_a_robot_that_speaks_elsewhere_now_is_believed() -> None:
     assert not ear.hears(OLD, retained=True, at=99)
 
 
-def test_live_words_count_more_than_what_was_kept_later() -> None:
+def test_live_message_outranks_a_newer_retained_one() -> None:
     ear = Ear()
     ear.hears(OLD, retained=True, at=5)
     ear.hears(OLD, retained=False, at=1)
@@ -92,7 +92,7 @@ def test_each_robot_is_a_matter_of_its_own() -> None:
 
 
 @pytest.mark.parametrize("farewell", [ConnectionState.OFFLINE, ConnectionState.CONNECTION_BROKEN])
-def test_the_end_of_an_old_connection_says_nothing_of_the_new_one(farewell: ConnectionState) -> None:
+def test_end_of_an_old_connection_does_not_affect_the_new_one(farewell: ConnectionState) -> None:
     ear = Ear()
     ear.hears(OLD, retained=False)
     assert ear.hears(OLD, retained=False, says=farewell), "while it speaks there, it is its own"
@@ -102,7 +102,7 @@ def test_the_end_of_an_old_connection_says_nothing_of_the_new_one(farewell: Conn
     assert ear.hears(NEW, retained=False, says=farewell)
 
 
-def test_the_end_of_a_connection_may_be_the_first_that_is_heard_of_a_robot() -> None:
+def test_end_of_a_connection_may_be_the_first_message_of_a_robot() -> None:
     ear = Ear()
 
     assert ear.hears(OLD, retained=False, at=1, says=ConnectionState.CONNECTION_BROKEN)

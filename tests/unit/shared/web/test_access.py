@@ -95,7 +95,7 @@ def door(tmp_path: Path) -> Door:
         ("ADMIN", "POST", 200),
     ],
 )
-async def test_each_role_may_do_what_it_may(door: Door, role: str, method: str, status: int) -> None:
+async def test_each_role_has_its_permissions(door: Door, role: str, method: str, status: int) -> None:
     answer = await door.ask(method, token=role)
 
     assert answer.status_code == status
@@ -111,7 +111,7 @@ async def test_each_role_may_do_what_it_may(door: Door, role: str, method: str, 
 @pytest.mark.parametrize(
     "header", ["", "Bearer wrong", "Bearer ", "Basic VIEWER", "VIEWER", "Bearer VIEWER x"]
 )
-async def test_without_a_token_of_somebody_it_is_401(door: Door, header: str) -> None:
+async def test_missing_or_unknown_token_is_401(door: Door, header: str) -> None:
     answer = await door.ask("GET", **({"authorization": header} if header else {}))
 
     assert answer.status_code == 401
@@ -119,22 +119,22 @@ async def test_without_a_token_of_somebody_it_is_401(door: Door, header: str) ->
     assert "Authorization: Bearer" in answer.json()["detail"]
 
 
-async def test_a_token_that_nobody_has_is_told_from_none(door: Door) -> None:
+async def test_unknown_token_is_distinguished_from_a_missing_one(door: Door) -> None:
     wrong = (await door.ask("GET", authorization="Bearer wrong")).json()["detail"]
 
     assert wrong == "Unknown token. " + (await door.ask("GET")).json()["detail"]
 
 
-async def test_what_is_for_everybody_takes_no_token(door: Door) -> None:
+async def test_public_paths_need_no_token(door: Door) -> None:
     assert (await door.ask("GET", "/healthz")).status_code == 200
     assert (await door.ask("GET", "/healthz/more")).status_code == 401
 
 
-async def test_cookies_count_only_where_other_pages_are_kept_out(door: Door) -> None:
+async def test_cookies_are_accepted_only_with_origin_checks(door: Door) -> None:
     assert (await door.ask("GET", cookie=f"{COOKIE}=VIEWER")).status_code == 401
 
 
-async def test_a_browser_shows_its_token_as_a_cookie(tmp_path: Path) -> None:
+async def test_browser_sends_its_token_as_a_cookie(tmp_path: Path) -> None:
     door = Door(tmp_path, cookies=True)
     assert (await door.ask("GET", cookie=f"a=b; {COOKIE}=VIEWER")).json() == "viewer"
     assert (await door.ask("POST", cookie=f"{COOKIE}=VIEWER")).status_code == 403
@@ -142,14 +142,14 @@ async def test_a_browser_shows_its_token_as_a_cookie(tmp_path: Path) -> None:
     assert (await door.ask("GET", cookie="{}=;;\x7f")).status_code == 401
 
 
-async def test_without_a_file_of_users_everybody_may(tmp_path: Path) -> None:
+async def test_without_a_users_file_everything_is_allowed(tmp_path: Path) -> None:
     door = Door(tmp_path, login=False)
 
     assert (await door.ask("POST")).json() is None
     assert (await door.ask("POST", token="anything")).json() is None
 
 
-async def test_who_asks_too_often_waits(door: Door) -> None:
+async def test_too_many_requests_are_delayed(door: Door) -> None:
     for _ in range(REQUESTS):
         assert (await door.ask("GET", token="VIEWER")).status_code == 200
     answer = await door.ask("GET", token="VIEWER")
@@ -168,7 +168,7 @@ async def test_an_address_that_calls_itself_a_user_uses_up_nothing_of_theirs(tmp
     assert (await door.ask("GET", token="VIEWER")).status_code == 200
 
 
-async def test_tokens_are_not_found_by_trying(door: Door) -> None:
+async def test_tokens_cannot_be_guessed(door: Door) -> None:
     for number in range(WRONG_TOKENS_AT_ONCE):
         assert (await door.ask("GET", token=f"guess {number}")).status_code == 401
     assert (await door.ask("GET", token="guess")).status_code == 429
@@ -178,7 +178,7 @@ async def test_tokens_are_not_found_by_trying(door: Door) -> None:
     assert (await door.ask("GET", token="guess")).status_code == 401
 
 
-async def test_a_broken_file_of_users_closes_the_door(door: Door) -> None:
+async def test_broken_users_file_denies_access(door: Door) -> None:
     door.file.write_text("[[user")
 
     answer = await door.ask("GET", token="ADMIN")
@@ -198,7 +198,7 @@ def showing(token: str) -> dict[str, str]:
     return {"authorization": f"Bearer {token}"}
 
 
-async def test_tokens_of_the_issuer_count_beside_our_own(door: Door, issuer: OidcIssuer) -> None:
+async def test_issuer_tokens_are_accepted_in_addition_to_own_ones(door: Door, issuer: OidcIssuer) -> None:
     async with guarded(issuer, door.file) as client:
         assert (await client.post("/orders", headers=showing(issuer.token("ann")))).json() == "ann"
         assert (await client.get("/orders", headers=showing(issuer.token("vic")))).json() == "vic"
@@ -211,7 +211,7 @@ async def test_tokens_of_the_issuer_count_beside_our_own(door: Door, issuer: Oid
         )
 
 
-async def test_with_an_issuer_alone_one_has_to_log_in_too(issuer: OidcIssuer) -> None:
+async def test_issuer_alone_requires_login(issuer: OidcIssuer) -> None:
     async with guarded(issuer) as client:
         for headers in ({}, showing("VIEWER")):
             assert (await client.get("/orders", headers=headers)).status_code == 401
@@ -219,7 +219,7 @@ async def test_with_an_issuer_alone_one_has_to_log_in_too(issuer: OidcIssuer) ->
         assert (await client.get("/orders", headers=showing(issuer.token("vic")))).status_code == 200
 
 
-async def test_a_token_that_does_not_count_is_401_with_the_reason(issuer: OidcIssuer) -> None:
+async def test_invalid_token_is_401_with_a_reason(issuer: OidcIssuer) -> None:
     async with guarded(issuer) as client:
         answer = await client.get("/orders", headers=showing(issuer.token("ann", exp=1)))
 
@@ -228,7 +228,7 @@ async def test_a_token_that_does_not_count_is_401_with_the_reason(issuer: OidcIs
     assert answer.headers["www-authenticate"] == 'Bearer realm="NeNa", error="invalid_token"'
 
 
-async def test_without_a_role_it_is_403_and_says_what_to_do(issuer: OidcIssuer) -> None:
+async def test_user_without_a_role_gets_403_with_advice(issuer: OidcIssuer) -> None:
     async with guarded(issuer) as client:
         answer = await client.get("/orders", headers=showing(issuer.token("bob")))
 
@@ -236,7 +236,7 @@ async def test_without_a_role_it_is_403_and_says_what_to_do(issuer: OidcIssuer) 
     assert "Ask the administrator of the issuer" in answer.json()["detail"]
 
 
-async def test_an_issuer_that_is_away_keeps_nobody_else_out(door: Door, issuer: OidcIssuer) -> None:
+async def test_unavailable_issuer_does_not_affect_own_tokens(door: Door, issuer: OidcIssuer) -> None:
     issuer.broken[DISCOVERY] = b"gone"
     async with guarded(issuer, door.file) as client:
         answer = await client.get("/orders", headers=showing(issuer.token("ann")))
@@ -249,7 +249,7 @@ async def test_an_issuer_that_is_away_keeps_nobody_else_out(door: Door, issuer: 
         assert (await client.post("/orders", headers=showing(issuer.token("ann")))).status_code == 200
 
 
-async def test_made_up_tokens_of_an_issuer_are_not_tried_without_end(issuer: OidcIssuer) -> None:
+async def test_invalid_issuer_tokens_are_rate_limited(issuer: OidcIssuer) -> None:
     async with guarded(issuer) as client:
         for _ in range(WRONG_TOKENS_AT_ONCE):
             assert (await client.get("/orders", headers=showing("made.up.token"))).status_code == 401
@@ -286,14 +286,14 @@ def telling(issuer: OidcIssuer, clock: LaterClock, *seconds: float) -> httpx.Asy
     return httpx.AsyncClient(transport=httpx.ASGITransport(access), base_url="http://door")
 
 
-async def test_an_answer_that_lasts_ends_with_its_token(issuer: OidcIssuer) -> None:
+async def test_stream_ends_when_its_token_expires(issuer: OidcIssuer) -> None:
     async with telling(issuer, LaterClock(), 0, 2, LIFE + LEEWAY) as client:
         answer = await client.get("/events", headers=showing(issuer.token("vic")))
 
     assert answer.text == "0 2 "
 
 
-async def test_a_token_that_counts_by_the_leeway_gets_whole_answers(issuer: OidcIssuer) -> None:
+async def test_token_within_the_leeway_gets_complete_responses(issuer: OidcIssuer) -> None:
     over = issuer.token("vic", exp=int(time.time()) - 1)
     async with telling(issuer, LaterClock(), 0, 2) as client:
         answer = await client.get("/events", headers=showing(over))
@@ -301,7 +301,7 @@ async def test_a_token_that_counts_by_the_leeway_gets_whole_answers(issuer: Oidc
     assert (answer.status_code, answer.text) == (200, "0 2 ")
 
 
-async def test_who_has_no_role_is_not_told_so_without_end(issuer: OidcIssuer) -> None:
+async def test_users_without_a_role_are_rate_limited(issuer: OidcIssuer) -> None:
     bob = showing(issuer.token("bob"))
     with capture_logs() as logged:
         async with guarded(issuer) as client:
@@ -312,7 +312,7 @@ async def test_who_has_no_role_is_not_told_so_without_end(issuer: OidcIssuer) ->
     assert [each["event"] for each in logged].count("user without a role") == WRONG_TOKENS_AT_ONCE
 
 
-async def test_tokens_that_cannot_be_checked_are_not_shown_without_end(issuer: OidcIssuer) -> None:
+async def test_unchecked_tokens_are_rate_limited(issuer: OidcIssuer) -> None:
     issuer.broken[DISCOVERY] = b"gone"
     with capture_logs() as logged:
         async with guarded(issuer) as client:
@@ -333,7 +333,7 @@ async def test_a_key_that_may_not_be_looked_up_now_is_no_reason_to_refuse(issuer
     assert (answer.status_code, answer.headers["retry-after"]) == (503, "10")
 
 
-def test_so_many_at_once_then_as_time_gives() -> None:
+def test_burst_then_steady_rate() -> None:
     limit = RateLimit(rate=2.0, burst=3)
 
     assert [limit.wait("a", 0.0) for _ in range(3)] == [0, 0, 0]
@@ -342,7 +342,7 @@ def test_so_many_at_once_then_as_time_gives() -> None:
     assert limit.wait("a", 0.5) > 0
 
 
-def test_each_asker_has_a_bucket() -> None:
+def test_each_client_has_its_own_limit() -> None:
     limit = RateLimit(rate=1.0, burst=1)
 
     assert limit.wait("a", 0.0) == 0
@@ -350,7 +350,7 @@ def test_each_asker_has_a_bucket() -> None:
     assert limit.wait("a", 0.0) > 0
 
 
-def test_a_look_costs_nothing() -> None:
+def test_check_costs_nothing() -> None:
     limit = RateLimit(rate=1.0, burst=1)
 
     assert [limit.wait("a", 0.0, cost=0) for _ in range(5)] == [0] * 5
@@ -358,7 +358,7 @@ def test_a_look_costs_nothing() -> None:
     assert limit.wait("a", 0.0, cost=0) > 0
 
 
-def test_it_remembers_a_bounded_number(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_number_of_stored_clients_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(access, "KEPT", 2)
     limit = RateLimit(rate=0.001, burst=1)
     for asker in "abc":
@@ -386,7 +386,7 @@ def test_it_is_off_until_an_issuer_is_named() -> None:
     assert isinstance(access_tokens_of(HttpSettings(port=0, oidc=OIDC)), AccessTokens)
 
 
-def test_without_its_libraries_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_libraries_error_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in [each for each in sys.modules if each.startswith("nena_shared.web.oidc.")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "jwt", None)

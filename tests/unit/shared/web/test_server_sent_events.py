@@ -26,7 +26,7 @@ async def test_an_event_wakes_all_clients() -> None:
     assert await asyncio.gather(*waiting) == [b"new"] * 3
 
 
-async def test_an_event_that_comes_while_a_client_reads_is_not_missed() -> None:
+async def test_event_during_a_read_is_not_missed() -> None:
     ring = EventRing[bytes](2)
     looks: list[int] = []
 
@@ -55,7 +55,7 @@ async def test_closing_ends_a_stream_and_wakes_its_client() -> None:
     assert await waiting == b"end"
 
 
-def test_last_events_are_returned_while_they_are_kept() -> None:
+def test_last_events_are_returned_while_stored() -> None:
     ring = EventRing[int](2)
     for each in range(3):
         ring.add(each)
@@ -94,7 +94,7 @@ class Line:
         self.sent.append(message)
 
 
-async def test_a_short_answer_costs_no_look() -> None:
+async def test_short_response_needs_no_check() -> None:
     line = Line()
     line.welcome = False
 
@@ -105,7 +105,7 @@ async def test_a_short_answer_costs_no_look() -> None:
     assert (line.told, line.looks) == ([b"a", b"b"], 0)
 
 
-async def test_it_looks_once_a_second_at_most() -> None:
+async def test_access_is_checked_at_most_once_a_second() -> None:
     line = Line()
     for _ in range(4):
         line.clock.advance(LOOK_AFTER / 2)
@@ -114,7 +114,7 @@ async def test_it_looks_once_a_second_at_most() -> None:
     assert (line.told, line.looks) == ([b"x"] * 4, 2)
 
 
-async def test_who_is_out_is_told_nothing_more() -> None:
+async def test_client_without_access_receives_nothing_more() -> None:
     line = Line()
     waiting = asyncio.create_task(line.answer.receive())
     await line.tell(b"a")
@@ -130,7 +130,7 @@ async def test_who_is_out_is_told_nothing_more() -> None:
     assert (await asyncio.wait_for(line.answer.receive(), 30))["type"] == "http.disconnect"
 
 
-async def test_what_comes_from_the_client_comes_through() -> None:
+async def test_client_messages_are_forwarded() -> None:
     line = Line()
     line.come.set()
 

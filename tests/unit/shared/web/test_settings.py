@@ -23,7 +23,7 @@ GOOD: dict[str, Any] = {"issuer": "https://login.example/realms/site", "audience
         "http://[::1]:8080/",
     ],
 )
-def test_an_issuer_stays_as_it_writes_itself(issuer: str) -> None:
+def test_issuer_url_is_unchanged(issuer: str) -> None:
     assert OidcSettings.model_validate({**GOOD, "issuer": issuer}).issuer == issuer
 
 
@@ -42,7 +42,7 @@ def test_an_issuer_stays_as_it_writes_itself(issuer: str) -> None:
         ("https://me@login.example/", "an address such as"),
     ],
 )
-def test_an_issuer_that_others_could_play_is_refused(issuer: str, complaint: str) -> None:
+def test_unprotected_issuer_is_refused(issuer: str, complaint: str) -> None:
     with pytest.raises(ValidationError, match=complaint):
         OidcSettings.model_validate({**GOOD, "issuer": issuer})
 
@@ -57,12 +57,12 @@ def test_only_signatures_by_private_keys_can_be_allowed(algorithm: str) -> None:
     "wrong",
     [{"audience": ""}, {"roles": {}}, {"roles": {"chef": "king"}}, {"algorithms": []}, {"leeway": -1}],
 )
-def test_what_would_let_in_nobody_or_everybody_is_refused(wrong: dict[str, Any]) -> None:
+def test_settings_that_admit_no_one_or_everyone_are_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(ValidationError):
         OidcSettings.model_validate({**GOOD, **wrong})
 
 
-def test_audience_and_issuer_have_to_be_given() -> None:
+def test_audience_and_issuer_are_required() -> None:
     with pytest.raises(ValidationError, match="audience"):
         OidcSettings.model_validate({"issuer": GOOD["issuer"]})
 
@@ -79,7 +79,7 @@ def test_loopback_needs_nothing(host: str) -> None:
 
 @pytest.mark.parametrize("tls", [TLS, {"reverse_proxy": True}])
 @pytest.mark.parametrize("login", [USERS, OIDC])
-def test_with_tls_and_login_it_may_be_anywhere(tls: dict[str, Any], login: dict[str, Any]) -> None:
+def test_tls_and_login_allow_any_address(tls: dict[str, Any], login: dict[str, Any]) -> None:
     check_exposure(HttpSettings(host="192.0.2.1", port=0, **login, **tls))
 
 
@@ -104,12 +104,12 @@ def test_each_thing_that_is_missing_is_named(given: dict[str, Any], complaints: 
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "127.8.9.1", "::1", "localhost"])
-def test_only_this_machine_reaches_it(host: str) -> None:
+def test_loopback_hosts(host: str) -> None:
     assert is_loopback(host)
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "::", "192.0.2.1", "fleet.example", "", "localhost.example"])
-def test_everything_else_is_beyond_it(host: str) -> None:
+def test_other_hosts_are_not_loopback(host: str) -> None:
     assert not is_loopback(host)
 
 
@@ -123,5 +123,5 @@ def test_everything_else_is_beyond_it(host: str) -> None:
         ("testclient", "testclient"),
     ],
 )
-def test_a_machine_that_chooses_its_addresses_counts_as_one(address: str, network: str) -> None:
+def test_ipv6_addresses_of_one_network_count_as_one(address: str, network: str) -> None:
     assert network_of(address) == network

@@ -7,11 +7,11 @@ from nena_shared.web.metrics import takes_gzip
 from nena_status_aggregator.aggregator import Aggregator
 
 
-async def test_files_outside_the_page_are_out_of_reach(client: httpx.AsyncClient) -> None:
+async def test_files_outside_the_panel_are_not_served(client: httpx.AsyncClient) -> None:
     assert (await client.get("/..%2f__init__.py")).status_code == 404
 
 
-async def test_the_interface_is_described(client: httpx.AsyncClient) -> None:
+async def test_openapi_document_is_served(client: httpx.AsyncClient) -> None:
     described = (await client.get("/api/v1/openapi.json")).json()
     assert {
         "/api/v1/fleet",
@@ -35,7 +35,7 @@ async def test_the_interface_is_described(client: httpx.AsyncClient) -> None:
     assert "stateAge" in described["components"]["schemas"]["RobotResource"]["properties"]
 
 
-async def test_the_page_comes_with_a_strict_policy(client: httpx.AsyncClient) -> None:
+async def test_page_has_a_strict_content_security_policy(client: httpx.AsyncClient) -> None:
     page = await client.get("/")
     assert page.headers["content-type"].startswith("text/html")
     policy = page.headers["content-security-policy"]
@@ -58,7 +58,7 @@ async def test_health_and_readiness(client: httpx.AsyncClient, aggregator: Aggre
 
 
 @pytest.mark.usefixtures("populated")
-async def test_metrics_are_compressed_for_who_takes_gzip(client: httpx.AsyncClient) -> None:
+async def test_metrics_are_compressed_for_clients_that_accept_gzip(client: httpx.AsyncClient) -> None:
     plain = await client.get("/metrics", headers={"accept-encoding": "identity"})
     assert "content-encoding" not in plain.headers
     packed = await client.get("/metrics", headers={"accept-encoding": "br;q=1.0, gzip;q=0.5"})
@@ -81,7 +81,7 @@ async def test_metrics_are_compressed_for_who_takes_gzip(client: httpx.AsyncClie
         ("", False),
     ],
 )
-def test_who_takes_gzip(header: str, *, taken: bool) -> None:
+def test_accept_encoding_header(header: str, *, taken: bool) -> None:
     assert takes_gzip(header) is taken
 
 

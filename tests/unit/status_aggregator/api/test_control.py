@@ -98,7 +98,7 @@ async def test_a_command_is_passed_on_with_its_answer(client: httpx.AsyncClient,
 
 
 @pytest.mark.parametrize("headers", [{"authorization": "Bearer t"}, {"cookie": f"{COOKIE}=t"}])
-async def test_the_order_service_hears_who_asks(
+async def test_user_token_is_forwarded_to_the_order_service(
     headers: dict[str, str], client: httpx.AsyncClient, far: Far
 ) -> None:
     await client.post("/transportOrders", json=ORDER, headers=headers)
@@ -124,12 +124,12 @@ async def test_a_path_is_locked(client: httpx.AsyncClient, far: Far) -> None:
 @pytest.mark.parametrize(
     "path", ["/paths/A", "/vehicles/A/lock", "/transportOrders/A/lock", "/paths/A/route"]
 )
-async def test_nothing_but_the_lock_of_a_path_is_put(client: httpx.AsyncClient, far: Far, path: str) -> None:
+async def test_only_path_locks_accept_put(client: httpx.AsyncClient, far: Far, path: str) -> None:
     assert (await client.put(path, json={})).status_code == 404
     assert far.asked == []
 
 
-async def test_problems_of_the_order_service_are_told_as_they_are(client: httpx.AsyncClient) -> None:
+async def test_problems_of_the_order_service_are_forwarded_unchanged(client: httpx.AsyncClient) -> None:
     answer = await client.post("/vehicles/taken/dispatch", json={"point": "A"})
     assert (answer.status_code, answer.headers["content-type"]) == (409, "application/problem+json")
 
@@ -169,7 +169,7 @@ async def test_nothing_else_of_the_order_service_is_reachable(
     ],
     ids=str,
 )
-async def test_pages_of_others_give_no_commands(
+async def test_requests_of_other_origins_are_refused(
     client: httpx.AsyncClient, far: Far, headers: dict[str, str]
 ) -> None:
     answer = await client.post("/transportOrders", json=ORDER, headers=headers)
@@ -177,7 +177,7 @@ async def test_pages_of_others_give_no_commands(
     assert far.asked == []
 
 
-async def test_our_own_page_does(client: httpx.AsyncClient) -> None:
+async def test_own_page_may_send_commands(client: httpx.AsyncClient) -> None:
     headers = {"origin": "http://127.0.0.1:8080", "sec-fetch-site": "same-origin"}
     assert (await client.post("/transportOrders", json=ORDER, headers=headers)).status_code == 201
 
@@ -188,7 +188,7 @@ async def test_what_a_form_of_another_page_could_send_is_refused(client: httpx.A
     assert far.asked == []
 
 
-async def test_a_body_without_end_is_refused(client: httpx.AsyncClient, far: Far) -> None:
+async def test_endless_body_is_refused(client: httpx.AsyncClient, far: Far) -> None:
     headers = {"content-type": "application/json"}
     answer = await client.post("/transportOrders", content=b" " * (BODY_LIMIT + 1), headers=headers)
     assert answer.status_code == 413
@@ -202,7 +202,7 @@ async def test_without_an_order_service_commands_are_off() -> None:
     assert (answer.status_code, "--order_service.url" in answer.json()["detail"]) == (404, True)
 
 
-async def test_an_order_service_that_is_away_is_a_problem_that_says_so() -> None:
+async def test_unavailable_order_service_is_reported() -> None:
     async with client_of(free_port()) as client:
         assert (await client.get("http://127.0.0.1:8080/api/v1/control")).json() == {"enabled": True}
         answer = await client.post("/transportOrders", json=ORDER)

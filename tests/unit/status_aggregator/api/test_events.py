@@ -17,7 +17,7 @@ from support.pausing import time_passes
 from support.waiting import PATIENCE
 
 
-async def test_too_many_followers_are_told_so(client: httpx.AsyncClient, aggregator: Aggregator) -> None:
+async def test_client_limit_is_reported(client: httpx.AsyncClient, aggregator: Aggregator) -> None:
     aggregator.events.clients = 1
     answer = await client.get("/api/v1/events")
     assert (answer.status_code, answer.json()["title"]) == (503, "Service Unavailable")
@@ -54,7 +54,7 @@ def follower(published: Published, last_id: str | None = None) -> aclosing[Async
     return aclosing(published.stream.follow(last_id))
 
 
-async def test_a_new_client_gets_a_snapshot_and_then_what_changes() -> None:
+async def test_new_client_receives_a_snapshot_then_changes() -> None:
     published = Published()
     published.publish(2)
     async with follower(published) as frames:
@@ -63,7 +63,7 @@ async def test_a_new_client_gets_a_snapshot_and_then_what_changes() -> None:
         assert parsed(await anext(frames)) == [("delta", "e-3"), ("delta", "e-4")]
 
 
-async def test_a_client_that_comes_back_gets_what_it_missed() -> None:
+async def test_reconnecting_client_receives_missed_events() -> None:
     published = Published()
     published.publish(5)
     async with follower(published, "e-3") as frames:
@@ -72,14 +72,14 @@ async def test_a_client_that_comes_back_gets_what_it_missed() -> None:
 
 
 @pytest.mark.parametrize("last_id", ["other-3", "e-99", "e-", "e--1", "nonsense", "e-x"])
-async def test_an_id_that_says_nothing_gets_a_snapshot(last_id: str) -> None:
+async def test_unknown_event_id_yields_a_snapshot(last_id: str) -> None:
     published = Published()
     published.publish(5)
     async with follower(published, last_id) as frames:
         assert parsed(await anext(frames)) == [("snapshot", "e-5")]
 
 
-async def test_what_the_ring_has_lost_is_made_good_by_a_snapshot() -> None:
+async def test_events_no_longer_in_the_ring_are_replaced_by_a_snapshot() -> None:
     published = Published(history=3)
     published.publish(5)
     async with follower(published, "e-1") as frames:
@@ -88,7 +88,7 @@ async def test_what_the_ring_has_lost_is_made_good_by_a_snapshot() -> None:
         assert [number for _, number in parsed(await anext(frames))] == ["e-3", "e-4", "e-5"]
 
 
-async def test_a_client_that_falls_behind_gets_a_new_snapshot() -> None:
+async def test_client_that_falls_behind_receives_a_snapshot() -> None:
     published = Published(backlog=3)
     async with follower(published) as slow, follower(published) as quick:
         assert parsed(await anext(slow)) == parsed(await anext(quick)) == [("snapshot", "e-0")]
@@ -101,7 +101,7 @@ async def test_a_client_that_falls_behind_gets_a_new_snapshot() -> None:
         assert parsed(await anext(slow)) == [("delta", "e-5")]
 
 
-async def test_silence_is_broken_by_heartbeats(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_heartbeats_are_sent_while_idle(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server_sent_events, "HEARTBEAT", 0.01)
     published = Published()
     async with follower(published) as frames:
@@ -139,7 +139,7 @@ async def test_clients_are_counted_and_limited() -> None:
     assert fullness == [False, True, False]
 
 
-async def test_of_those_who_come_at_the_same_time_no_more_are_let_in() -> None:
+async def test_concurrent_clients_respect_the_limit() -> None:
     published = Published(clients=2)
     followers = [published.stream.follow(None) for _ in range(4)]  # all of them have seen that there is room
     begun = [await anext(frames, b"") for frames in followers]

@@ -40,7 +40,9 @@ async def test_orders(client: httpx.AsyncClient) -> None:
     }
 
 
-async def test_the_plant_as_it_was_published(client: httpx.AsyncClient, aggregator: Aggregator) -> None:
+async def test_plant_model_is_returned_as_published(
+    client: httpx.AsyncClient, aggregator: Aggregator
+) -> None:
     plant = sample_plant()
     aggregator.model.on_plant_model(plant)
     answer = await client.get("/api/v1/plant")

@@ -71,7 +71,7 @@ async def test_the_browser_is_sent_with_everything_that_protects_it(issuer: Oidc
     }
 
 
-async def test_an_endpoint_with_a_query_of_its_own_keeps_it(issuer: OidcIssuer) -> None:
+async def test_query_of_an_endpoint_is_preserved(issuer: OidcIssuer) -> None:
     issuer.metadata["authorization_endpoint"] = f"{issuer.address}/authorize?policy=site"
     place = await sign_in(issuer).begin(Attempt.new())
 
@@ -82,7 +82,7 @@ async def test_an_endpoint_with_a_query_of_its_own_keeps_it(issuer: OidcIssuer) 
     ("secret", "methods"),
     [(None, None), (SECRET, None), (SECRET, ["client_secret_post"]), (SECRET, ["client_secret_basic"])],
 )
-async def test_somebody_signs_in(issuer: OidcIssuer, secret: str | None, methods: list[str] | None) -> None:
+async def test_user_signs_in(issuer: OidcIssuer, secret: str | None, methods: list[str] | None) -> None:
     issuer.client_secret = secret
     if methods:
         issuer.metadata["token_endpoint_auth_methods_supported"] = methods
@@ -128,7 +128,7 @@ async def test_an_id_token_that_is_not_of_this_sign_in_is_refused(
     ("access_claims", "why"),
     [({"aud": "other"}, "unfit"), ({"exp": 1}, "unfit"), ({"roles": ["cook"]}, "role")],
 )
-async def test_an_access_token_that_would_not_count_signs_nobody_in(
+async def test_invalid_access_token_fails_the_sign_in(
     issuer: OidcIssuer, access_claims: dict[str, Any], why: str
 ) -> None:
     issuer.access_claims = access_claims
@@ -136,7 +136,7 @@ async def test_an_access_token_that_would_not_count_signs_nobody_in(
     assert (await refusal(issuer)).why == why
 
 
-async def test_a_wrong_password_of_the_panel_is_told(issuer: OidcIssuer) -> None:
+async def test_wrong_client_secret_is_reported(issuer: OidcIssuer) -> None:
     issuer.client_secret = SECRET
     error = await refusal(issuer, client_secret="wrong")
 
@@ -145,7 +145,7 @@ async def test_a_wrong_password_of_the_panel_is_told(issuer: OidcIssuer) -> None
 
 
 @pytest.mark.parametrize("answer", [b"{}", b'{"access_token": 5, "id_token": "x"}', b'{"access_token": "x"}'])
-async def test_an_answer_without_tokens_signs_nobody_in(issuer: OidcIssuer, answer: bytes) -> None:
+async def test_response_without_tokens_fails_the_sign_in(issuer: OidcIssuer, answer: bytes) -> None:
     issuer.broken[TOKEN] = answer
 
     assert (await refusal(issuer)).why == "unfit"
@@ -161,7 +161,7 @@ async def test_a_code_counts_once(issuer: OidcIssuer) -> None:
     assert caught.value.why == "refused"
 
 
-async def test_a_code_of_somebody_else_is_of_no_use(issuer: OidcIssuer) -> None:
+async def test_code_of_another_sign_in_is_refused(issuer: OidcIssuer) -> None:
     """Check that a stolen code alone has neither the state nor the verifier that belong to it."""
     signing, own = sign_in(issuer), Attempt.new()
     stolen = await came_back(issuer, signing, Attempt.new(), "vic")
@@ -174,7 +174,7 @@ async def test_a_code_of_somebody_else_is_of_no_use(issuer: OidcIssuer) -> None:
 
 
 @pytest.mark.parametrize("state", [None, "", "wrong", "ä", "\ud800"])
-async def test_a_wrong_state_asks_the_issuer_nothing(issuer: OidcIssuer, state: str | None) -> None:
+async def test_wrong_state_causes_no_request_to_the_issuer(issuer: OidcIssuer, state: str | None) -> None:
     query = {"code": "x"} if state is None else {"code": "x", "state": state}
     for attempt in (Attempt.new(), None):
         with pytest.raises(SignInError, match="state"):
@@ -182,7 +182,7 @@ async def test_a_wrong_state_asks_the_issuer_nothing(issuer: OidcIssuer, state: 
     assert not issuer.asked
 
 
-async def test_who_is_not_let_in_by_the_issuer_is_told(issuer: OidcIssuer) -> None:
+async def test_refusal_by_the_issuer_is_reported(issuer: OidcIssuer) -> None:
     signing, attempt = sign_in(issuer), Attempt.new()
     query = await came_back(issuer, signing, attempt, "nobody")
 
@@ -191,7 +191,7 @@ async def test_who_is_not_let_in_by_the_issuer_is_told(issuer: OidcIssuer) -> No
     assert caught.value.why == "refused"
 
 
-async def test_an_issuer_that_is_away_is_told(issuer: OidcIssuer) -> None:
+async def test_unavailable_issuer_is_reported(issuer: OidcIssuer) -> None:
     issuer.broken[DISCOVERY] = b"gone"
 
     with pytest.raises(SignInError) as caught:
@@ -200,7 +200,7 @@ async def test_an_issuer_that_is_away_is_told(issuer: OidcIssuer) -> None:
 
 
 @pytest.mark.parametrize("name", ["authorization_endpoint", "token_endpoint"])
-async def test_an_endpoint_that_others_could_play_is_not_used(issuer: OidcIssuer, name: str) -> None:
+async def test_unprotected_endpoint_is_not_used(issuer: OidcIssuer, name: str) -> None:
     signing, attempt = sign_in(issuer), Attempt.new()
     query = dict(parse_qsl(urlsplit(await signing.begin(attempt)).query))
     _, where, _ = issuer.authorize({**query, "person": "ann"})
@@ -213,7 +213,7 @@ async def test_an_endpoint_that_others_could_play_is_not_used(issuer: OidcIssuer
 
 
 @given(st.text(max_size=40))
-def test_an_attempt_is_read_as_it_was_made_and_nothing_else_is(text: str) -> None:
+def test_attempt_round_trip_and_rejection_of_other_texts(text: str) -> None:
     made = Attempt.new()
     assert Attempt.read(made.text()) == made
     read = Attempt.read(text)
@@ -230,6 +230,6 @@ def test_an_audience_for_which_id_tokens_count_is_warned_of(
     assert [each["audience"] for each in logged if each["log_level"] == "warning"] == warnings * [CLIENT]
 
 
-def test_without_a_client_nobody_signs_in_at_the_panel(issuer: OidcIssuer) -> None:
+def test_without_a_client_the_panel_has_no_oidc_sign_in(issuer: OidcIssuer) -> None:
     assert sign_in_of(tokens(issuer, client_id=None, panel_url=None)) is None
     assert sign_in_of(None) is None

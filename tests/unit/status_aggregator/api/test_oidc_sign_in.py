@@ -93,7 +93,7 @@ async def test_the_session_ends_with_the_browser_and_scripts_do_not_get_it(panel
     assert said["SameSite"] == "strict"
 
 
-async def test_what_the_browser_brings_back_is_kept_from_others(panel: httpx.AsyncClient) -> None:
+async def test_attempt_cookie_is_protected(panel: httpx.AsyncClient) -> None:
     kept = (await panel.get(f"{SESSION}/oidc/start")).headers["set-cookie"]
 
     assert "HttpOnly" in kept
@@ -115,7 +115,7 @@ async def test_over_tls_both_cookies_go_over_tls_only(issuer: OidcIssuer) -> Non
 
 
 @pytest.mark.parametrize("elsewhere", ["https://evil.example/", "//evil.example", "javascript:alert(1)"])
-async def test_nobody_is_sent_elsewhere_after_signing_in(panel: httpx.AsyncClient, elsewhere: str) -> None:
+async def test_sign_in_redirects_only_to_the_panel(panel: httpx.AsyncClient, elsewhere: str) -> None:
     names = ("next", "return_to", "redirect_uri", "redirect", "url", "target_link_uri")
     more = "".join(f"&{name}={elsewhere}" for name in names)
     back = await at_issuer(panel, "ann", f"?{more[1:]}")
@@ -127,7 +127,7 @@ async def test_nobody_is_sent_elsewhere_after_signing_in(panel: httpx.AsyncClien
     assert problem_of(failed) == "expired"
 
 
-async def test_what_was_used_once_is_used_up(panel: httpx.AsyncClient, issuer: OidcIssuer) -> None:
+async def test_attempt_cannot_be_reused(panel: httpx.AsyncClient, issuer: OidcIssuer) -> None:
     back = await at_issuer(panel, "ann")
     attempt = panel.cookies[oidc.COOKIE]
     await panel.get(back)
@@ -138,9 +138,7 @@ async def test_what_was_used_once_is_used_up(panel: httpx.AsyncClient, issuer: O
     assert issuer.codes == {}
 
 
-async def test_a_sign_in_that_somebody_else_began_is_none(
-    panel: httpx.AsyncClient, issuer: OidcIssuer
-) -> None:
+async def test_sign_in_started_elsewhere_is_refused(panel: httpx.AsyncClient, issuer: OidcIssuer) -> None:
     """Check that a link cannot sign a user in to an attacker's account, which would get their data."""
     async with panel_of(issuer) as other:
         back = await at_issuer(other, "vic")
@@ -151,26 +149,26 @@ async def test_a_sign_in_that_somebody_else_began_is_none(
     assert (await panel.get(FLEET)).status_code == 401
 
 
-async def test_who_has_no_role_here_is_told(panel: httpx.AsyncClient) -> None:
+async def test_user_without_a_role_is_informed(panel: httpx.AsyncClient) -> None:
     with capture_logs() as logged:
         assert problem_of(await panel.get(await at_issuer(panel, "bob"))) == "role"
     assert "bob has no role in NeNa" in next(each for each in logged if each.get("why") == "role")["reason"]
 
 
-async def test_a_wrong_nonce_signs_nobody_in(panel: httpx.AsyncClient, issuer: OidcIssuer) -> None:
+async def test_wrong_nonce_fails_the_sign_in(panel: httpx.AsyncClient, issuer: OidcIssuer) -> None:
     issuer.id_claims = {"nonce": "another"}
 
     assert problem_of(await panel.get(await at_issuer(panel, "ann"))) == "unfit"
     assert (await panel.get(FLEET)).status_code == 401
 
 
-async def test_an_issuer_that_is_away_is_told(panel: httpx.AsyncClient, issuer: OidcIssuer) -> None:
+async def test_unavailable_issuer_is_reported(panel: httpx.AsyncClient, issuer: OidcIssuer) -> None:
     issuer.broken[DISCOVERY] = b"gone"
 
     assert problem_of(await panel.get(f"{SESSION}/oidc/start")) == "away"
 
 
-async def test_a_token_that_no_browser_keeps_is_told(panel: httpx.AsyncClient, issuer: OidcIssuer) -> None:
+async def test_token_too_long_for_a_cookie_is_reported(panel: httpx.AsyncClient, issuer: OidcIssuer) -> None:
     issuer.people["ann"] += [f"role-{number}" for number in range(TOKEN_LIMIT // 5)]
 
     with capture_logs() as logged:
@@ -180,7 +178,7 @@ async def test_a_token_that_no_browser_keeps_is_told(panel: httpx.AsyncClient, i
     assert (pasted.status_code, "set-cookie" in pasted.headers) == (400, False)
 
 
-async def test_a_pasted_token_of_the_issuer_is_kept_until_the_browser_is_closed(
+async def test_pasted_issuer_token_is_stored_in_a_session_cookie(
     panel: httpx.AsyncClient, issuer: OidcIssuer
 ) -> None:
     answer = await panel.post(SESSION, headers={"authorization": f"Bearer {issuer.token('vic')}"})

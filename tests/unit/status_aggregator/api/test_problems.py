@@ -18,9 +18,7 @@ from nena_status_aggregator.api.problems import ProblemError, as_json, found
         ("/nothing.js", "openapi.json"),
     ],
 )
-async def test_what_is_not_there_is_a_problem_that_says_what_to_do(
-    client: httpx.AsyncClient, path: str, word: str
-) -> None:
+async def test_unknown_path_is_a_problem_with_advice(client: httpx.AsyncClient, path: str, word: str) -> None:
     answer = await client.get(path)
     assert answer.status_code == 404
     assert answer.headers["content-type"] == "application/problem+json"
@@ -37,7 +35,7 @@ async def test_a_wrong_method_and_a_wrong_value_are_problems(client: httpx.Async
     assert invalid.json()["errors"][0].startswith("query.after:")
 
 
-async def test_a_failure_inside_is_a_problem_without_its_innards(
+async def test_internal_error_is_a_problem_without_details(
     client: httpx.AsyncClient, aggregator: Aggregator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(aggregator.model, "snapshot", lambda: 1 / 0)
@@ -46,18 +44,18 @@ async def test_a_failure_inside_is_a_problem_without_its_innards(
     assert "division" not in answer.text
 
 
-def test_what_is_there_is_given_also_when_it_is_empty() -> None:
+def test_found_value_is_returned_even_if_empty() -> None:
     assert found([], "nothing") == []
     assert found(0, "nothing") == 0
 
 
-def test_what_is_not_there_is_a_problem_with_what_to_do() -> None:
+def test_missing_resource_is_a_problem_with_advice() -> None:
     with pytest.raises(ProblemError, match="Start one") as caught:
         found(None, "Start one.")
     assert caught.value.status == 404
 
 
-def test_views_are_written_as_they_are() -> None:
+def test_views_are_serialised_unchanged() -> None:
     answer = as_json({"stateAge": None, "robots": ("ä",)})
     assert answer.headers["content-type"] == "application/json"
     assert json.loads(bytes(answer.body)) == {"stateAge": None, "robots": ["ä"]}

@@ -56,7 +56,7 @@ async def test_a_browser_logs_in_once_and_out_again(client: httpx.AsyncClient) -
         assert (await client.get(path)).status_code == 401
 
 
-async def test_a_token_of_nobody_gives_no_cookie(client: httpx.AsyncClient) -> None:
+async def test_unknown_token_sets_no_cookie(client: httpx.AsyncClient) -> None:
     answer = await client.post(SESSION, headers={"authorization": "Bearer bob's"})
 
     assert answer.status_code == 401
@@ -76,7 +76,7 @@ async def test_scripts_and_other_sites_do_not_get_the_cookie(
     assert "Max-Age" not in cookie, "it ends with the browser"
 
 
-async def test_who_is_taken_out_is_out_at_once(client: httpx.AsyncClient, users: Path) -> None:
+async def test_removed_user_is_locked_out_immediately(client: httpx.AsyncClient, users: Path) -> None:
     await client.post(SESSION, headers=ANN)
     write_users(users, [])
 
@@ -102,7 +102,7 @@ async def test_refusals_have_the_headers_of_security(client: httpx.AsyncClient) 
     assert refused.headers["content-security-policy"].startswith("default-src 'none'")
 
 
-async def test_without_users_nobody_logs_in() -> None:
+async def test_without_users_no_login_is_required() -> None:
     async with client_of(None) as client:
         assert (await client.get(SESSION)).json() == {"user": None, "role": None}
         assert (await client.get(FLEET)).status_code == 200
@@ -135,7 +135,7 @@ RULE = make_rule(HttpSettings(port=0))
         ("GET /api/v1/session/oidcs", Role.VIEWER),
     ],
 )
-def test_what_a_request_takes(request_line: str, role: Role | None) -> None:
+def test_required_role_of_requests(request_line: str, role: Role | None) -> None:
     assert RULE(*request_line.split()) == role
 
 

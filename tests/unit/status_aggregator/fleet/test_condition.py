@@ -46,18 +46,18 @@ def test_free() -> None:
     assert conclude() == (Condition.IDLE, "No order.")
 
 
-def test_free_says_why_in_the_words_of_the_order_service() -> None:
+def test_idle_reason_is_that_of_the_order_service() -> None:
     assert conclude(fleet_remark="No order waits.") == (Condition.IDLE, "No order waits.")
 
 
-def test_silent_says_since_when() -> None:
+def test_silent_reason_has_its_start() -> None:
     assert conclude(overdue=True) == (
         Condition.SILENT,
         "No state since 08:00:05 UTC (limit: 35 s).",
     )
 
 
-def test_silence_is_not_the_robots_when_we_are_blind() -> None:
+def test_silence_is_attributed_to_a_lost_broker_connection() -> None:
     condition, text = conclude(overdue=True, link_up=False)
     assert condition is Condition.SILENT
     assert "not connected to the broker" in text
@@ -69,7 +69,7 @@ def test_no_state_ever() -> None:
     assert text.startswith("No state received yet")
 
 
-def test_a_vehicle_that_only_the_order_service_knows_is_not_silent() -> None:
+def test_vehicle_known_only_to_the_order_service_is_not_silent() -> None:
     condition, text = conclude(state=None, connection=None, fleet_remark="Never connected.")
     assert condition is Condition.OFFLINE
     assert text.startswith("Never connected")
@@ -95,7 +95,7 @@ def test_a_robot_that_still_sends_states_is_not_broken() -> None:
     ("connection", "word"),
     [(ConnectionState.OFFLINE, "Disconnected"), (ConnectionState.HIBERNATING, "Hibernating")],
 )
-def test_away_on_purpose_is_not_silent(connection: ConnectionState, word: str) -> None:
+def test_disconnected_robot_is_not_silent(connection: ConnectionState, word: str) -> None:
     condition, text = conclude(connection=connection, overdue=True)
     assert condition is Condition.OFFLINE
     assert text.startswith(word)
@@ -120,7 +120,7 @@ def test_a_robot_whose_next_node_is_not_released_waits() -> None:
     assert (condition, text) == (Condition.WAITING, "Waiting at A until B is released.")
 
 
-def test_a_robot_that_waits_says_for_whom() -> None:
+def test_waiting_reason_names_the_vehicles() -> None:
     waits = state(last_node_id="A", **way("B", released=0))
     condition, text = conclude(state=waits, transport_order="T-1", wait=BEHIND)
     assert (condition, text) == (Condition.WAITING, "Blocked at B by V-2, V-3.")
@@ -155,7 +155,9 @@ def test_a_robot_without_an_order_that_makes_room_for_others_waits_only_for_othe
         ),
     ],
 )
-def test_who_drives_works_or_cannot_drive_does_not_wait(fields: dict[str, Any], condition: Condition) -> None:
+def test_robot_that_drives_works_or_is_stuck_does_not_wait(
+    fields: dict[str, Any], condition: Condition
+) -> None:
     assert conclude(state=state(**fields), transport_order="T-1", wait=BEHIND)[0] is condition
 
 
@@ -222,7 +224,7 @@ def test_a_warning_does_not_stop_anybody(level: str) -> None:
         ({"paused": True}, "Paused"),
     ],
 )
-def test_blocked_says_by_what(fields: dict[str, Any], word: str) -> None:
+def test_blocked_reason_has_the_cause(fields: dict[str, Any], word: str) -> None:
     condition, text = conclude_of(**fields, **way("B"))
     assert condition is Condition.BLOCKED
     assert word in text
@@ -236,7 +238,7 @@ def test_blocked_says_by_what(fields: dict[str, Any], word: str) -> None:
         ({"driving": True}, "Driving without an order."),
     ],
 )
-def test_busy_says_with_what(fields: dict[str, Any], text: str) -> None:
+def test_busy_reason_has_the_activity(fields: dict[str, Any], text: str) -> None:
     assert conclude_of(last_node_id="A", **fields) == (Condition.BUSY, text)
 
 
@@ -251,7 +253,7 @@ def test_busy_with_an_action(status: str, text: str) -> None:
     assert conclude_of(last_node_id="A", action_states=actions) == (Condition.BUSY, text)
 
 
-def test_an_action_under_way_explains_why_it_stands() -> None:
+def test_running_action_explains_a_stationary_robot() -> None:
     actions = (
         {"action_id": "1", "action_type": "drop", "action_status": "WAITING"},
         {"action_id": "2", "action_type": "pick", "action_status": "RUNNING"},
@@ -259,7 +261,7 @@ def test_an_action_under_way_explains_why_it_stands() -> None:
     assert conclude_of(last_node_id="A", action_states=actions, **way("B"))[1] == "Running pick at A."
 
 
-def test_a_coordinate_is_shown_instead_of_the_name_of_its_node() -> None:
+def test_node_at_a_coordinate_is_shown_as_coordinate() -> None:
     node = {
         "node_id": "goal:TOrder-0",
         "sequence_id": 2,

@@ -28,7 +28,7 @@ class Recorded:
         return [each for each in self.published if each.code is code][-1]
 
 
-def test_a_connection_is_told_once() -> None:
+def test_connection_change_is_logged_once() -> None:
     recorded = Recorded()
     for number in range(3):
         recorded.model.on_connection(ROBOT, connection(number=number), at(number))
@@ -38,7 +38,7 @@ def test_a_connection_is_told_once() -> None:
     assert event.values == {"state": "ONLINE", "before": None}
 
 
-def test_conditions_are_told_with_the_reason_and_new_reasons_to_stand_too() -> None:
+def test_conditions_are_logged_with_reasons() -> None:
     recorded = Recorded()
     stop = {"active_emergency_stop": "MANUAL", "field_violation": False}
     scenes: tuple[dict[str, Any], ...] = (
@@ -61,7 +61,7 @@ def test_conditions_are_told_with_the_reason_and_new_reasons_to_stand_too() -> N
     assert conditions[1].text == "Emergency stop active; reset it at the robot."
 
 
-def test_silence_is_told_without_a_message() -> None:
+def test_silence_is_logged_without_a_message() -> None:
     recorded = Recorded(silence=5)
     recorded.model.on_state(ROBOT, state(), at(0))
     recorded.model.flush(at(0))
@@ -70,7 +70,7 @@ def test_silence_is_told_without_a_message() -> None:
     assert recorded.last(Code.CONDITION).time == at(6).utc
 
 
-def test_what_a_robot_does_is_told_with_its_order_and_counted() -> None:
+def test_events_of_a_robot_are_logged_with_its_order_and_counted() -> None:
     recorded = Recorded()
     model = recorded.model
     model.on_state(ROBOT, state(last_node_id="A"), at(0))
@@ -93,7 +93,7 @@ def test_what_a_robot_does_is_told_with_its_order_and_counted() -> None:
     }
 
 
-def test_transport_orders_are_told_when_their_state_or_reason_changes() -> None:
+def test_transport_orders_are_logged_on_changes_of_state_or_reason() -> None:
     recorded = Recorded()
     for version, (order_state, reason) in enumerate(
         (
@@ -114,7 +114,7 @@ def test_transport_orders_are_told_when_their_state_or_reason_changes() -> None:
     assert (orders[-1].order, orders[-1].values["before"]) == ("TO-1", "DISPATCHABLE")
 
 
-def test_a_robot_that_makes_room_and_a_lost_link_are_told() -> None:
+def test_removed_robot_and_lost_link_are_logged() -> None:
     recorded = Recorded(robots=1, silence=1)
     recorded.model.on_state(ROBOT, state(), at(0))
     other = RobotKey("ACME", "r2")

@@ -26,14 +26,14 @@ def test_nothing_happens_between_equal_states() -> None:
     assert changes_of(state(**fields), state(9, driving=True, **fields)) == {}
 
 
-def test_of_a_first_state_only_errors_are_news() -> None:
+def test_first_state_only_raises_errors() -> None:
     first = state(order_id="o1", errors=(ERROR,), action_states=(action("FINISHED"),), **way("B"))
     assert changes_of(None, first) == {
         "errorRaised": {"errorType": "orderError", "errorLevel": "CRITICAL", "description": "No way."}
     }
 
 
-def test_an_order_from_its_taking_to_its_end() -> None:
+def test_order_from_acceptance_to_end() -> None:
     free = state(last_node_id="A", last_node_sequence_id=0)
     taken = state(order_id="o1", last_node_id="A", **way("B", "C"))
     updated = state(order_id="o1", order_update_id=1, last_node_id="A", **way("B", "C"))
@@ -73,7 +73,7 @@ def test_how_an_order_ended(end: State, outcome: str) -> None:
     assert changes_of(before, end)["orderEnded"] == {"orderId": "o1", "outcome": outcome}
 
 
-def test_a_new_order_at_the_node_where_the_robot_stands_reaches_nothing() -> None:
+def test_first_node_of_a_new_order_is_not_reached() -> None:
     before = state(order_id="o1", last_node_id="B", last_node_sequence_id=4)
     assert changes_of(before, state(order_id="o2", last_node_id="B", **way("C"))).keys() == {"orderTaken"}
 
@@ -87,7 +87,7 @@ def test_an_action_ends_once(status: str) -> None:
     assert changes_of(ended, ended) == {}
 
 
-def test_errors_come_and_go() -> None:
+def test_errors_are_raised_and_cleared() -> None:
     raised, cleared = state(errors=(ERROR,)), state()
     assert changes_of(cleared, raised).keys() == {"errorRaised"}
     assert changes_of(raised, cleared) == {

@@ -19,7 +19,7 @@ def assessed(*messages: tuple[int, float]) -> list[str]:
     return [assess(sequence, number, seconds).name for number, seconds in messages]
 
 
-def test_rising_messages_are_taken() -> None:
+def test_increasing_header_ids_are_new() -> None:
     assert assessed((5, 0), (6, 1), (7, 1)) == ["NEW"] * 3
 
 
@@ -35,7 +35,7 @@ def test_two_older_messages_that_do_not_continue_each_other_are_both_late() -> N
     assert assessed((5, 5), (9, 9), (5, 5), (7, 7)) == ["NEW", "NEW", "LATE", "LATE"]
 
 
-def test_a_restart_at_zero_is_taken_even_with_an_older_clock() -> None:
+def test_restart_at_zero_is_accepted_with_an_older_clock() -> None:
     assert assessed((5, 1000), (0, 10), (1, 11)) == ["NEW"] * 3
 
 
@@ -50,7 +50,7 @@ def test_a_lower_number_with_a_later_time_is_a_restart() -> None:
     assert sequence.restarts == 1
 
 
-def test_a_clock_set_back_does_not_lock_the_robot_out() -> None:
+def test_clock_set_back_does_not_block_the_robot() -> None:
     assert assessed((5, 1000), (6, 10), (7, 11)) == ["NEW"] * 3
 
 
@@ -58,7 +58,7 @@ def test_a_restart_at_one_with_an_older_clock_is_believed_at_its_second_message(
     assert assessed((50, 1000), (1, 10), (2, 11), (3, 12)) == ["NEW", "LATE", "NEW", "NEW"]
 
 
-def test_numbers_that_wrap_around_are_no_restart() -> None:
+def test_wrapping_header_ids_are_not_a_restart() -> None:
     sequence = Sequence()
     assess(sequence, GREATEST_HEADER_ID, 0)
     assert assess(sequence, 0, 1) is Verdict.NEW
@@ -74,7 +74,7 @@ def test_gaps_are_counted() -> None:
 
 @settings(deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 30), st.integers(0, 30)), max_size=40))
-def test_a_sender_is_never_locked_out(before: list[tuple[int, int]]) -> None:
+def test_sender_is_never_ignored_permanently(before: list[tuple[int, int]]) -> None:
     sequence = Sequence()
     for number, seconds in before:
         assess(sequence, number, seconds)
@@ -89,7 +89,7 @@ def measured(*differences: float) -> float | None:
     return skew.seconds
 
 
-def test_nothing_is_known_before_the_first_message() -> None:
+def test_skew_is_unknown_before_the_first_message() -> None:
     assert measured() is None
 
 
@@ -101,5 +101,5 @@ def test_a_fast_clock_shows() -> None:
     assert measured(59.8, 60.0, 59.9) == 60.0
 
 
-def test_a_clock_that_was_put_right_is_believed_after_some_messages() -> None:
+def test_corrected_clock_is_recognised_after_some_messages() -> None:
     assert measured(60.0, *[0.0] * SAMPLES) == 0.0

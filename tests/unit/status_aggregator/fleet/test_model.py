@@ -51,7 +51,7 @@ def test_a_robot_is_discovered_by_its_first_message() -> None:
     assert (view["condition"], view["lastState"]) == ("SILENT", None)
 
 
-def test_everything_that_a_state_says_is_shown() -> None:
+def test_all_fields_of_a_state_are_in_the_view() -> None:
     fleet = model()
     fleet.on_factsheet(ROBOT, factsheet(), at(0))
     fleet.on_state(
@@ -97,7 +97,7 @@ def test_late_and_repeated_states_change_nothing_and_are_counted() -> None:
     assert fleet.statistics.received[MessageKind.STATE] == 3
 
 
-def test_the_will_counts_though_its_header_is_old() -> None:
+def test_last_will_with_an_old_header_is_accepted() -> None:
     fleet = model()
     fleet.on_connection(ROBOT, connection("ONLINE", 8, at=100), at(100))
     fleet.on_state(ROBOT, state(at=101), at(101))
@@ -105,7 +105,7 @@ def test_the_will_counts_though_its_header_is_old() -> None:
     assert view_of(fleet, 130)["condition"] == "BROKEN"
 
 
-def test_silence_comes_by_time_alone() -> None:
+def test_silence_is_detected_without_a_message() -> None:
     fleet = model()
     fleet.on_state(ROBOT, state(), at(0))
     assert view_of(fleet, 35)["condition"] == "IDLE"
@@ -124,7 +124,7 @@ def test_a_clock_that_is_off_is_noticed() -> None:
     assert view_of(fleet, key=other)["clockSkew"] is None
 
 
-def test_a_robot_that_is_never_understood_is_seen() -> None:
+def test_robot_with_only_unreadable_messages_is_listed() -> None:
     fleet = model()
     fleet.on_malformed(MessageKind.STATE, "uagv/v2/ACME/r1/state", "headerId: missing", at(0), key=ROBOT)
     view = view_of(fleet)
@@ -152,7 +152,7 @@ def test_new_errors_are_counted_once() -> None:
     assert fleet.statistics.errors_raised == {("orderError", "WARNING"): 2}
 
 
-def test_the_order_service_names_the_robot_and_says_why_it_is_free() -> None:
+def test_order_service_provides_name_and_idle_reason() -> None:
     fleet = model()
     fleet.on_state(ROBOT, state(), at(0))
     fleet.on_vehicle_status(vehicle_status(), at(0))
@@ -172,7 +172,7 @@ def test_an_order_advances_with_its_vehicle() -> None:
     assert delta["orders"] == [{"id": "TO-1", "progress": 22.5}]
 
 
-def test_a_forgotten_robot_is_told_as_gone() -> None:
+def test_removed_robot_is_in_the_delta() -> None:
     fleet = model(robots=1)
     fleet.on_state(ROBOT, state(), at(0))
     fleet.flush(at(0))
@@ -276,7 +276,7 @@ def by_id(views: list[Any]) -> list[Any]:
 
 @settings(max_examples=150, deadline=None)
 @given(st.lists(EVENTS, max_size=60))
-def test_whatever_comes_in_whatever_order_deltas_lead_from_one_snapshot_to_the_next(
+def test_deltas_connect_snapshots_for_any_messages(
     events: list[Event],
 ) -> None:
     fleet = FleetModel(ModelLimits(robots=4, orders=3))
@@ -301,7 +301,7 @@ def test_whatever_comes_in_whatever_order_deltas_lead_from_one_snapshot_to_the_n
 
 @settings(max_examples=30, deadline=None)
 @given(st.lists(EVENTS, max_size=40))
-def test_a_replay_gives_the_same(events: list[Event]) -> None:
+def test_replay_is_deterministic(events: list[Event]) -> None:
     results = []
     for _ in range(2):
         fleet = FleetModel(ModelLimits(robots=4, orders=3))
@@ -312,7 +312,7 @@ def test_a_replay_gives_the_same(events: list[Event]) -> None:
     assert results[0] == results[1]
 
 
-def test_conditions_go_on_without_anybody_being_told_and_the_next_delta_has_it_all() -> None:
+def test_conditions_advance_without_clients_and_the_next_delta_is_complete() -> None:
     fleet = model(silence=5)
     fleet.on_state(ROBOT, state(), at(0))
     assert fleet.flush(at(0)) is not None
@@ -331,14 +331,14 @@ def test_conditions_go_on_without_anybody_being_told_and_the_next_delta_has_it_a
 A, B, C = (RobotKey("ACME", name) for name in "abc")
 
 
-def test_a_robot_is_met_once() -> None:
+def test_robot_is_added_once() -> None:
     register = RobotRegistry(2, None)
     first, _ = register.find_or_add(A, at(0))
     assert register.find_or_add(A, at(1)) == (first, None)
     assert len(register) == 1
 
 
-def test_a_newcomer_is_refused_while_all_are_alive() -> None:
+def test_new_robot_is_refused_while_none_is_silent() -> None:
     register = RobotRegistry(2, None)
     register.find_or_add(A, at(0))
     register.find_or_add(B, at(0))
@@ -346,7 +346,7 @@ def test_a_newcomer_is_refused_while_all_are_alive() -> None:
     assert [robot.key for robot in register] == [A, B]
 
 
-def test_a_newcomer_takes_the_place_of_the_quietest() -> None:
+def test_new_robot_replaces_the_longest_silent_one() -> None:
     register = RobotRegistry(2, None)
     register.find_or_add(A, at(0))
     register.find_or_add(B, at(0))
@@ -361,7 +361,7 @@ def test_a_newcomer_takes_the_place_of_the_quietest() -> None:
 OTHER = "fedcba9876543210"
 
 
-def test_equal_maps_are_kept_once() -> None:
+def test_equal_maps_are_stored_once() -> None:
     cache = MapCache()
     first = cache.shared(robot_map())
     assert cache.shared(robot_map()) is first
@@ -370,7 +370,7 @@ def test_equal_maps_are_kept_once() -> None:
     assert cache.shared(elsewhere) is elsewhere, "the same digest does not make it the same map"
 
 
-def test_a_map_without_room_is_not_taken_until_another_one_goes(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_map_beyond_the_limit_is_refused_until_another_is_freed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("nena_status_aggregator.fleet.model.ROOM", 2 * len(robot_map().png) - 1)
     cache = MapCache()
     first = cache.shared(robot_map())

@@ -24,7 +24,7 @@ class Bench:
         return self.watch.up(Timestamp.of(self.clock))
 
 
-def test_of_none_that_was_heard_nothing_is_said() -> None:
+def test_unknown_without_a_status() -> None:
     bench = Bench()
     assert (bench.up(), bench.watch.store_ready, bench.watch.skew.seconds) == (None, None, None)
 
@@ -48,7 +48,7 @@ def test_its_last_will_ends_it_at_once() -> None:
     assert bench.watch.store_ready is False
 
 
-def test_without_the_broker_nothing_is_known() -> None:
+def test_unknown_without_the_broker() -> None:
     bench = Bench()
     bench.receive(online=True, ahead=3.0)
     bench.watch.lose()

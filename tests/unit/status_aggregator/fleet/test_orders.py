@@ -26,7 +26,7 @@ def test_a_newer_version_replaces_an_older_one_and_not_the_other_way_round() -> 
     assert [order.status.version for order in book] == [3]
 
 
-def test_a_name_given_anew_starts_again() -> None:
+def test_reused_name_is_a_new_order() -> None:
     book = OrderRegistry(10)
     book.take(order_status(version=9, state=FINISHED))
     assert book.take(order_status(version=1, created=START + timedelta(hours=1)))
@@ -40,14 +40,14 @@ def test_an_ended_order_outlives_the_broker() -> None:
     assert names(book) == {"TO-1"}
 
 
-def test_a_living_order_goes_when_the_broker_has_it_no_more() -> None:
+def test_open_order_cleared_at_the_broker_is_removed() -> None:
     book = OrderRegistry(10)
     book.take(order_status())
     assert book.clear("TO-1")
     assert names(book) == set()
 
 
-def test_after_a_lost_link_a_living_order_is_doubted_until_it_is_heard_again() -> None:
+def test_open_orders_are_unconfirmed_after_a_lost_connection() -> None:
     book = OrderRegistry(10)
     book.take(order_status("living"))
     book.take(order_status("ended", state=FINISHED))
@@ -58,7 +58,7 @@ def test_after_a_lost_link_a_living_order_is_doubted_until_it_is_heard_again() -
     assert not book.take(order_status("living"))
 
 
-def test_when_there_are_too_many_the_one_that_ended_first_goes_first() -> None:
+def test_limit_removes_the_order_that_ended_first() -> None:
     book = OrderRegistry(2)
     book.take(order_status("old", state=FINISHED))
     book.take(order_status("living"))

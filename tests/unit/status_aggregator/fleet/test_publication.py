@@ -66,7 +66,7 @@ def test_deltas_lead_from_one_snapshot_to_the_next(steps: list[tuple[str, str, i
             assert reader["link"] == snapshot["link"]
 
 
-def test_only_what_changed_is_told() -> None:
+def test_delta_contains_only_changes() -> None:
     publication = Publication()
     numbers = {"r1": 1}
     key = RobotKey("ACME", "r1")

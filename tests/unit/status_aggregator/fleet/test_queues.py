@@ -155,7 +155,7 @@ def elsewhere(number: int, *behind: int, state: VehicleState = VehicleState.IDLE
     return vehicle_status(f"V-{number}", wait=wait, state=state)
 
 
-def test_a_chain_goes_on_through_robots_of_other_shares_that_are_not_counted() -> None:
+def test_chain_leads_through_uncounted_robots_of_other_shares() -> None:
     site = Site()
     for number in (1, 3, 5):
         site.robot(number, 2)

@@ -50,7 +50,7 @@ def test_silent_after_the_limit_and_back_with_the_next_state() -> None:
     assert condition_of(robot, 41) is Condition.IDLE
 
 
-def test_falling_silent_is_told_once_per_silence() -> None:
+def test_falling_silent_is_reported_once_per_silence() -> None:
     robot = Robot(ROBOT, at(0))
     robot.on_state(state(), at(0), retained=False)
     silent = [robot.falls_silent(at(seconds), None) for seconds in (10, 36, 37)]
@@ -59,7 +59,7 @@ def test_falling_silent_is_told_once_per_silence() -> None:
     assert silent == [False, True, False, False, True]
 
 
-def test_a_state_that_the_broker_kept_is_as_old_as_it_says() -> None:
+def test_age_of_a_retained_state_is_from_its_timestamp() -> None:
     robot = Robot(ROBOT, at(0))
     robot.on_state(state(at=-100), at(0), retained=True)
     assert robot.age(at(5)) == pytest.approx(105)
@@ -67,7 +67,7 @@ def test_a_state_that_the_broker_kept_is_as_old_as_it_says() -> None:
     assert condition_of(robot, 5) is Condition.SILENT
 
 
-def test_the_will_breaks_and_the_next_state_after_coming_back_mends() -> None:
+def test_last_will_breaks_the_connection_until_the_next_state() -> None:
     robot = Robot(ROBOT, at(0))
     robot.on_connection(connection("ONLINE"), at(0))
     robot.on_state(state(), at(1), retained=False)
@@ -78,7 +78,7 @@ def test_the_will_breaks_and_the_next_state_after_coming_back_mends() -> None:
     assert condition_of(robot, 9) is Condition.IDLE
 
 
-def test_the_kept_connection_heard_again_changes_nothing() -> None:
+def test_repeated_retained_connection_changes_nothing() -> None:
     robot = Robot(ROBOT, at(0))
     robot.on_connection(connection("ONLINE"), at(0))
     robot.on_connection(connection("ONLINE"), at(50))
@@ -106,7 +106,7 @@ def driven(*positions: MobileRobotPosition | None) -> float:
     return odometer.meters
 
 
-def test_ways_add_up() -> None:
+def test_distances_add_up() -> None:
     assert driven(place(0, 0), place(3, 4), place(3, 6)) == 7
 
 
@@ -118,7 +118,7 @@ def test_a_standing_robot_with_noise_does_not_drive_and_a_slow_one_does() -> Non
 @pytest.mark.parametrize(
     "jump", [place(100, 0), place(3, 0, map_id="yard"), place(3, 0, localized=False), None], ids=repr
 )
-def test_what_is_no_drive_does_not_count(jump: MobileRobotPosition | None) -> None:
+def test_jumps_do_not_count_as_driving(jump: MobileRobotPosition | None) -> None:
     assert driven(place(0, 0), place(1, 0), jump) == 1
     assert driven(place(0, 0), jump, place(1, 0), place(2, 0)) in (1, 2)
 
@@ -135,7 +135,7 @@ def test_nodes_left_against_nodes_at_acceptance() -> None:
     assert follow(progress, order_id="o", last_node_sequence_id=8) == 100
 
 
-def test_an_aggregator_started_in_mid_order_knows_the_whole() -> None:
+def test_progress_is_complete_when_started_during_an_order() -> None:
     assert follow(OrderProgress(), order_id="o", last_node_sequence_id=6, **way("E", first=8)) == 75
 
 
@@ -145,13 +145,13 @@ def test_an_extended_base_makes_the_order_longer() -> None:
     assert follow(progress, order_id="o", last_node_sequence_id=2, **way("C", "D", "E", first=4)) == 25
 
 
-def test_a_cancelled_order_stays_where_it_was() -> None:
+def test_progress_of_a_cancelled_order_is_kept() -> None:
     progress = OrderProgress()
     follow(progress, order_id="o", last_node_sequence_id=2, **way("C", "D", "E", first=4))
     assert follow(progress, order_id="o", last_node_sequence_id=2) == 25
 
 
-def test_the_next_order_begins_anew() -> None:
+def test_progress_restarts_with_the_next_order() -> None:
     progress = OrderProgress()
     follow(progress, order_id="o", last_node_sequence_id=8)
     assert follow(progress, order_id="p", **way("B", "C")) == 0
@@ -210,19 +210,19 @@ def test_by_the_frame_in_which_the_robot_speaks(
     assert TURNED.place(10.0, 0.0, "hall", sheet) == (shown and pytest.approx(shown))
 
 
-def test_on_a_map_without_a_transform_all_is_as_it_was() -> None:
+def test_map_without_a_transform_is_in_the_plant_frame() -> None:
     assert TURNED.position(place(10.0, 0.0, map_id="roof"), None) == place(10.0, 0.0, map_id="roof")
     assert TURNED.place(10.0, 0.0, None, None) == (10.0, 0.0)
     assert TURNED.position(None, None) is None
     assert PlantFrame.of(None).place(1.0, 2.0, "hall", None) == (1.0, 2.0)
 
 
-def test_a_plant_that_says_nonsense_says_nothing() -> None:
+def test_invalid_transforms_are_ignored() -> None:
     nonsense = PlantModel(name="p", properties={"nena:mapTransform.hall": "twice as big"})
     assert PlantFrame.of(nonsense) == PlantFrame()
 
 
-def test_a_plant_that_comes_later_puts_robots_where_they_are() -> None:
+def test_positions_are_transformed_by_a_later_plant_model() -> None:
     fleet = FleetModel(ModelLimits())
     instant = Timestamp(0.0, START)
     fleet.on_factsheet(ROBOT, sheet("pick"), instant)

@@ -23,7 +23,7 @@ def shown(**fields: Any) -> RobotView:
     return view_robot(robot, silence_limit=35, skew_limit=2)
 
 
-def test_what_a_robot_tells_beside_is_told_with_its_references() -> None:
+def test_information_is_published_with_its_references() -> None:
     goal = {
         "info_type": "externalGoal",
         "info_level": "INFO",
@@ -41,7 +41,7 @@ def test_what_a_robot_tells_beside_is_told_with_its_references() -> None:
     assert shown()["information"] == []
 
 
-def test_the_way_that_it_means_to_drive_is_told_in_centimetres_and_bounded() -> None:
+def test_planned_path_is_rounded_to_centimetres_and_bounded() -> None:
     points = tuple(
         {"x": 0.12345 * at, "y": 1.0, "eta": datetime(2026, 1, 1, tzinfo=UTC)} for at in range(500)
     )
@@ -68,7 +68,7 @@ def test_the_first_footprint_of_the_factsheet_is_the_outline() -> None:
     assert plain["outline"] is None
 
 
-def test_where_its_own_map_lies_is_told() -> None:
+def test_pose_of_the_grid_map_is_published() -> None:
     now = Timestamp.of(ManualClock(start=START))
     robot = Robot(ROBOT, now)
     assert view_robot(robot, silence_limit=35, skew_limit=2)["grid"] is None

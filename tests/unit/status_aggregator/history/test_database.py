@@ -71,7 +71,7 @@ def test_filters(engine: Engine) -> None:
     assert texts(engine, HistoryFilter(until=second)) == ["zero"]
 
 
-def test_odd_texts_are_kept_as_far_as_databases_can(engine: Engine) -> None:
+def test_unusual_texts_are_stored_as_far_as_databases_allow(engine: Engine) -> None:
     odd = "\x00 \U0001f916 'quoted' %s"
     database.write(engine, [event(0, robot="r" * 999, text=odd)])
     (entry,) = database.read_newest(engine, ALL, before=None, limit=1)
@@ -79,7 +79,7 @@ def test_odd_texts_are_kept_as_far_as_databases_can(engine: Engine) -> None:
     assert entry["robot"] == "r" * database.ROBOT_LENGTH
 
 
-def test_what_is_too_old_goes(engine: Engine) -> None:
+def test_old_entries_expire(engine: Engine) -> None:
     track = [event(number, Code.POSITION) for number in range(4)]
     database.write(engine, [*track, *(event(number) for number in range(4))])
     limit = START + timedelta(seconds=2)
@@ -91,7 +91,7 @@ def test_what_is_too_old_goes(engine: Engine) -> None:
     assert texts(engine, ALL) == ["at 3", "at 2"]
 
 
-def test_tables_are_made_once_and_another_version_is_refused(engine: Engine) -> None:
+def test_tables_are_created_once_and_other_versions_refused(engine: Engine) -> None:
     database.write(engine, [event(0)])
     database.prepare(engine)
     assert texts(engine, ALL) == ["at 0"]

@@ -50,7 +50,7 @@ def texts(engine: Engine) -> list[str]:
     return [each["text"] for each in entries(engine)]
 
 
-async def test_what_is_told_is_written_soon_and_in_order(engine: Engine) -> None:
+async def test_events_are_written_promptly_in_order(engine: Engine) -> None:
     writer = writer_of(engine, batch_limit=7)
     async with running(writer):
         for number in range(20):
@@ -69,7 +69,7 @@ async def test_the_end_writes_what_is_left(engine: Engine) -> None:
     assert texts(engine) == ["number 1", "number 2"]
 
 
-async def test_too_many_push_out_the_oldest_and_a_gap_tells_of_it(engine: Engine) -> None:
+async def test_overflow_drops_the_oldest_events_and_records_a_gap(engine: Engine) -> None:
     writer = writer_of(engine, queue_limit=3)
     for number in range(5):
         writer.add(event(number))
@@ -93,7 +93,7 @@ async def test_a_failure_of_the_database_is_survived(engine: Engine) -> None:
         assert texts(engine) == ["number 0", "number 1", "number 2"]
 
 
-async def test_a_server_that_is_away_is_waited_for_and_the_queue_keeps_its_limit(
+async def test_unavailable_server_is_retried_with_a_bounded_queue(
     postgres: Postgres,
 ) -> None:
     engine = database.make_engine(postgres.url)
@@ -121,7 +121,7 @@ async def test_a_server_that_is_away_is_waited_for_and_the_queue_keeps_its_limit
     engine.dispose()
 
 
-async def test_a_server_that_hangs_keeps_nobody_from_ending(
+async def test_hanging_server_does_not_block_shutdown(
     postgres: Postgres, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(database, "CONNECT_SECONDS", 2)
@@ -138,7 +138,7 @@ async def test_a_server_that_hangs_keeps_nobody_from_ending(
         assert not thread.is_alive()
 
 
-async def test_what_is_too_old_goes_by_itself(engine: Engine) -> None:
+async def test_old_entries_expire_automatically(engine: Engine) -> None:
     old = [event(0), event(1, Code.POSITION)]
     database.write(engine, old)
     async with running(writer_of(engine, days=3, retention_days=5, track_days=2)):

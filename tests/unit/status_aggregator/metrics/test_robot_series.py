@@ -78,7 +78,7 @@ def test_figures_of_a_state() -> None:
     }
 
 
-def test_what_a_robot_has_not_said_is_absent_instead_of_wrong() -> None:
+def test_unreported_values_are_absent() -> None:
     assert figures(robot())["r1"].keys() == {
         "nena_robot_condition",
         "nena_robot_condition_age_seconds",

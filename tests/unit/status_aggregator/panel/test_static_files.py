@@ -63,7 +63,7 @@ def test_there_is_nothing_inline(name: str) -> None:
 
 
 @pytest.mark.parametrize("path", sorted(PANEL.rglob("*.*")), ids=lambda path: path.name)
-def test_nothing_comes_from_another_host(path: Path) -> None:
+def test_all_content_is_from_this_host(path: Path) -> None:
     foreign = re.findall(r"https?://[^\s\"')]+", path.read_text(encoding="utf-8"))
     assert [each for each in foreign if each != "http://www.w3.org/2000/svg"] == []
 

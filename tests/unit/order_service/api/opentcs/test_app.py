@@ -66,7 +66,7 @@ async def test_incomplete_name_is_completed(client: httpx.AsyncClient) -> None:
         ("T 2", {}, 400, "name"),
     ],
 )
-async def test_what_cannot_be_created_is_told_in_a_list_of_sentences(
+async def test_creation_errors_are_a_list_of_sentences(
     client: httpx.AsyncClient, name: str, change: dict[str, Any], status: int, said: str
 ) -> None:
     await client.post(f"{API}/transportOrders/T-1", json=BODY)
@@ -111,25 +111,25 @@ async def test_paths_are_locked_and_the_dispatcher_is_triggered(
         assert (await client.post(url)).status_code == 200
 
 
-async def test_robot_that_is_away_cannot_be_paused(client: httpx.AsyncClient) -> None:
+async def test_unreachable_robot_cannot_be_paused(client: httpx.AsyncClient) -> None:
     answer = await client.put(f"{API}/vehicles/Robot-01/paused", params={"newValue": "true"})
     assert answer.status_code == 409
     assert "Robot-01" in answer.json()[0]
 
 
-async def test_unknown_routes_are_told_in_the_same_form(client: httpx.AsyncClient) -> None:
+async def test_unknown_routes_get_the_same_problem_format(client: httpx.AsyncClient) -> None:
     answer = await client.get(f"{API}/users")
     assert (answer.status_code, answer.json()) == (404, ["Not Found"])
 
 
-async def test_a_name_with_a_line_end_is_a_name(client: httpx.AsyncClient) -> None:
+async def test_a_name_may_contain_a_line_end(client: httpx.AsyncClient) -> None:
     answer = await client.get("/opentcs/v1/transportOrders/a%0Ab")
 
     assert (answer.status_code, len(answer.json())) == (404, 1)
     assert isinstance(answer.json(), list)
 
 
-async def test_fault_gives_no_inside_view(client: httpx.AsyncClient, failing_create: str) -> None:
+async def test_faults_reveal_no_internals(client: httpx.AsyncClient, failing_create: str) -> None:
     answer = await client.post(f"{API}/transportOrders/T-1", json=BODY)
     assert answer.status_code == 500
     assert failing_create not in answer.text

@@ -8,7 +8,7 @@ API = "/opentcs/v1"
 ORDER = {"destinations": [{"locationName": "South 2", "operation": "MOVE"}]}
 
 
-async def test_a_sequence_lives_as_its_clients_expect(client: httpx.AsyncClient) -> None:
+async def test_a_sequence_passes_through_its_life_cycle(client: httpx.AsyncClient) -> None:
     body = {
         "type": "Transport",
         "intendedVehicle": "Robot-01",
@@ -51,7 +51,7 @@ async def test_without_a_type_it_takes_any_order(client: httpx.AsyncClient) -> N
     assert (await client.post(f"{API}/orderSequences/S", json={"orderTypes": ["A", "B"]})).status_code == 200
 
 
-async def test_what_is_unknown_or_wrong_is_told_in_sentences(client: httpx.AsyncClient) -> None:
+async def test_unknown_and_invalid_input_is_described_in_sentences(client: httpx.AsyncClient) -> None:
     assert (await client.get(f"{API}/orderSequences/S")).status_code == 404
     assert (await client.put(f"{API}/orderSequences/S/complete")).status_code == 404
     for name, body, status in (("a b", {}, 400), ("S", {"intendedVehicle": "R2D2"}, 404)):
@@ -59,7 +59,7 @@ async def test_what_is_unknown_or_wrong_is_told_in_sentences(client: httpx.Async
         assert (answer.status_code, isinstance(answer.json()[0], str)) == (status, True)
 
 
-async def test_dependencies_are_told(client: httpx.AsyncClient) -> None:
+async def test_dependencies_are_published(client: httpx.AsyncClient) -> None:
     await client.post(f"{API}/transportOrders/T-1", json=ORDER)
     made = await client.post(f"{API}/transportOrders/T-2", json={**ORDER, "dependencies": ["T-1"]})
     assert (made.json()["state"], made.json()["dependencies"]) == ("ACTIVE", ["T-1"])

@@ -48,7 +48,7 @@ async def _send(client: httpx.AsyncClient, method: str, each: Try) -> httpx.Resp
     return await client.request(method, url, params=each.query, json=each.body)
 
 
-async def test_an_order_is_given_to_another_vehicle(client: httpx.AsyncClient) -> None:
+async def test_an_order_is_reassigned_to_another_vehicle(client: httpx.AsyncClient) -> None:
     url = f"{API}/transportOrders/T-1"
     await client.post(url, json=FOR_ROBOT)
     assert (await client.put(f"{url}/intendedVehicle", params={"vehicle": "Robot-02"})).status_code == 200
@@ -61,7 +61,7 @@ async def test_an_order_is_given_to_another_vehicle(client: httpx.AsyncClient) -
     assert (await client.put(f"{url}/intendedVehicle", params={"vehicle": "Robot-01"})).status_code == 409
 
 
-async def test_why_an_order_is_not_assigned_is_said(client: httpx.AsyncClient) -> None:
+async def test_the_reason_of_an_unassigned_order_is_reported(client: httpx.AsyncClient) -> None:
     await client.post(f"{API}/transportOrders/T-1", json=FOR_ROBOT)
     answer = await client.post(f"{API}/transportOrders/T-1/immediateAssignment")
     assert "DISPATCHABLE" in answer.json()[0]
@@ -127,7 +127,7 @@ async def test_a_poll_waits_on_past_changes_that_do_not_match(
     assert (await waiting)[0]["orderName"] == "T-1"
 
 
-async def test_numbers_of_changes_go_on_after_a_change_of_the_plant(service: OrderService) -> None:
+async def test_change_numbers_continue_after_a_plant_change(service: OrderService) -> None:
     log = ChangeLog(service.engine.plant, SystemClock())
     log.count = 40
     assert await log.poll(0, 100, 0.0) == []
@@ -135,7 +135,7 @@ async def test_numbers_of_changes_go_on_after_a_change_of_the_plant(service: Ord
     assert [each["sequenceNumber"] for each in await log.poll(0, 100, 0.0)] == [40]
 
 
-async def test_a_client_too_many_is_refused_before_the_stream_begins(
+async def test_clients_beyond_the_limit_are_refused_before_the_stream_starts(
     client: httpx.AsyncClient, service: OrderService
 ) -> None:
     service.changes.clients = CLIENTS
@@ -184,9 +184,7 @@ async def test_an_order_that_has_ended_is_not_assigned(client: httpx.AsyncClient
     )
 
 
-async def test_plant_model_comes_back_as_it_was_read(
-    client: httpx.AsyncClient, service: OrderService
-) -> None:
+async def test_plant_model_round_trip_is_unchanged(client: httpx.AsyncClient, service: OrderService) -> None:
     shown = (await client.get(f"{API}/plantModel")).json()
     assert [each["name"] for each in shown["vehicles"]] == ["Robot-01", "Robot-02"]
     back: PlantModel = read(plant_xml(shown)).model

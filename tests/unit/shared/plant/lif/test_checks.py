@@ -45,13 +45,13 @@ def heading(value: float) -> dict[str, Any]:
     return node("A", vehicleTypeNodeProperties=[{"vehicleTypeId": "t", "theta": value}])
 
 
-def test_a_right_file_has_nothing_to_be_told() -> None:
+def test_valid_file_has_no_problems() -> None:
     right = of(*RING, {"stationId": "S", "interactionNodeIds": ["A"]})
     assert [*errors(right), *deviations(right), *unsupported_features(right)] == []
 
 
 @pytest.mark.parametrize("version", ["1.0.0", "1.9", "0.11.0"])
-def test_the_draft_of_the_first_version_is_told(version: str) -> None:
+def test_draft_version_is_reported(version: str) -> None:
     found = file(layout(*RING), version=version)
     assert told(deviations(found)) == ([("NOT_LIF", "")] if version == "0.11.0" else [])
 
@@ -113,7 +113,7 @@ def test_load_sets_are_for_those_who_may_be_loaded(loaded: bool, told_of: bool) 
     assert told(deviations(found)) == ([("NOT_LIF", "B-A")] if told_of else [])
 
 
-def test_what_is_kept_and_not_acted_on_is_counted_by_its_kind() -> None:
+def test_unsupported_content_is_counted_by_kind() -> None:
     required = action("beep", requirementType="REQUIRED")
     first = node("A", vehicleTypeNodeProperties=[{"vehicleTypeId": "t", "actions": [required, action("x")]}])
     empty = {"loaded": False, "unloaded": True}
@@ -141,7 +141,7 @@ def put(raw: Any) -> list[tuple[str, str]]:
     return [(each.code, each.text) for each in repair(raw)]
 
 
-def test_equal_faults_are_told_once_with_their_number_and_first_place() -> None:
+def test_equal_problems_are_combined_with_count_and_first_place() -> None:
     with pytest.raises(ValidationError) as caught:
         LifFile.model_validate({"layouts": [{"nodes": [{"nodeId": "A"}, {"nodeId": "B"}]}]})
     told = {each.text for each in format_problems(caught.value)}
@@ -172,7 +172,7 @@ def test_required_of_actions_becomes_their_requirement() -> None:
     ]
 
 
-def test_what_is_not_known_is_told_by_its_name_and_left() -> None:
+def test_unknown_fields_are_named_and_left_unchanged() -> None:
     raw = [{"colour": 1, "nodeId": "A"}, {"colour": 2, "required": "perhaps"}]
     assert put(raw) == [
         ("IGNORED", "unknown field 'colour' (found 2 times)"),
@@ -196,7 +196,7 @@ def test_one_heading_beyond_a_turn_makes_all_of_them_degrees(highest: Any) -> No
 
 
 @pytest.mark.parametrize("wrong", ["north", [1], {"x": 1}, 10**400])
-def test_a_heading_that_is_no_number_stays_wrong_among_degrees(wrong: Any) -> None:
+def test_heading_that_is_not_a_number_stays_invalid_among_degrees(wrong: Any) -> None:
     raw: list[dict[str, Any]] = [{"theta": 90}, {"theta": wrong}]
     put(raw)
     assert raw[1] == {"theta": wrong}
@@ -218,7 +218,7 @@ JSON = st.recursive(
 
 @settings(max_examples=50)
 @given(JSON)
-def test_putting_right_never_fails_and_says_once_what_it_does(raw: Any) -> None:
+def test_repair_never_fails_and_reports_each_kind_once(raw: Any) -> None:
     told = put(raw)
     assert told == sorted(set(told))
     assert not any("requirementType" in text for _, text in put(raw)), "it is right already"
@@ -263,7 +263,7 @@ def test_what_is_closed_to_a_type_is_not_missed_by_it() -> None:
     assert told_of_reach(A, B, THERE, BACK, *own) == []
 
 
-def test_of_one_type_alone_nothing_is_said_here() -> None:
+def test_single_vehicle_type_has_no_reachability_warning() -> None:
     assert told_of_reach(open_point("A", "t"), open_point("B", "t"), open_path("A B", "t")) == []
 
 

@@ -20,7 +20,7 @@ def sample(name: str) -> bytes:
 
 
 @pytest.mark.parametrize("name", [CHARGING, LEVELS])
-def test_not_one_of_them_keeps_to_the_schema(name: str) -> None:
+def test_no_sample_fits_the_schema(name: str) -> None:
     with pytest.raises(PlantModelError) as caught:
         read(sample(name), strict=True)
     assert {problem.code for problem in caught.value.problems} == {"NOT_LIF"}

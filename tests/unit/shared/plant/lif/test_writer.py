@@ -92,7 +92,7 @@ RICH = (
         ),
     ],
 )
-def test_lif_comes_back_as_it_was(data: bytes) -> None:
+def test_lif_round_trip(data: bytes) -> None:
     report = write(read(data).model, at=NOW)
     assert report.warnings == ()
     assert json.loads(report.data)["layouts"] == json.loads(data)["layouts"]
@@ -154,7 +154,7 @@ def test_what_can_be_done_at_a_location_becomes_actions_of_its_nodes() -> None:
     assert "actions" not in second["vehicleTypeNodeProperties"][0]
 
 
-def test_map_and_types_are_those_of_the_vehicles_unless_told() -> None:
+def test_map_and_types_default_to_those_of_the_vehicles() -> None:
     kinds = {"vda5050:mapId": "hall", "nena:vehicleType": "ACME.T"}
     model = plant(path("A B"), vehicles=(Vehicle(name="V", properties=kinds),))
     (first, _) = written(model)["layouts"][0]["nodes"]
@@ -167,7 +167,7 @@ def test_map_and_types_are_those_of_the_vehicles_unless_told() -> None:
     assert (first["mapId"], first["vehicleTypeNodeProperties"]) == ("map", [{"vehicleTypeId": "vehicle"}])
 
 
-def test_what_lif_cannot_hold_is_said() -> None:
+def test_content_that_lif_cannot_hold_is_reported() -> None:
     model = PlantModel(
         name="m",
         points=(point("A", z_mm=1), point("B", 1000, type=PointType.PARK_POSITION)),
@@ -192,7 +192,7 @@ def test_what_lif_cannot_hold_is_said() -> None:
     ]
 
 
-def test_ids_that_are_empty_or_two_objects_would_have_are_given_to_nobody() -> None:
+def test_empty_and_duplicate_ids_are_not_used() -> None:
     same = {"lif:id": "1"}
     stations = (
         Location(name=name, type="T", links=(Link(point="A"),), properties={"lif:id": own})
@@ -231,7 +231,7 @@ def test_properties_that_somebody_spoilt_are_passed_over(height: str) -> None:
         ({"A": "1", "B": "1", "C": "A"}, {"A": "A", "B": "B", "C": "C"}),
     ],
 )
-def test_an_id_is_kept_where_nobody_else_has_it(wanted: dict[str, str | None], ids: dict[str, str]) -> None:
+def test_unique_id_is_kept(wanted: dict[str, str | None], ids: dict[str, str]) -> None:
     assert distinct_ids(wanted) == ids
 
 
@@ -319,7 +319,7 @@ def test_what_lif_holds_is_no_loss(plant: PlantModel) -> None:
         (model(way=path("A B", properties={"a": "1"})), "properties"),
     ],
 )
-def test_each_loss_is_said_with_how_often_it_is_met(plant: PlantModel, loss: str) -> None:
+def test_each_loss_is_reported_with_its_count(plant: PlantModel, loss: str) -> None:
     assert told(plant) == [f"{loss} (1 times)"]
 
 

@@ -194,7 +194,7 @@ def test_whole_numbers(text: str, number: int) -> None:
 @pytest.mark.parametrize(
     "text", ["", "7.0", "7e3", "1_000", "0x7", "\u0667", "--7", "9" * 16, "9" * 5000, "NaN"]
 )
-def test_what_is_no_whole_number_is_an_error(text: str) -> None:
+def test_non_integer_is_an_error(text: str) -> None:
     obj = element(a=text)
     assert obj.integer("a", 5) == 5
     assert errors(obj) == ["BAD_VALUE"]
@@ -209,7 +209,7 @@ def test_what_is_no_whole_number_is_an_error(text: str) -> None:
         ("-1", {"minimum": 0, "maximum": 100}, "between 0 and 100"),
     ],
 )
-def test_a_number_out_of_bounds_is_an_error_that_tells_them(text: str, bounds: Any, wanted: str) -> None:
+def test_number_out_of_bounds_error_states_the_bounds(text: str, bounds: Any, wanted: str) -> None:
     obj = element(a=text)
     assert obj.integer("a", 50, **bounds) == 50
     assert errors(obj) == ["BAD_VALUE"]
@@ -316,7 +316,7 @@ def test_children_speak_for_their_object_and_objects_for_themselves() -> None:
     ]
 
 
-def test_what_nobody_has_read_is_told_with_how_often_it_is_there() -> None:
+def test_ignored_content_is_reported_with_its_count() -> None:
     root = Element("model")
     for _ in range(3):
         SubElement(SubElement(root, "path", name="Q", colour="red", empty=""), "hop")

@@ -124,7 +124,7 @@ def test_the_block_type_is_optional_in_the_oldest_format_only() -> None:
         read(opentcs_xml('<block name="X"/>', "0.0.3"))
 
 
-def test_everything_odd_about_an_old_file_is_told() -> None:
+def test_all_oddities_of_an_old_file_are_reported() -> None:
     assert codes(drawn_in_layout("0.0.2")) == {
         ("VALUE_REPLACED", "A"),
         ("DEFAULTED", "BA"),

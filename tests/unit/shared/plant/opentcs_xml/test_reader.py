@@ -104,7 +104,7 @@ def warnings(body: str) -> list[tuple[str, str]]:
     return [(problem.code, problem.name) for problem in read(opentcs_xml(body)).warnings]
 
 
-def test_a_whole_model_has_no_warnings() -> None:
+def test_complete_model_has_no_warnings() -> None:
     assert warnings(POINTS + PATHS + REST) == []
 
 
@@ -220,12 +220,12 @@ def test_all_errors_are_found_at_once_and_name_their_objects() -> None:
     assert len(found) == len(expected)
 
 
-def test_the_exception_tells_all_of_it() -> None:
+def test_exception_lists_all_problems() -> None:
     with pytest.raises(PlantModelError, match=r"2 error\(s\)[\s\S]*block 'X'[\s\S]*block 'Y'"):
         read(opentcs_xml('<block name="X" type="?"/><block name="Y" type="?"/>'))
 
 
-def test_names_are_kept_with_their_blanks() -> None:
+def test_names_keep_their_blanks() -> None:
     name = "Enschede "
     body = POINTS + PATHS + REST.replace('"Door"', f'"{name}"')
     body = body.replace('locationName="Door"', f'locationName="{name}"')
@@ -242,7 +242,7 @@ def test_outgoing_paths_are_not_trusted() -> None:
     assert [path.name for path in report.model.paths] == ["AB"]
 
 
-def test_what_nobody_reads_is_reported_once_for_all() -> None:
+def test_ignored_content_is_reported_once() -> None:
     path = PATHS.replace("<pathLayout", '<tunnel/><pathLayout wet="1"').replace(
         "<path ", '<path mood="good" '
     )
@@ -373,7 +373,7 @@ def levels(made: Vehicle) -> tuple[int, int, int, int]:
 
 
 @pytest.mark.parametrize("version", [NEW, OLD])
-def test_a_whole_vehicle_has_nothing_to_be_told(version: FormatVersion) -> None:
+def test_complete_vehicle_has_no_warnings(version: FormatVersion) -> None:
     length = {"length": "900"} if version is OLD else {}
     made, findings = vehicle(version, **SPEEDS, **LEVELS, **length)
     assert levels(made) == (10, 80, 40, 95)
@@ -382,7 +382,7 @@ def test_a_whole_vehicle_has_nothing_to_be_told(version: FormatVersion) -> None:
     assert (findings.errors, findings.warnings) == ([], [])
 
 
-def test_what_old_files_leave_out_is_told_and_new_ones_need_it() -> None:
+def test_omissions_are_reported_for_old_files_and_errors_in_new_ones() -> None:
     made, findings = vehicle(OLD)
     assert levels(made) == (30, 90, 30, 90)
     assert made.bounding_box.length_mm == 1000

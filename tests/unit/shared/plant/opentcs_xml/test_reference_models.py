@@ -92,7 +92,7 @@ def test_all_features_replaces_what_7_0_0_does_not_have() -> None:
     assert ("NOT_STRONGLY_CONNECTED", "PlantModelV7") in codes(ALL_7)
 
 
-def test_nena_keeps_its_odd_name_and_swaps_its_thresholds_back() -> None:
+def test_odd_name_is_kept_and_swapped_thresholds_corrected() -> None:
     model = report(NENA).model
     assert model.location("Enschede ").links[0].point == "point-enschede"
     assert ("SUSPICIOUS_NAME", "Enschede ") in codes(NENA)

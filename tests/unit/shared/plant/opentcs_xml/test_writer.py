@@ -73,7 +73,7 @@ def test_the_sample_plant_loses_nothing() -> None:
     assert round_trip(model) == model
 
 
-def test_all_that_a_model_can_hold_comes_back() -> None:
+def test_complete_model_round_trip() -> None:
     square = Envelope(key="k", vertices=(PlantVertex(x_mm=0, y_mm=-5), PlantVertex(x_mm=7, y_mm=0)))
     curve = PathLayout(
         connection_type=ConnectionType.BEZIER,
@@ -99,7 +99,7 @@ def test_all_that_a_model_can_hold_comes_back() -> None:
 
 
 @given(names=st.lists(NAMES, min_size=2, max_size=4, unique=True), properties=PROPERTIES)
-def test_names_and_values_are_kept_exactly(names: list[str], properties: dict[str, str]) -> None:
+def test_names_and_values_are_preserved(names: list[str], properties: dict[str, str]) -> None:
     points = tuple(point(name, properties=properties) for name in names)
     model = PlantModel(name=names[0], points=points, visual_layout=LAYOUT)
     assert round_trip(model) == model

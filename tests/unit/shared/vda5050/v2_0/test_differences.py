@@ -57,7 +57,7 @@ def test_maps_and_hints_are_unknown_fields(state: JsonObject) -> None:
 
 @pytest.mark.clause("7.8/power")
 @pytest.mark.parametrize(("health", "told"), [(80.4, 80), (99.6, 100), (0, 0)])
-def test_health_of_the_battery_is_a_whole_number(state: JsonObject, health: float, told: int) -> None:
+def test_battery_health_is_an_integer(state: JsonObject, health: float, told: int) -> None:
     state["batteryState"]["batteryHealth"] = health
 
     sent = written(read(State, state))["batteryState"]["batteryHealth"]
@@ -79,7 +79,7 @@ def test_array_limits_are_read_by_both_names(factsheet: JsonObject) -> None:
 
 
 @pytest.mark.clause("7.10/message")
-def test_what_2_1_added_to_the_factsheet_is_not_told(factsheet: JsonObject) -> None:
+def test_additions_of_2_1_to_the_factsheet_are_omitted(factsheet: JsonObject) -> None:
     corridor = {"parameter": "order.edges.corridor", "support": "SUPPORTED"}
     speed = {"parameter": "order.edges.maxSpeed", "support": "SUPPORTED"}
     factsheet["protocolFeatures"]["optionalParameters"] = [corridor, speed]

@@ -274,7 +274,7 @@ def test_levels_of_errors_of_its_own(state: JsonObject, level: ErrorLevel, name:
 
 
 @pytest.mark.clause("6.6.5.4")
-def test_unknown_error_types_are_read_as_they_are(state: JsonObject) -> None:
+def test_unknown_error_types_are_read_unchanged(state: JsonObject) -> None:
     state["errors"] = [{"errorType": "ovenTooHot", "errorLevel": "FATAL"}]
 
     assert read(State, state).errors[0].error_type == "ovenTooHot"
@@ -291,7 +291,7 @@ def test_single_trigger_is_a_list_in_3_0(instant_action: JsonObject) -> None:
     assert written(message)["actions"][0]["actionParameters"] == action["actionParameters"]
 
 
-def test_trigger_of_another_type_stays_what_it_is(instant_action: JsonObject) -> None:
+def test_trigger_of_another_type_is_unchanged(instant_action: JsonObject) -> None:
     action = instant_action["actions"][0]
     action |= {"actionType": "waitForTrigger", "actionParameters": [{"key": "triggerType", "value": 3}]}
 
@@ -299,7 +299,7 @@ def test_trigger_of_another_type_stays_what_it_is(instant_action: JsonObject) ->
 
 
 @pytest.mark.clause("6.2.3/waitForTrigger")
-def test_of_several_triggers_the_first_is_told(instant_action: JsonObject) -> None:
+def test_first_of_several_triggers_is_written(instant_action: JsonObject) -> None:
     triggers = ActionParameter(key="triggerType", value=["FLEET_CONTROL", "LOCAL"])
     message = read(InstantActions, instant_action)
     action = message.actions[0].model_copy(
@@ -344,7 +344,7 @@ def test_optional_parameters_have_the_names_of_the_version(factsheet: JsonObject
 
 
 @pytest.mark.clause("6.10/parameters")
-def test_optional_parameters_that_2_1_does_not_have_are_not_told(factsheet: JsonObject) -> None:
+def test_optional_parameters_missing_in_2_1_are_omitted(factsheet: JsonObject) -> None:
     message = read(Factsheet, factsheet)
     features = message.protocol_features.model_copy(
         update={

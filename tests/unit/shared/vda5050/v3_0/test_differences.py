@@ -36,7 +36,7 @@ def zone_set(header: JsonObject, *zones: JsonObject) -> JsonObject:
 
 @pytest.mark.clause("7.3", "7.8", "7.10/message")
 @pytest.mark.parametrize(("kind", "name"), [(Order, "order"), (State, "state"), (Factsheet, "factsheet")])
-def test_examples_keep_the_schema_and_are_written_as_they_were_read(
+def test_examples_fit_the_schema_and_round_trip(
     request: pytest.FixtureRequest, kind: type[Header], name: str
 ) -> None:
     content = request.getfixturevalue(name)
@@ -69,7 +69,7 @@ def test_major_version_is_its_own(state: JsonObject) -> None:
 
 @pytest.mark.clause("7.2/lenient")
 @pytest.mark.parametrize("missing", ["headerId", "timestamp", "version", "manufacturer", "serialNumber"])
-def test_factsheet_without_a_whole_header_is_refused(factsheet: JsonObject, missing: str) -> None:
+def test_factsheet_without_a_complete_header_is_refused(factsheet: JsonObject, missing: str) -> None:
     del factsheet[missing]
 
     with pytest.raises(MalformedMessageError, match=missing):

@@ -51,7 +51,7 @@ def watched(settings: OidcSettings) -> Watched:
     return Watched(settings)
 
 
-async def test_it_is_asked_when_a_key_is_needed_and_remembered(watched: Watched, issuer: OidcIssuer) -> None:
+async def test_keys_are_fetched_on_demand_and_cached(watched: Watched, issuer: OidcIssuer) -> None:
     assert not issuer.asked
     for _ in range(3):
         assert (await watched.issuer.key(KNOWN)).key_id == "rsa-1"
@@ -60,7 +60,7 @@ async def test_it_is_asked_when_a_key_is_needed_and_remembered(watched: Watched,
     assert issuer.asked == {DISCOVERY: 1, KEYS: 1}
 
 
-async def test_those_who_come_at_once_ask_once(watched: Watched, issuer: OidcIssuer) -> None:
+async def test_concurrent_requests_fetch_once(watched: Watched, issuer: OidcIssuer) -> None:
     await asyncio.gather(*(watched.issuer.key(KNOWN) for _ in range(20)))
 
     assert issuer.asked[KEYS] == 1
@@ -75,7 +75,7 @@ async def test_a_new_key_is_found_at_once(watched: Watched, issuer: OidcIssuer) 
         await watched.issuer.key(KNOWN)
 
 
-async def test_made_up_keys_make_nobody_ask_without_end(watched: Watched, issuer: OidcIssuer) -> None:
+async def test_invented_key_ids_do_not_cause_unlimited_requests(watched: Watched, issuer: OidcIssuer) -> None:
     await watched.issuer.key(KNOWN)
     for number in range(LOOKS_AT_ONCE - 1):
         with pytest.raises(TokenRefusedError, match="does not have this key"):
@@ -91,9 +91,7 @@ async def test_made_up_keys_make_nobody_ask_without_end(watched: Watched, issuer
     assert (await watched.issuer.key(NEW)).key_id == "ec-2"
 
 
-async def test_a_key_that_was_taken_back_does_not_count_for_long(
-    watched: Watched, issuer: OidcIssuer
-) -> None:
+async def test_revoked_key_expires(watched: Watched, issuer: OidcIssuer) -> None:
     await watched.issuer.key(KNOWN)
     issuer.keys = [ec_key("ec-2")]
     watched.clock.advance(FRESH)
@@ -108,9 +106,7 @@ async def test_a_key_that_was_taken_back_does_not_count_for_long(
     await awaited(is_refused, bool, seconds=PATIENCE, what="the key counts no longer")
 
 
-async def test_keys_without_ids_are_not_asked_for_again_and_again(
-    watched: Watched, issuer: OidcIssuer
-) -> None:
+async def test_keys_without_ids_are_cached(watched: Watched, issuer: OidcIssuer) -> None:
     keys = [
         {name: value for name, value in key.public.items() if name != "kid"} for key in (rsa_key(), ec_key())
     ]
@@ -121,7 +117,7 @@ async def test_keys_without_ids_are_not_asked_for_again_and_again(
     assert issuer.asked[KEYS] == 1
 
 
-async def test_known_keys_count_while_it_is_away_but_not_for_ever(
+async def test_cached_keys_are_valid_for_a_limited_time_while_the_issuer_is_unavailable(
     watched: Watched, issuer: OidcIssuer
 ) -> None:
     await watched.issuer.key(KNOWN)
@@ -144,7 +140,7 @@ async def test_known_keys_count_while_it_is_away_but_not_for_ever(
     assert (await watched.issuer.key(KNOWN)).key_id == "rsa-1"
 
 
-async def test_while_it_is_silent_known_keys_are_not_waited_for(watched: Watched, issuer: OidcIssuer) -> None:
+async def test_cached_keys_are_used_while_the_issuer_hangs(watched: Watched, issuer: OidcIssuer) -> None:
     await watched.issuer.key(KNOWN)
     issuer.silent.add(DISCOVERY)
     watched.clock.advance(FRESH)
@@ -165,7 +161,7 @@ async def test_while_it_is_silent_known_keys_are_not_waited_for(watched: Watched
 
 
 @pytest.mark.parametrize("path", [DISCOVERY, KEYS])
-async def test_an_issuer_that_was_never_there_is_told(
+async def test_issuer_that_was_never_reachable_is_reported(
     watched: Watched, issuer: OidcIssuer, path: str
 ) -> None:
     issuer.broken[path] = b"{}"
@@ -176,7 +172,7 @@ async def test_an_issuer_that_was_never_there_is_told(
     assert (await watched.issuer.key(KNOWN)).key_id == "rsa-1"
 
 
-async def test_it_gives_the_object_that_is_there(issuer: OidcIssuer, settings: OidcSettings) -> None:
+async def test_get_returns_the_json_object(issuer: OidcIssuer, settings: OidcSettings) -> None:
     found = await BoundedHttp(settings).get(f"{issuer.address}{DISCOVERY}")
 
     assert found["issuer"] == issuer.address
@@ -193,7 +189,7 @@ async def test_it_gives_the_object_that_is_there(issuer: OidcIssuer, settings: O
         (b" " * (ANSWER_LIMIT + 1), "more than"),
     ],
 )
-async def test_whatever_is_answered_there_is_a_reason(
+async def test_any_response_yields_a_reason(
     issuer: OidcIssuer, settings: OidcSettings, answer: bytes, reason: str
 ) -> None:
     issuer.broken[DISCOVERY] = answer
@@ -201,34 +197,32 @@ async def test_whatever_is_answered_there_is_a_reason(
         await BoundedHttp(settings).get(f"{issuer.address}{DISCOVERY}")
 
 
-async def test_another_status_is_none(issuer: OidcIssuer, settings: OidcSettings) -> None:
+async def test_other_status_is_an_error(issuer: OidcIssuer, settings: OidcSettings) -> None:
     with pytest.raises(IssuerAwayError, match="answered 404"):
         await BoundedHttp(settings).get(f"{issuer.address}/elsewhere")
 
 
-async def test_it_follows_nowhere(issuer: OidcIssuer, settings: OidcSettings) -> None:
+async def test_redirects_are_not_followed(issuer: OidcIssuer, settings: OidcSettings) -> None:
     issuer.moved[DISCOVERY] = "/keys"
     with pytest.raises(IssuerAwayError, match="answered 302"):
         await BoundedHttp(settings).get(f"{issuer.address}{DISCOVERY}")
     assert issuer.asked["/keys"] == 0
 
 
-async def test_silence_ends(issuer: OidcIssuer, settings: OidcSettings) -> None:
+async def test_request_times_out(issuer: OidcIssuer, settings: OidcSettings) -> None:
     issuer.silent.add(DISCOVERY)
     impatient = BoundedHttp(settings.model_copy(update={"timeout": 0.2}))
     with pytest.raises(IssuerAwayError, match="not answered within"):
         await impatient.get(f"{issuer.address}{DISCOVERY}")
 
 
-async def test_where_nobody_is_it_says_so(settings: OidcSettings) -> None:
+async def test_unreachable_server_is_reported(settings: OidcSettings) -> None:
     with pytest.raises(IssuerAwayError, match=r"127\.0\.0\.1"):
         await BoundedHttp(settings).get(f"http://127.0.0.1:{free_port()}/")
 
 
 @pytest.mark.parametrize("content", [None, "no certificate"])
-def test_a_file_of_certificates_that_is_none_is_told(
-    settings: OidcSettings, tmp_path: Path, content: str | None
-) -> None:
+def test_invalid_ca_file_is_reported(settings: OidcSettings, tmp_path: Path, content: str | None) -> None:
     file = tmp_path / "ca.pem"
     if content:
         file.write_text(content)
@@ -266,7 +260,7 @@ def test_a_key_is_for_signatures_of_its_kind_only() -> None:
     assert KeySet.of({"keys": [without(RSA, "alg")]}).find("rsa-1", "RS512") is not None
 
 
-def test_without_an_id_there_must_be_no_choice() -> None:
+def test_key_without_an_id_must_be_unambiguous() -> None:
     alone = KeySet.of({"keys": [RSA]})
     assert alone.has(None, "RS256")
     assert not alone.has(None, "ES256")
@@ -279,7 +273,7 @@ def test_without_an_id_there_must_be_no_choice() -> None:
     assert twins.find("ec-1", "ES256") is None
 
 
-def test_what_is_no_public_key_for_signatures_is_passed_over() -> None:
+def test_other_keys_are_ignored() -> None:
     keys = KeySet.of({"keys": [SECRET, {**EC, "use": "enc"}, 5, {}, RSA]})
 
     assert not keys.has("secret", "RS256")
@@ -287,7 +281,7 @@ def test_what_is_no_public_key_for_signatures_is_passed_over() -> None:
     assert keys.has("rsa-1", "RS256")
 
 
-def test_a_damaged_key_is_none() -> None:
+def test_damaged_key_is_not_found() -> None:
     keys = KeySet.of({"keys": [{**RSA, "n": "!"}, {**EC, "crv": "P-0"}]})
 
     assert keys.find("rsa-1", "RS256") is None
@@ -297,7 +291,7 @@ def test_a_damaged_key_is_none() -> None:
 @pytest.mark.parametrize(
     "document", [{}, {"keys": {}}, {"keys": []}, {"keys": [SECRET]}, {"keys": [RSA] * (KEYS_LIMIT + 1)}]
 )
-def test_a_set_without_a_key_is_none(document: dict[str, Any]) -> None:
+def test_key_set_without_keys_is_refused(document: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match="key"):
         KeySet.of(document)
 
@@ -331,7 +325,7 @@ def test_only_what_is_needed_is_read() -> None:
         ({"token_endpoint_auth_methods_supported": [5] * 10_000}, "token_endpoint_auth_methods"),
     ],
 )
-def test_a_description_that_does_not_fit_says_why(change: dict[str, Any], reason: str) -> None:
+def test_invalid_metadata_is_explained(change: dict[str, Any], reason: str) -> None:
     with pytest.raises(IssuerAwayError, match=reason) as caught:
         metadata_of({**GOOD, **change}, ISSUER)
     assert len(str(caught.value)) < 1000
@@ -342,13 +336,13 @@ def tokens(settings: OidcSettings) -> AccessTokens:
     return AccessTokens(Issuer(settings))
 
 
-async def test_somebody_is_known_by_a_token(tokens: AccessTokens, issuer: OidcIssuer) -> None:
+async def test_user_is_read_from_a_token(tokens: AccessTokens, issuer: OidcIssuer) -> None:
     ann = await tokens.who(issuer.token("ann"))
 
     assert (ann.name, ann.role, ann.subject) == ("ann", Role.OPERATOR, "id-of-ann")
 
 
-async def test_keys_change_while_tokens_are_shown(tokens: AccessTokens, issuer: OidcIssuer) -> None:
+async def test_keys_rotate_while_tokens_are_used(tokens: AccessTokens, issuer: OidcIssuer) -> None:
     old = issuer.token("ann")
     await tokens.who(old)
     issuer.keys.insert(0, ec_key("ec-2"))
@@ -357,19 +351,17 @@ async def test_keys_change_while_tokens_are_shown(tokens: AccessTokens, issuer: 
     assert (await tokens.who(old)).name == "ann"
 
 
-async def test_a_key_that_nobody_knows_is_refused(tokens: AccessTokens, issuer: OidcIssuer) -> None:
+async def test_unknown_key_is_refused(tokens: AccessTokens, issuer: OidcIssuer) -> None:
     with pytest.raises(TokenRefusedError, match="does not have this key"):
         await tokens.who(issuer.token("ann", ec_key("made-up")))
 
 
-async def test_who_has_no_role_is_told(tokens: AccessTokens, issuer: OidcIssuer) -> None:
+async def test_user_without_a_role_is_reported(tokens: AccessTokens, issuer: OidcIssuer) -> None:
     with pytest.raises(NoRoleError, match="bob"):
         await tokens.who(issuer.token("bob"))
 
 
-async def test_a_kind_of_signature_that_is_not_allowed_asks_nobody(
-    settings: OidcSettings, issuer: OidcIssuer
-) -> None:
+async def test_disallowed_algorithm_causes_no_request(settings: OidcSettings, issuer: OidcIssuer) -> None:
     tokens = AccessTokens(Issuer(settings.model_copy(update={"algorithms": ("ES256",)})))
     with pytest.raises(TokenRefusedError, match="only ES256"):
         await tokens.who(issuer.token("ann"))

@@ -47,11 +47,11 @@ def judged(token: str) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("key", [RSA, EC], ids=["RS256", "ES256"])
-def test_a_good_token_counts(key: SigningKey) -> None:
+def test_valid_token_is_accepted(key: SigningKey) -> None:
     assert judged(signed(claims(), key))["sub"] == "17"
 
 
-def test_another_kind_of_signature_counts_where_it_is_allowed() -> None:
+def test_other_algorithm_is_accepted_if_allowed() -> None:
     token = signed(claims(), SigningKey(RSA.kid, "PS256", RSA.private))
     with pytest.raises(TokenRefusedError, match="only RS256, ES256"):
         header_of(token, ALLOWED)
@@ -67,7 +67,7 @@ def test_one_of_several_audiences_is_enough() -> None:
 
 
 @pytest.mark.parametrize("kind", ["JWT", "at+jwt", "application/at+jwt", ""])
-def test_types_of_access_tokens_count(kind: str) -> None:
+def test_access_token_types_are_accepted(kind: str) -> None:
     assert judged(signed(claims(), RSA, typ=kind))
 
 
@@ -98,20 +98,20 @@ def test_clocks_may_differ_a_little() -> None:
         ({"sub": None}, "lacks the claim sub"),
     ],
 )
-def test_each_broken_rule_is_told(change: dict[str, Any], reason: str) -> None:
+def test_each_violation_is_explained(change: dict[str, Any], reason: str) -> None:
     token = signed(claims(**change), RSA)
 
     with pytest.raises(TokenRefusedError, match=reason):
         judged(token)
 
 
-def test_a_token_that_nobody_signed_is_refused() -> None:
+def test_unsigned_token_is_refused() -> None:
     for name in ("none", "None", "NONE", "nOnE"):
         with pytest.raises(TokenRefusedError, match="algorithm is not accepted"):
             judged(unsigned(claims(), {"alg": name, "kid": RSA.kid}))
 
 
-def test_the_public_key_is_no_secret_to_sign_with() -> None:
+def test_public_key_is_not_accepted_as_shared_secret() -> None:
     """Try the attack on a verifier that lets the token choose the algorithm, and so accepts the public key as
     a secret.
     """
@@ -121,7 +121,7 @@ def test_the_public_key_is_no_secret_to_sign_with() -> None:
             judged(token)
 
 
-def test_a_key_of_somebody_else_is_refused() -> None:
+def test_foreign_key_is_refused() -> None:
     with pytest.raises(TokenRefusedError, match="its signature is invalid"):
         judged(signed(claims(), ec_key()))
 
@@ -169,7 +169,7 @@ def test_damaged_texts_are_refused(token: str) -> None:
 
 
 @given(st.text(max_size=60))
-def test_whatever_is_shown_it_is_refused_and_nothing_else(token: str) -> None:
+def test_any_invalid_token_raises_only_token_refused(token: str) -> None:
     with pytest.raises(TokenRefusedError):
         judged(token)
 

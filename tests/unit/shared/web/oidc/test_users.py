@@ -25,7 +25,7 @@ def test_a_user_has_what_the_claims_say() -> None:
     assert (ann.name, ann.role, ann.subject) == ("ann", Role.OPERATOR, "17")
 
 
-def test_a_user_is_in_as_long_as_the_token_counts() -> None:
+def test_user_expires_with_the_token() -> None:
     ann = user_of(CLAIMS, settings(leeway=20))
 
     assert ann.expires == datetime.fromtimestamp(END + 20, UTC)
@@ -63,7 +63,7 @@ def test_the_highest_role_counts(given_roles: list[str], role: Role) -> None:
     assert user_of({**CLAIMS, "roles": given_roles}, settings()).role is role
 
 
-def test_a_site_has_a_table_of_its_own() -> None:
+def test_custom_role_table_is_used() -> None:
     table = settings(roles_claim="groups", roles={"/fleet/lead": "admin"})
 
     assert user_of({**CLAIMS, "groups": ["/fleet/lead"]}, table).role is Role.ADMIN
@@ -72,7 +72,7 @@ def test_a_site_has_a_table_of_its_own() -> None:
 
 
 @pytest.mark.parametrize("given_roles", [[], ["cook"], "NENA-ADMIN", None, {"nena-admin": True}])
-def test_without_a_role_it_says_what_to_do(given_roles: object) -> None:
+def test_missing_role_error_has_advice(given_roles: object) -> None:
     with pytest.raises(
         NoRoleError, match=r"ann has no role in NeNa.*nena-viewer, nena-operator, nena-admin.*claim roles"
     ):
@@ -80,23 +80,23 @@ def test_without_a_role_it_says_what_to_do(given_roles: object) -> None:
 
 
 @pytest.mark.parametrize("name", [None, "", 5, "x" * 65, "two\nlines", "\x1b[31m"])
-def test_a_name_that_cannot_be_shown_gives_way_to_the_subject(name: object) -> None:
+def test_unprintable_name_is_replaced_by_the_subject(name: object) -> None:
     assert user_of({**CLAIMS, "preferred_username": name}, settings()).name == "17"
 
 
 @pytest.mark.parametrize("subject", [None, "", 5, "x" * 256, "two\nlines"])
-def test_nobody_is_nobody(subject: object) -> None:
+def test_token_without_a_subject_is_refused(subject: object) -> None:
     with pytest.raises(TokenRefusedError, match="sub"):
         user_of({**CLAIMS, "sub": subject}, settings())
 
 
 @pytest.mark.parametrize("end", [None, "soon", float("inf"), float("nan"), 10**30, []])
-def test_an_end_that_is_no_time_is_refused(end: object) -> None:
+def test_invalid_expiry_is_refused(end: object) -> None:
     with pytest.raises(TokenRefusedError, match="exp"):
         user_of({**CLAIMS, "exp": end}, settings())
 
 
-def test_people_of_one_name_are_told_apart() -> None:
+def test_users_with_the_same_name_are_distinguished() -> None:
     assert user_of(CLAIMS, settings()).known_as != user_of({**CLAIMS, "sub": "18"}, settings()).known_as
 
 
@@ -108,7 +108,7 @@ json_values = st.recursive(
 
 
 @given(st.dictionaries(st.sampled_from(["sub", "exp", "preferred_username", "roles"]), json_values))
-def test_whatever_claims_hold_it_is_a_user_or_one_of_two_reasons(claims: dict[str, Any]) -> None:
+def test_any_claims_yield_a_user_or_a_defined_error(claims: dict[str, Any]) -> None:
     try:
         user = user_of(claims, settings())
     except (TokenRefusedError, NoRoleError):
